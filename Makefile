@@ -1,0 +1,46 @@
+# Everything from a fresh machine with Python >= 3.11 and make: `make run`, `make test`.
+# Another interpreter: make PYTHON=/path/to/python run
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PYTHON ?= python3 python3.14 python3.13 python3.12 python3.11 python
+FITS := import sys; assert sys.version_info >= (3, 11)
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help install run test bench lint clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+install: $(STAMP)  ## .venv with the pinned versions and the project
+
+run: $(STAMP)  ## Fig. 6 by both engines, into results/fig06
+	$(BIN)/python cases/fig06_jpdf_evolution.py --out results/fig06
+
+test: $(STAMP)  ## the test suite
+	$(BIN)/python -m pytest
+
+bench: $(STAMP)  ## the slow tests and the benchmarks
+	$(BIN)/python -m pytest -m slow || [ $$? -eq 5 ]  # 5: there is none
+	@set -e; for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(BIN)/python $$script; done
+
+lint: $(STAMP)  ## ruff
+	$(BIN)/ruff check
+
+clean:  ## remove .venv, caches and results
+	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
+$(STAMP): constraints.txt pyproject.toml
+	@$(BIN)/python -c '$(FITS); import pip' 2>/dev/null && exit 0; \
+	for python in $(PYTHON); do \
+	    if "$$python" -c '$(FITS)' 2>/dev/null; then exec "$$python" -m venv --clear $(VENV); fi; \
+	done; \
+	echo "No Python >= 3.11 among: $(PYTHON). Install one, or name it: make PYTHON=/path/to/python $(MAKECMDGOALS)" >&2; exit 1
+	$(INSTALL) hatchling
+	$(INSTALL) --no-build-isolation -e '.[dev,test,view]'
+	@touch $@

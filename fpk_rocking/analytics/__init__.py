@@ -1,0 +1,1 @@
+"""Analytic results about a scene."""

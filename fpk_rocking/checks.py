@@ -1,0 +1,144 @@
+"""Refusals in one voice: the parameter's name, what was got, what is accepted.
+
+Names are the dotted names of a scene file (``noise.variance``), also where a value was built in Python.
+"""
+
+import dataclasses
+import difflib
+import math
+import numbers
+
+
+def refusal(name, got, accepted):
+    """Text of a refusal: the parameter's name, what was got and what is accepted."""
+    return f"{name}: got {got!r}, accepted: {accepted}"
+
+
+def number(name, value, *, at_least=None, above=None, at_most=None):
+    """Return a finite float within the given bounds.
+
+    Parameters
+    ----------
+    name : str
+        Dotted name for the message.
+    value : numbers.Real
+        Integers are converted; a bool is not a number.
+    at_least, above, at_most : float, optional
+        Bounds; ``above`` is strict.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    TypeError
+        The value is not a real number.
+    ValueError
+        The value is not finite or out of bounds.
+    """
+    bounds = {">=": at_least, ">": above, "<=": at_most}
+    accepted = " and ".join(f"{sign} {bound}" for sign, bound in bounds.items() if bound is not None)
+    accepted = f"a finite number {accepted}".rstrip()
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError(refusal(name, value, accepted))
+    try:
+        converted = float(value)
+    except OverflowError:
+        converted = math.inf
+    inside = (
+        math.isfinite(converted)
+        and (at_least is None or converted >= at_least)
+        and (above is None or converted > above)
+        and (at_most is None or converted <= at_most)
+    )
+    if not inside:
+        raise ValueError(refusal(name, value, accepted))
+    return converted
+
+
+def count(name, value):
+    """Return an int that is at least 1.
+
+    Raises
+    ------
+    TypeError
+        The value is not an integer (a bool and 100.0 are not).
+    ValueError
+        The value is less than 1.
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise TypeError(refusal(name, value, "a whole number >= 1"))
+    if value < 1:
+        raise ValueError(refusal(name, value, "a whole number >= 1"))
+    return int(value)
+
+
+def vector(name, value, accepted):
+    """Return two finite floats from a sequence of two numbers; `accepted` completes the message."""
+    if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 1) == 0:
+        raise TypeError(refusal(name, value, accepted))
+    items = tuple(value)
+    if len(items) != 2:
+        raise ValueError(refusal(name, value, accepted))
+    return number(f"{name}[0]", items[0]), number(f"{name}[1]", items[1])
+
+
+def interval(name, value):
+    """Return a frequency band (lowest, highest) with 0 <= lowest < highest."""
+    accepted = "two numbers [lowest, highest] with 0 <= lowest < highest"
+    low, high = vector(name, value, accepted)
+    if not 0.0 <= low < high:
+        raise ValueError(refusal(name, value, accepted))
+    return low, high
+
+
+def instance(name, value, *kinds):
+    """Return the value if it is an instance of one of the given classes, else raise TypeError."""
+    if not isinstance(value, kinds):
+        raise TypeError(refusal(name, value, " or ".join(kind.__name__ for kind in kinds)))
+    return value
+
+
+def table(name, value):
+    """Return a parsed TOML table, or raise TypeError where something else stands under its name."""
+    if not isinstance(value, dict):
+        raise TypeError(refusal(name, value, f"a table [{name}]"))
+    return value
+
+
+def arguments(name, value, cls):
+    """Return a table's entries as keyword arguments of a dataclass.
+
+    Parameters
+    ----------
+    name : str
+        Dotted name of the table, "" for the whole document.
+    value : dict
+        Parsed TOML.
+    cls : type
+        Dataclass whose fields are the accepted keys; those without a default are required.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    TypeError
+        The entry is not a table.
+    ValueError
+        A key is unknown or missing.
+    """
+    prefix = f"{name}." if name else ""
+    accepted = [field.name for field in dataclasses.fields(cls)]
+    required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
+    for key in table(name, value):
+        if key not in accepted:
+            close = difflib.get_close_matches(key, accepted, n=1)
+            hint = f"; did you mean {prefix}{close[0]}?" if close else ""
+            raise ValueError(f"{prefix}{key}: unknown, accepted: {', '.join(accepted) or 'no key'}{hint}")
+    for key in required:
+        if key not in value:
+            raise ValueError(f"{prefix}{key}: missing, required: {', '.join(required)}")
+    return dict(value)

@@ -1,0 +1,103 @@
+"""A density of angle and velocity at one instant, as a function."""
+
+import dataclasses
+
+import numpy as np
+
+from fpk_rocking.density.space import Space, gauss, shapes
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Density:
+    """Joint density of the blocks that have not overturned; it integrates to their probability.
+
+    Parameters
+    ----------
+    space : Space
+        Mesh and polynomial degree.
+    coefficients : ndarray, shape ``space.shape``
+    """
+
+    space: Space
+    coefficients: np.ndarray
+
+    def __call__(self, angle, velocity):
+        """Density at points.
+
+        Parameters
+        ----------
+        angle, velocity : array_like
+            Points, broadcast against each other; nondimensional.
+
+        Returns
+        -------
+        ndarray
+            Of the broadcast shape; 0 outside the mesh. At angle 0 it is the value on the positive side.
+        """
+        return self.space.evaluate(self.coefficients, angle, velocity)
+
+    @property
+    def mesh_lines(self):
+        """Mesh lines (angle, velocity), nondimensional."""
+        return self.space.angle_lines, self.space.velocity_lines
+
+    @property
+    def degree(self):
+        """Polynomial degree in each direction."""
+        return self.space.degree
+
+    def cell_values(self, points):
+        """Density on a lattice in every cell, one-sided at its edges.
+
+        Parameters
+        ----------
+        points : int
+            Equispaced points an axis, both edges included.
+
+        Returns
+        -------
+        ndarray, shape (angle cells, velocity cells, points, points)
+            Angle before velocity.
+        """
+        return self.space.cell_values(self.coefficients, np.linspace(0.0, 1.0, points))
+
+    def bin_probabilities(self, angle_edges, velocity_edges):
+        """Exact integrals over bins, (angle bins, velocity bins)."""
+        return self.space.bin_integrals(self.coefficients, angle_edges, velocity_edges)
+
+    def marginal_angle(self, angle):
+        """Density of the angle alone at points (n,): the integral over all velocities."""
+        return self._marginal(np.einsum("xvab,v->xab", self.coefficients, np.diff(self.space.velocity_lines))[:, :, 0], 0, angle)
+
+    def marginal_velocity(self, velocity):
+        """Density of the velocity alone at points (n,): the integral over all angles."""
+        return self._marginal(np.einsum("xvab,x->vab", self.coefficients, np.diff(self.space.angle_lines))[:, 0, :], 1, velocity)
+
+    def _marginal(self, coefficients, axis, points):
+        lines = self.mesh_lines[axis]
+        points = np.asarray(points, dtype=float)
+        cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
+        reference = (points - lines[cell]) / np.diff(lines)[cell]
+        values = np.einsum("...a,...a->...", coefficients[cell], shapes(reference, self.degree))
+        return np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0)
+
+    def moment(self, angle_power, velocity_power):
+        """Integral of x^m v^n times the density, exact; m = n = 0 is the probability of not having overturned."""
+        nodes, weights = gauss(self.degree + max(angle_power, velocity_power) // 2 + 1)
+        sides = []
+        for lines, power in zip(self.mesh_lines, (angle_power, velocity_power), strict=True):
+            points = lines[:-1, None] + np.diff(lines)[:, None] * nodes
+            sides.append(np.einsum("cq,q,qa,c->ca", points**power, weights, shapes(nodes, self.degree), np.diff(lines)))
+        return float(np.einsum("xvab,xa,vb->", self.coefficients, *sides, optimize=True))
+
+    @property
+    def mean(self):
+        """Mean (2,) of angle and velocity of the blocks that have not overturned."""
+        return np.array([self.moment(1, 0), self.moment(0, 1)]) / self.moment(0, 0)
+
+    @property
+    def covariance(self):
+        """Covariance (2, 2) of angle and velocity of the blocks that have not overturned."""
+        mixed = self.moment(1, 1)
+        second = np.array([[self.moment(2, 0), mixed], [mixed, self.moment(0, 2)]]) / self.moment(0, 0)
+        return second - np.outer(self.mean, self.mean)

@@ -1,0 +1,138 @@
+"""The result of the density solver: survival, overturning and the density after every cycle, with its own honesty figures."""
+
+import dataclasses
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.space import Space
+from fpk_rocking.scene import Scene
+from fpk_rocking.storage import read_result, write_result
+
+_KIND = "evolution"
+_SCALARS = ("diffusion", "closure", "tol", "error_estimate", "mass_defect", "negative_mass", "wall_s", "settings")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Evolution:
+    """Evolution of the joint density of angle and velocity over whole forcing cycles.
+
+    Attributes
+    ----------
+    scene : Scene
+        As it was asked for.
+    diffusion : float
+        D of the white noise that was solved for.
+    closure : str
+        How band noise became white noise; empty where the scene's noise is white.
+    tol : float
+        The tolerance asked for.
+    survival : ndarray, shape (cycles + 1,)
+        Probability of not having overturned by kT: the mass inside.
+    overturned : ndarray, shape (cycles + 1, 2)
+        Probability of having overturned by kT to the left and to the right, summed from what overturned.
+    lost : ndarray, shape (cycles + 1,)
+        Mass that left through the velocity bound by kT.
+    error_estimate : float
+        Largest difference in survival from a coarser solution of the same scene: an estimate of the error.
+    mass_defect : float
+        Largest |inside + overturned + lost - 1| over time.
+    negative_mass : float
+        Largest integral of max(-p, 0) over time.
+    wall_s : float
+        Seconds of the whole call.
+    settings : dict
+        Mesh, degree, quadrature and steps used.
+    coefficients : ndarray, shape (cycles + 1, \\*space.shape)
+        Of the density after each cycle; those at 0 are zero for a point start.
+    space : Space
+        What they are coefficients of.
+    """
+
+    scene: Scene
+    diffusion: float
+    closure: str
+    tol: float
+    survival: np.ndarray
+    overturned: np.ndarray
+    lost: np.ndarray
+    error_estimate: float
+    mass_defect: float
+    negative_mass: float
+    wall_s: float
+    settings: dict
+    coefficients: np.ndarray
+    space: Space
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return len(self.survival) - 1
+
+    def at(self, cycle):
+        """Return the density after a number of cycles.
+
+        Parameters
+        ----------
+        cycle : int
+            From 0 to ``cycles``.
+
+        Returns
+        -------
+        Density
+
+        Raises
+        ------
+        ValueError
+            There is no such cycle, or it is 0 and the start is a point, which has no density.
+        """
+        self._check(cycle)
+        if cycle == 0 and self.scene.start.covariance is None:
+            raise ValueError("cycle: got 0, accepted: 1 or later; this start is a point, which has no density")
+        return Density(self.space, self.coefficients[cycle])
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+        """Probability of not having overturned and being in each bin.
+
+        Parameters
+        ----------
+        cycle : int
+            From 0 to ``cycles``.
+        angle_edges, velocity_edges : array_like
+            Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
+
+        Returns
+        -------
+        ndarray, shape (angle bins, velocity bins)
+            Sums to the survival where the bins cover the plane.
+        """
+        self._check(cycle)
+        edges = []
+        for name, values in (("angle_edges", angle_edges), ("velocity_edges", velocity_edges)):
+            values = np.asarray(values, dtype=float)
+            if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0.0):
+                raise ValueError(checks.refusal(name, values, "two or more ascending numbers"))
+            edges.append(values)
+        start = self.scene.start
+        if cycle == 0 and start.covariance is None:
+            return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
+        return self.space.bin_integrals(self.coefficients[cycle], *edges)
+
+    def _check(self, cycle):
+        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle <= self.cycles:
+            raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {self.cycles}"))
+
+    def save(self, path):
+        """Write the result to a file (.npz), whole or not at all."""
+        arrays = {name: getattr(self, name) for name in ("survival", "overturned", "lost", "coefficients")}
+        arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
+        write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _SCALARS})
+
+    @classmethod
+    def load(cls, path):
+        """Read a saved result; raises as `fpk_rocking.storage.read_result`."""
+        scene, arrays, attributes = read_result(path, _KIND)
+        coefficients = arrays.pop("coefficients")
+        space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
+        return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)

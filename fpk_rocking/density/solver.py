@@ -1,0 +1,184 @@
+"""`solve_fpk`: the Fokker-Planck equation of a scene, from its start over whole forcing cycles."""
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lines, velocity_bound
+from fpk_rocking.density.space import Space
+from fpk_rocking.density.start import Launch, initial_density
+from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.scene import Scene
+
+CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
+"""Below it white noise gives infinitely many impacts in finite time (Cornell, Swift, Bray 1998)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Resolution:
+    """Fineness of a solution, for the diffusion, the strip and the cycle of the main scene; `of` adapts it to others.
+
+    Parameters
+    ----------
+    angle_cells, velocity_cells, degree : int
+        Mesh and polynomial degree.
+    quadrature : Quadrature
+        Sampling of a step.
+    steps : int
+        Steps a cycle, even.
+    """
+
+    angle_cells: int
+    velocity_cells: int
+    degree: int
+    quadrature: Quadrature
+    steps: int
+
+    def of(self, scene, bound):
+        """Return the resolution for a scene: cells in proportion to the extents and to D^(-1/4), steps to the cycle."""
+        finer = (0.00628 / scene.noise.diffusion) ** 0.25
+        angle = self.angle_cells * max(finer, 0.5) * scene.overturning.angle / (math.pi / 2)
+        velocity = self.velocity_cells * max(finer, 0.5) * bound / 3.24
+        steps = max(self.steps * scene.period / 2.33, 0.5 * self.steps)
+        even = (2 * math.ceil(0.5 * value - 1e-9) for value in (angle, velocity, steps))
+        angle, velocity, steps = even
+        return dataclasses.replace(self, angle_cells=angle, velocity_cells=velocity, steps=steps)
+
+    def coarser(self):
+        """Return the resolution of the solution that the error is estimated against."""
+        return dataclasses.replace(
+            self,
+            angle_cells=2 * round(0.35 * self.angle_cells),
+            velocity_cells=2 * round(0.35 * self.velocity_cells),
+            steps=2 * math.ceil(0.375 * self.steps),
+        )
+
+
+PRESETS = {
+    1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 1), 12),
+    1e-3: Resolution(44, 80, 3, Quadrature(6, 5, 1), 16),
+    1e-4: Resolution(44, 80, 5, Quadrature(10, 7, 2), 20),
+}
+"""Resolution by tolerance: the loosest entry that is not looser than what was asked for is used."""
+
+
+def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
+    """Evolve the joint density of angle and velocity of a rocking block.
+
+    Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white or band noise.
+    cycles : int
+        Forcing cycles to evolve.
+    tol : float
+        Wanted error in survival, from 1e-4 up; it chooses among three resolutions (docs/numerics.md).
+    progress : callable, optional
+        Called as ``progress(done, total)`` after each cycle of the solution and of its error estimate.
+
+    Returns
+    -------
+    Evolution
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is not acceptable; no noise, and a restitution below `CRITICAL_RESTITUTION`, are refused.
+    """
+    begin = time.perf_counter()
+    checks.instance("scene", scene, Scene)
+    cycles = checks.count("cycles", cycles)
+    tol = checks.number("tol", tol, at_least=min(PRESETS))
+    white = scene.white_equivalent()
+    _refuse_unsolvable(white)
+    bound = velocity_bound(white, white.noise.diffusion)
+    resolution = PRESETS[max(preset for preset in PRESETS if preset <= tol)].of(white, bound)
+    total = 2 * cycles
+    coarse = _evolve(white, cycles, resolution.coarser(), bound, progress and (lambda done: progress(done, total)))
+    fine = _evolve(white, cycles, resolution, bound, progress and (lambda done: progress(cycles + done, total)))
+    inside, overturned, lost, coefficients, space = fine
+    return Evolution(
+        scene=scene,
+        diffusion=white.noise.diffusion,
+        closure=_closure(scene, white),
+        tol=tol,
+        survival=inside,
+        overturned=overturned,
+        lost=lost,
+        error_estimate=float(np.abs(inside - coarse[0]).max()),
+        mass_defect=float(np.abs(inside + overturned.sum(axis=1) + lost - 1.0).max()),
+        negative_mass=max(space.negative_mass(density) for density in coefficients),
+        wall_s=time.perf_counter() - begin,
+        settings=dataclasses.asdict(resolution) | {"unknowns": space.unknowns, "velocity_bound": bound},
+        coefficients=coefficients,
+        space=space,
+    )
+
+
+def _refuse_unsolvable(white):
+    if white.noise.diffusion == 0.0:
+        accepted = "noise: without it there is no density to evolve (simulate() follows single trajectories)"
+        raise ValueError(checks.refusal("noise", "none, or of size 0", accepted))
+    if white.block.restitution <= CRITICAL_RESTITUTION:
+        accepted = (
+            f"above {CRITICAL_RESTITUTION:.5f} with white noise: below it there are infinitely many impacts in finite "
+            "time, and what follows is not defined (band noise can be sampled with simulate())"
+        )
+        raise ValueError(checks.refusal("block.restitution", white.block.restitution, accepted))
+
+
+def _closure(scene, white):
+    if scene.noise.kind == "white":
+        return ""
+    low, high = scene.noise.band
+    return (
+        f"band noise of variance {scene.noise.variance:g} on [{low:g}, {high:g}] solved as white noise of equal Melnikov "
+        f"variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo"
+    )
+
+
+def _evolve(white, cycles, resolution, bound, progress):
+    """Solve at one resolution: survival, overturned, lost, coefficients after each cycle, and their space."""
+    dynamics, steps = Dynamics.of(white), resolution.steps
+    space = Space(
+        graded_lines(white.overturning.angle, resolution.angle_cells, ANGLE_GRADING),
+        graded_lines(bound, resolution.velocity_cells, VELOCITY_GRADING),
+        resolution.degree,
+    )
+    duration = white.period / steps
+    launch = Launch(dynamics, white.start, space, duration, steps)
+    half = [
+        Step(Trace(space, k * duration, duration, dynamics, resolution.quadrature), space) for k in range(steps // 2)
+    ]
+    inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
+    coefficients = np.zeros((cycles + 1, *space.shape))
+    coefficients[0], out[0, :2] = initial_density(white.start, space, white.overturning.angle)
+    inside[0] -= out[0].sum()
+    now, gone = launch.coefficients, launch.sinks.copy()
+    # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
+    turned = False
+    for k in range(launch.step, cycles * steps + 1):
+        if k % steps == 0:
+            current = _turn(now) if turned else now
+            inside[k // steps], out[k // steps], coefficients[k // steps] = space.masses(current).sum(), gone, current
+            if progress:
+                progress(k // steps)
+        if k == cycles * steps:
+            break
+        if (k % steps >= steps // 2) != turned:
+            now, turned = _turn(now), not turned
+        now, sinks = half[k % (steps // 2)].apply(now)
+        gone += sinks[[1, 0, 2]] if turned else sinks
+    return inside, out[:, :2], out[:, 2], coefficients, space
+
+
+def _turn(coefficients):
+    """Turn a density about the origin, (x, v) -> (-x, -v), on a mesh that is symmetric about it."""
+    signs = (-1.0) ** np.arange(coefficients.shape[-1])
+    return np.ascontiguousarray(coefficients[::-1, ::-1]) * np.outer(signs, signs)

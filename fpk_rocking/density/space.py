@@ -1,0 +1,143 @@
+"""The discontinuous Galerkin space: a scikit-fem element on a tensor mesh of the phase plane, and what is read off a density in it.
+
+Coefficients are stored as (angle cells, velocity cells, angle degree + 1, velocity degree + 1), which is scikit-fem's own
+numbering of the unknowns, cell by cell with the velocity fastest.
+"""
+
+import dataclasses
+import functools
+
+import numpy as np
+from numpy.polynomial import legendre
+from skfem import Basis, MeshQuad
+from skfem.element import ElementH1
+from skfem.refdom import RefQuad
+
+
+def shapes(points, degree):
+    """Legendre polynomials, orthonormal on [0, 1]: values (..., degree + 1) at reference points (...)."""
+    return legendre.legvander(2.0 * np.asarray(points) - 1.0, degree) * np.sqrt(2.0 * np.arange(degree + 1) + 1.0)
+
+
+def gauss(count):
+    """Gauss points and weights (count,) on [0, 1]."""
+    points, weights = legendre.leggauss(count)
+    return 0.5 * (points + 1.0), 0.5 * weights
+
+
+class ElementQuadLegendre(ElementH1):
+    """Tensor products of orthonormal Legendre polynomials, all unknowns inside the cell: the mass matrix is the Jacobian."""
+
+    refdom = RefQuad
+
+    def __init__(self, degree):
+        self.degree = degree
+        self.maxdeg = 2 * degree
+        self.interior_dofs = (degree + 1) ** 2
+        self.dofnames = ["u"] * self.interior_dofs
+        self.doflocs = np.full((self.interior_dofs, 2), 0.5)
+
+    def lbasis(self, X, i):
+        """Value and gradient of shape function i; on a tensor mesh the first reference axis is the velocity."""
+        a, b = divmod(i, self.degree + 1)
+        along = [legendre.Legendre.basis(k, domain=[0.0, 1.0]) * np.sqrt(2.0 * k + 1.0) for k in (b, a)]
+        values = along[0](X[0]), along[1](X[1])
+        return values[0] * values[1], np.array([along[0].deriv()(X[0]) * values[1], values[0] * along[1].deriv()(X[1])])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Space:
+    """Piecewise polynomials of one degree in each direction on the tensor mesh of two sets of mesh lines.
+
+    Parameters
+    ----------
+    angle_lines, velocity_lines : ndarray
+        Ascending mesh lines, nondimensional; x = 0 is one of the former where it lies inside.
+    degree : int
+        Polynomial degree in each direction.
+    """
+
+    angle_lines: np.ndarray
+    velocity_lines: np.ndarray
+    degree: int
+
+    @property
+    def shape(self):
+        """Shape of the coefficients of one density."""
+        return len(self.angle_lines) - 1, len(self.velocity_lines) - 1, self.degree + 1, self.degree + 1
+
+    @property
+    def unknowns(self):
+        """Number of coefficients."""
+        return int(np.prod(self.shape))
+
+    @functools.cached_property
+    def areas(self):
+        """Areas of the cells, (angle cells, velocity cells)."""
+        return np.outer(np.diff(self.angle_lines), np.diff(self.velocity_lines))
+
+    @functools.cached_property
+    def first_positive(self):
+        """Index of the first angle cell on the side x > 0."""
+        return int(np.searchsorted(self.angle_lines, 0.0, side="left"))
+
+    def basis(self, order=None):
+        """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector."""
+        mesh = MeshQuad.init_tensor(self.angle_lines, self.velocity_lines)
+        return Basis(mesh, ElementQuadLegendre(self.degree), intorder=2 * self.degree if order is None else order)
+
+    def project(self, density, points):
+        """L2 projection of a function (angle, velocity) -> density with `points` Gauss points an axis and cell."""
+        nodes, weights = gauss(points)
+        table = shapes(nodes, self.degree) * weights[:, None]
+        angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
+        velocity = self.velocity_lines[:-1, None] + np.diff(self.velocity_lines)[:, None] * nodes
+        values = density(angle[:, None, :, None], velocity[None, :, None, :])
+        return np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True)
+
+    def masses(self, coefficients):
+        """Mass in each cell, (angle cells, velocity cells)."""
+        return coefficients[:, :, 0, 0] * self.areas
+
+    def evaluate(self, coefficients, angle, velocity):
+        """Density at points (broadcast), 0 outside the mesh; on a mesh line it is the value of the cell above."""
+        angle, velocity = np.broadcast_arrays(np.asarray(angle, dtype=float), np.asarray(velocity, dtype=float))
+        (i, xi, inside), (j, eta, within) = (
+            _locate(lines, points) for lines, points in ((self.angle_lines, angle), (self.velocity_lines, velocity))
+        )
+        values = np.einsum("...ab,...a,...b->...", coefficients[i, j], shapes(xi, self.degree), shapes(eta, self.degree))
+        return np.where(inside & within, values, 0.0)
+
+    def cell_values(self, coefficients, points):
+        """Density on the lattice of reference points (n,) in every cell: (angle cells, velocity cells, n, n)."""
+        table = shapes(points, self.degree)
+        return np.einsum("xvab,ia,jb->xvij", coefficients, table, table, optimize=True)
+
+    def bin_integrals(self, coefficients, angle_edges, velocity_edges):
+        """Integrals over the rectangles between edges, (len(angle_edges) - 1, len(velocity_edges) - 1), exact."""
+        left = _interval_integrals(self.angle_lines, angle_edges, self.degree)
+        right = _interval_integrals(self.velocity_lines, velocity_edges, self.degree)
+        return np.einsum("mxa,xvab,nvb->mn", left, coefficients, right, optimize=True)
+
+    def negative_mass(self, coefficients, points=8):
+        """Integral of max(-p, 0), by Gauss quadrature in every cell."""
+        nodes, weights = gauss(points)
+        values = np.maximum(-self.cell_values(coefficients, nodes), 0.0)
+        return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
+
+
+def _locate(lines, points):
+    cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
+    reference = (points - lines[cell]) / (lines[cell + 1] - lines[cell])
+    return cell, reference, (points >= lines[0]) & (points <= lines[-1])
+
+
+def _interval_integrals(lines, edges, degree):
+    """Integrals of the shape functions of all cells over the intervals between edges: (intervals, cells, degree + 1)."""
+    edges = np.asarray(edges, dtype=float)
+    sizes = np.diff(lines)
+    nodes, weights = gauss(degree // 2 + 1)
+    low = np.clip((edges[:-1, None] - lines[:-1]) / sizes, 0.0, 1.0)
+    high = np.clip((edges[1:, None] - lines[:-1]) / sizes, 0.0, 1.0)
+    values = shapes(low[..., None] + (high - low)[..., None] * nodes, degree)
+    return np.einsum("mcq,mcqa->mca", (high - low)[..., None] * weights * sizes[:, None], values)

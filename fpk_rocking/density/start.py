@@ -1,0 +1,202 @@
+"""From the start to the first density that the main mesh resolves.
+
+A start that is a point, or a Gaussian finer than the mesh, is carried on *windows*: small meshes that follow the density
+and grow with it. While nothing can happen to the block the density is a Gaussian in closed form. Next to x = 0 it is not:
+at rest under |f| > 1 noise beats drift until about t* = D / (|f| - 1)^2, the block rattles through x = 0 and only then
+lifts off; under |f| <= 1 it keeps rattling. There the windows take steps in proportion to the time elapsed.
+"""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.density.landing import classify
+from fpk_rocking.density.mesh import window_lines
+from fpk_rocking.density.space import Space, shapes
+from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.gaussian import flight_covariance
+
+REACH = 8.0
+"""Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside."""
+
+CELLS, DEGREE = 24, 3
+"""Cells an axis and degree of a window."""
+
+GROWTH = 0.3
+"""A step of the windows over the time in which the noise has gathered."""
+
+EARLY = 0.01
+"""First time on a window over the time t* at which drift takes over from noise."""
+
+FINE, WIDE = Quadrature(6, 5, 2), Quadrature(6, 9, 3)
+"""Sampling of a step between windows, and of a longer one in which nothing can happen."""
+
+RESOLVED = 0.35
+"""The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
+
+_NEGLIGIBLE = 1e-13
+
+
+class Gaussian:
+    """A Gaussian density of angle and velocity: mean (2,), covariance (2, 2); nondimensional."""
+
+    def __init__(self, mean, covariance):
+        self.mean, self.covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
+
+    @classmethod
+    def of(cls, start):
+        """Take the start of a scene; a point has covariance 0."""
+        return cls((start.angle, start.velocity), np.zeros((2, 2)) if start.covariance is None else start.covariance)
+
+    def __call__(self, angle, velocity):
+        """Density at points (broadcast)."""
+        xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
+        determinant = xx * vv - xv * xv
+        x, v = angle - self.mean[0], velocity - self.mean[1]
+        exponent = (vv * x * x - 2.0 * xv * x * v + xx * v * v) / determinant
+        return np.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(determinant))
+
+    def tails(self, cutoff):
+        """Mass beyond the cut-off, to the left and to the right."""
+        spread = math.sqrt(2.0 * self.covariance[0, 0])
+        return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
+
+    def after(self, dynamics: Dynamics, start, duration, side):
+        """Return the Gaussian after a flight on one side in which nothing happens."""
+        cosh, sinh, shifts = dynamics.affine(start, duration)
+        matrix = np.array([[cosh, sinh], [sinh, cosh]])
+        xx, xv, vv = flight_covariance(dynamics.diffusion, duration)
+        covariance = matrix @ self.covariance @ matrix.T + [[xx, xv], [xv, vv]]
+        return Gaussian(matrix @ self.mean + shifts[side], covariance)
+
+
+def initial_density(start, space, cutoff):
+    """Coefficients of a Gaussian start, for looking at it, and what of it is beyond the cut-off; zeros for a point."""
+    if start.covariance is None:
+        return np.zeros(space.shape), [0.0, 0.0]
+    gaussian = Gaussian.of(start)
+    return space.project(gaussian, 2 * space.degree + 2), gaussian.tails(cutoff)
+
+
+class Launch:
+    """The density at the first step boundary where the main mesh resolves it.
+
+    Attributes
+    ----------
+    coefficients : ndarray
+        On the main mesh.
+    step : int
+        Its time in steps.
+    sinks : ndarray, shape (3,)
+        What overturned to the left and right, and what left the windows, on the way.
+    """
+
+    def __init__(self, dynamics: Dynamics, start, space: Space, duration, steps):
+        self.dynamics, self.space = dynamics, space
+        initial = Gaussian.of(start)
+        self.step = self._first_resolved(initial, duration, steps)
+        end = self.step * duration
+        time = self._quiet_time(initial, end)
+        gaussian = self._flight(initial, time)
+        window = _window(gaussian.mean, gaussian.covariance, dynamics.cutoff)
+        self.sinks = np.array([*gaussian.tails(dynamics.cutoff), 0.0])
+        gathered = initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
+        self._follow(window, window.project(gaussian, FINE.points), time, end, gathered)
+
+    def _flight(self, initial, time):
+        side = 1 if initial.mean[0] > 0.0 or (initial.mean[0] == 0.0 and initial.mean[1] > 0.0) else -1
+        if not initial.mean.any():
+            side = 1 if self.dynamics.force(0.0) > 0.0 else -1
+        return initial.after(self.dynamics, 0.0, time, side) if time > 0.0 else initial
+
+    def _first_resolved(self, initial, duration, steps):
+        """First step boundary, one cycle at most, at which the mesh resolves an undisturbed Gaussian."""
+        for step in range(1, steps):
+            gaussian = self._flight(initial, step * duration)
+            xx, xv, vv = gaussian.covariance[0, 0], gaussian.covariance[0, 1], gaussian.covariance[1, 1]
+            angle = RESOLVED * _cell_size(self.space.angle_lines, gaussian.mean[0])
+            velocity = RESOLVED * _cell_size(self.space.velocity_lines, gaussian.mean[1])
+            if xx - xv * xv / vv >= angle * angle and vv - xv * xv / xx >= velocity * velocity:
+                return step
+        return steps
+
+    def _quiet_time(self, initial, end):
+        """Last time before `end` until which the density is a Gaussian that nothing has disturbed."""
+        if not initial.mean.any() and not initial.covariance.any():
+            return min(EARLY * _drift_time(self.dynamics), 0.5 * end)
+        quiet = 0.0 if initial.covariance.any() else 1e-9 * end
+        for time in np.geomspace(max(quiet, 1e-9 * end), 0.75 * end, 100):
+            gaussian = self._flight(initial, time)
+            reach = REACH * math.sqrt(gaussian.covariance[0, 0])
+            if not reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach or gaussian.mean[0] * (
+                initial.mean[0] or initial.mean[1]) < 0.0:
+                break
+            quiet = time
+        return quiet
+
+    def _follow(self, window, coefficients, time, end, gathered):
+        """Carry a density from window to window, and to the main mesh at `end`."""
+        while time < end:
+            masses = np.abs(window.masses(coefficients))
+            lines = window.angle_lines, window.velocity_lines
+            dynamics = self.dynamics
+            reach = REACH * math.sqrt(flight_covariance(dynamics.diffusion, end - time)[0])
+            events = classify(*lines, time, end - time, dynamics.harmonic, dynamics.cutoff, reach)
+            quiet = masses[events].sum() < _NEGLIGIBLE
+            duration = end - time if quiet else min(GROWTH * (time + gathered), end - time)
+            if end - time - duration < 0.1 * duration:
+                duration = end - time
+            trace = Trace(window, time, duration, dynamics, WIDE if quiet else FINE)
+            time += duration
+            target = self.space if time >= end else _window(*_landing_moments(trace, coefficients), dynamics.cutoff)
+            coefficients, sinks = Step(trace, target).apply(coefficients)
+            self.sinks += sinks
+            window = target
+        self.coefficients = coefficients
+
+
+def _drift_time(dynamics: Dynamics):
+    """Time t* at which the drift of a start at rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    amplitude, frequency, phase = dynamics.harmonic
+    drift = abs(abs(dynamics.force(0.0)) - 1.0)
+    change = amplitude * frequency
+    steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
+    return min(steady, (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf, 1.0)
+
+
+def _cell_size(lines, point):
+    cell = np.clip(np.searchsorted(lines, point) - 1, 0, len(lines) - 2)
+    return lines[cell + 1] - lines[cell]
+
+
+def _window(mean, covariance, cutoff):
+    """Space on which a density of these moments is resolved, REACH standard deviations to all sides."""
+    spread = np.sqrt(np.diag(covariance))
+    # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
+    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
+    count = math.ceil(CELLS * max(1.0, 0.5 / thin))
+    low, high = mean - REACH * spread, mean + REACH * spread
+    angle = window_lines(max(low[0], -cutoff), min(high[0], cutoff), count)
+    return Space(np.clip(angle, -cutoff, cutoff), window_lines(low[1], high[1], count), DEGREE)
+
+
+def _landing_moments(trace: Trace, coefficients):
+    """Mean (2,) and covariance (2, 2) of the density after a traced step, mass that overturned left out."""
+    source = trace.source
+    table = shapes(trace.points, source.degree)
+    values = np.einsum("xvab,ia,jb->xvij", coefficients, table, table, optimize=True) * source.areas[..., None, None]
+    values *= np.outer(trace.weights, trace.weights)
+    angle = source.angle_lines[:-1, None] + np.diff(source.angle_lines)[:, None] * trace.points
+    velocity = source.velocity_lines[:-1, None] + np.diff(source.velocity_lines)[:, None] * trace.points
+    x, v = np.broadcast_arrays(angle[:, None, :, None], velocity[None, :, None, :])
+    side = np.where(x > 0.0, 1, -1)
+    free = trace.events < 0
+    states = np.stack([trace.cosh * x + trace.sinh * v, trace.sinh * x + trace.cosh * v], axis=-1)[free]
+    states += trace.shifts[side[free]]
+    states = states[..., None, :] + trace.offsets
+    weights = values[free][..., None] * trace.node_weights
+    traced = (values[~free][..., None] * trace.node_weights) * (np.abs(trace.codes) < 2)
+    points = np.concatenate([states.reshape(-1, 2), trace.states.reshape(-1, 2)])
+    weights = np.concatenate([weights.ravel(), traced.ravel()])
+    mean = weights @ points / weights.sum()
+    return mean, (points - mean).T @ ((points - mean) * weights[:, None]) / weights.sum()

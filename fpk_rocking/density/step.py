@@ -1,0 +1,151 @@
+"""One step of the density in time: traced once, applied as often as its phase of the forcing cycle comes round."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from fpk_rocking.density.landing import classify, hermite_nodes, principal_axes, settle_in_cells, trace_cells
+from fpk_rocking.density.space import Space, gauss, shapes
+from fpk_rocking.density.transport import CHUNKS, deposit_kernel, gather
+from fpk_rocking.physics.flight import TERMS, harmonic_particular, polynomial
+from fpk_rocking.physics.gaussian import flight_covariance
+
+
+@dataclasses.dataclass(frozen=True)
+class Dynamics:
+    """What a step needs to know of a scene with white noise; nondimensional.
+
+    Parameters
+    ----------
+    harmonic : tuple of float
+        Amplitude, frequency and phase of f = -A cos(Omega t + Psi).
+    diffusion, restitution, cutoff : float
+        D, e and the angle of overturning.
+    """
+
+    harmonic: tuple
+    diffusion: float
+    restitution: float
+    cutoff: float
+
+    @classmethod
+    def of(cls, scene):
+        """Take the dynamics of a scene with white noise."""
+        forcing = scene.forcing
+        harmonic = (forcing.amplitude, forcing.frequency, forcing.phase)
+        return cls(harmonic, scene.noise.diffusion, scene.block.restitution, scene.overturning.angle)
+
+    def force(self, time):
+        """Harmonic forcing f at a time."""
+        amplitude, frequency, phase = self.harmonic
+        return -amplitude * math.cos(frequency * time + phase)
+
+    def affine(self, start, duration):
+        """Affine flight z -> M z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
+        particular = np.empty(TERMS)
+        harmonic_particular(start, *self.harmonic, particular)
+        (p0, q0), (p1, q1) = polynomial(particular, 0.0), polynomial(particular, duration)
+        cosh, sinh = math.cosh(duration), math.sinh(duration)
+        shifts = np.zeros((3, 2))
+        for side in (1, -1):
+            shifts[side] = side + p1 - cosh * (side + p0) - sinh * q0, q1 - sinh * (side + p0) - cosh * q0
+        return cosh, sinh, shifts
+
+
+@dataclasses.dataclass(frozen=True)
+class Quadrature:
+    """How finely a step is sampled: Gauss points an axis and cell, Gauss-Hermite nodes along both axes of the noise."""
+
+    points: int
+    long: int
+    short: int
+
+
+class Trace:
+    """The paths of one step from all Gauss points of a space, before it is known on which mesh they land."""
+
+    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature):
+        self.source = source
+        self.points, self.weights = gauss(quadrature.points)
+        nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
+        axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
+        self.offsets = nodes @ np.reshape(axes, (2, 2))
+        self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
+        lines = source.angle_lines, source.velocity_lines
+        margin = np.abs(self.offsets[:, 0]).max()
+        marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, margin)
+        self.events = np.full(marks.shape, -1, dtype=np.int32)
+        self.events[marks] = np.arange(np.count_nonzero(marks))
+        self.states, self.codes = trace_cells(
+            np.argwhere(marks), *lines, self.points, start, duration, dynamics.harmonic,
+            dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
+        )  # fmt: skip
+
+
+class Step:
+    """The linear map of densities over one step, from the coefficients of one space to those of another.
+
+    Mass is conserved to rounding: what does not land on the target is returned, overturned (to the left, to the
+    right) or beyond the mesh.
+    """
+
+    def __init__(self, trace: Trace, target: Space):
+        self.trace, self.target = trace, target
+        self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
+        points = trace.states.copy()
+        cells = settle_in_cells(points, trace.codes, *self._grids, target.first_positive)
+        self._landed = cells, points
+        self._table = shapes(trace.points, target.degree)
+        self._chunks = self._split(cells)
+        angle, velocity, modes, _ = target.shape
+        self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
+        self._sinks = np.empty((CHUNKS, 3))
+        self._deposit = deposit_kernel(target.degree)
+
+    def apply(self, coefficients):
+        """Return the coefficients after the step and the masses (3,) that went left, right and off the mesh."""
+        trace, source = self.trace, self.trace.source
+        free = (
+            source.angle_lines, source.velocity_lines, trace.points, trace.cosh, trace.sinh, trace.shifts,
+            trace.offsets, trace.node_weights,
+        )  # fmt: skip
+        self._deposit(
+            coefficients, source.areas, self._table, trace.weights, trace.events, self._landed, free,
+            *self._grids, self.target.first_positive, self._chunks, self._buffers, self._sinks,
+        )  # fmt: skip
+        out = np.empty(self.target.shape)
+        gather(self._buffers, self._chunks, self.target.areas, out)
+        return out, self._sinks.sum(axis=0)
+
+    def _split(self, cells):
+        """Columns of the source that each chunk reads, and columns of the target that it writes."""
+        trace, columns = self.trace, self.trace.source.shape[0]
+        across, limit = self.target.shape[1], self.target.shape[0]
+        lines, v = trace.source.angle_lines, trace.source.velocity_lines[[0, -1]]
+        edges = np.linspace(0, columns, CHUNKS + 1).astype(np.int64)
+        chunks = np.zeros((CHUNKS, 4), dtype=np.int64)
+        for k, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+            rows = trace.events[low:high]
+            landed = cells[rows[rows >= 0]]
+            landed = landed[landed >= 0] // across
+            bounds = [landed.min(), landed.max()] if landed.size else []
+            for i in range(low, high):
+                free = np.flatnonzero(trace.events[i] < 0)
+                if free.size:
+                    side = 1 if lines[i] + lines[i + 1] > 0.0 else -1
+                    v = trace.source.velocity_lines[[free[0], free[-1] + 1]]
+                    x = trace.shifts[side, 0] + trace.cosh * lines[[i, i + 1]] + trace.sinh * v
+                    reach = x + [trace.offsets[:, 0].min(), trace.offsets[:, 0].max()]
+                    bounds += list(np.clip(np.searchsorted(self.target.angle_lines, reach) - 1, 0, limit - 1))
+            if bounds:
+                chunks[k] = low, high, min(bounds), max(bounds) + 1
+        return chunks
+
+
+def _grid(lines):
+    """Mesh lines with a table that finds the cell of a point: the cell at equidistant points, and their density."""
+    count = int(np.ceil((lines[-1] - lines[0]) / np.diff(lines).min())) + 1
+    scale = count / (lines[-1] - lines[0])
+    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / scale, side="right") - 1
+    return lines, np.clip(cells, 0, len(lines) - 2).astype(np.int32), scale

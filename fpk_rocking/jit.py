@@ -1,0 +1,56 @@
+"""One decorator for every compiled kernel, with a disk cache that cannot go stale.
+
+Numba keys a cached kernel by its own file alone, so a kernel would keep running old machine code after a kernel that it
+imports from another file has changed. Here the cache folder is named after the text of all the kernel files that a
+kernel may call: those of its own folder and those of ``fpk_rocking/physics``.
+"""
+
+import functools
+import hashlib
+import os
+import pathlib
+
+import numba
+
+_PHYSICS = pathlib.Path(__file__).resolve().parent / "physics"
+
+
+def _cache_root() -> pathlib.Path:
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return pathlib.Path(chosen)
+    return pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "fpk-rocking"
+
+
+@functools.cache
+def _cache_folder(folder: pathlib.Path) -> pathlib.Path:
+    digest = hashlib.sha256(pathlib.Path(__file__).read_bytes())
+    for source in sorted({*_PHYSICS.glob("*.py"), *folder.glob("*.py")}):
+        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+    return _cache_root() / digest.hexdigest()[:16]
+
+
+def kernel(function=None, **options):
+    """Compile a function to machine code on first call; the result is kept on disk between runs.
+
+    Parameters
+    ----------
+    function : callable
+        A function in the subset of Python that numba compiles.
+    **options
+        Passed to `numba.njit`, e.g. ``parallel=True``, ``fastmath={"contract"}``, ``inline="always"``.
+
+    Returns
+    -------
+    callable
+        The compiled dispatcher. Division by zero gives inf or nan as in numpy, never an exception.
+    """
+    if function is None:
+        return functools.partial(kernel, **options)
+    options.setdefault("error_model", "numpy")
+    folder = pathlib.Path(function.__code__.co_filename).resolve().parent
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_cache_folder(folder))
+    try:
+        return numba.njit(cache=True, **options)(function)
+    finally:
+        numba.config.CACHE_DIR = previous

@@ -1,0 +1,170 @@
+"""The parts of a scene: block, forcing, noise, start and overturning, each checked when it is made."""
+
+import dataclasses
+import math
+from typing import ClassVar
+
+from fpk_rocking import checks
+from fpk_rocking.units import Dimensions
+
+
+def _set(value, name, checked):
+    object.__setattr__(value, name, checked)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Block:
+    """A rocking block.
+
+    Parameters
+    ----------
+    restitution : float
+        Ratio of the velocities after and before an impact, from 0 to 1 (paper eq. 3).
+    dimensions : Dimensions, optional
+        Its size, where results are wanted in metres and seconds; the motion does not depend on it.
+    """
+
+    restitution: float
+    dimensions: Dimensions | None = None
+
+    def __post_init__(self):
+        _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
+        if self.dimensions is not None:
+            checks.instance("block.dimensions", self.dimensions, Dimensions)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Forcing:
+    """Harmonic base acceleration -A cos(Ωτ + Ψ) (paper eq. 2).
+
+    Parameters
+    ----------
+    amplitude : float
+        A, at least 0.
+    frequency : float
+        Ω, above 0.
+    phase : float
+        Ψ, radians.
+    """
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+
+    def __post_init__(self):
+        _set(self, "amplitude", checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
+        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
+        _set(self, "phase", checks.number("forcing.phase", self.phase))
+
+    @property
+    def period(self):
+        """T = 2π/Ω in nondimensional time: one cycle."""
+        return 2.0 * math.pi / self.frequency
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class BandNoise:
+    """Shinozuka noise: harmonics with random frequencies in a band and random phases (paper eq. 4).
+
+    Parameters
+    ----------
+    variance : float
+        σ², at least 0.
+    band : (float, float)
+        Lowest and highest angular frequency, 0 <= lowest < highest.
+    harmonics : int
+        Number of harmonics, at least 1.
+    """
+
+    kind: ClassVar[str] = "band"
+    variance: float
+    band: tuple[float, float]
+    harmonics: int
+
+    def __post_init__(self):
+        _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
+        _set(self, "band", checks.interval("noise.band", self.band))
+        _set(self, "harmonics", checks.count("noise.harmonics", self.harmonics))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class WhiteNoise:
+    """White noise with ⟨η(τ)η(τ')⟩ = 2Dδ(τ - τ').
+
+    Parameters
+    ----------
+    diffusion : float
+        D, at least 0.
+    """
+
+    kind: ClassVar[str] = "white"
+    diffusion: float
+
+    def __post_init__(self):
+        _set(self, "diffusion", checks.number("noise.diffusion", self.diffusion, at_least=0.0))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class NoNoise:
+    """No noise: the motion is deterministic."""
+
+    kind: ClassVar[str] = "none"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Start:
+    """State at τ = 0: a point, or a Gaussian around it.
+
+    Parameters
+    ----------
+    angle, velocity : float
+        The point, or the mean of the Gaussian.
+    covariance : ((float, float), (float, float)), optional
+        [[xx, xv], [xv, vv]], symmetric and positive definite; None for a point.
+    """
+
+    angle: float = 0.0
+    velocity: float = 0.0
+    covariance: tuple[tuple[float, float], tuple[float, float]] | None = None
+
+    def __post_init__(self):
+        _set(self, "angle", checks.number("start.angle", self.angle))
+        _set(self, "velocity", checks.number("start.velocity", self.velocity))
+        if self.covariance is not None:
+            _set(self, "covariance", _covariance(self.covariance))
+
+    @property
+    def at_rest(self):
+        """Whether the block certainly starts upright and still."""
+        return self.covariance is None and self.angle == 0.0 and self.velocity == 0.0
+
+
+def _covariance(value):
+    name = "start.covariance"
+    accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
+    if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 2) == 0:
+        raise TypeError(checks.refusal(name, value, accepted))
+    rows = tuple(checks.vector(f"{name}[{i}]", row, "a row of two numbers") for i, row in enumerate(value))
+    if len(rows) != 2:
+        raise ValueError(checks.refusal(name, value, accepted))
+    (xx, xv), (vx, vv) = rows
+    # A correlation within rounding of 1 has no Cholesky factor, so it counts as singular.
+    if xv != vx or xx <= 0.0 or vv <= 0.0 or abs(xv) >= (1.0 - 1e-12) * math.sqrt(xx) * math.sqrt(vv):
+        raise ValueError(checks.refusal(name, value, accepted))
+    return rows
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Overturning:
+    """Cut-off: the block has overturned when the size of its angle first reaches this.
+
+    Parameters
+    ----------
+    angle : float
+        In units of the critical angle, above 0; π/2 is the paper's bookkeeping value.
+    """
+
+    angle: float = math.pi / 2
+
+    def __post_init__(self):
+        _set(self, "angle", checks.number("overturning.angle", self.angle, above=0.0))

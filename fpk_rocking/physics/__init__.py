@@ -1,0 +1,1 @@
+"""The physics written once: flight, impact, rest, noise; compiled kernels that every engine calls."""

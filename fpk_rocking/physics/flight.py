@@ -1,0 +1,164 @@
+"""Closed-form flight between impacts, and the first impact or overturning in it (derived in docs/theory).
+
+On the side s the motion is x'' = x - s + f(t). With a particular solution P of P'' = P + f, the difference y = x - s - P
+obeys y'' = y and is a sum of two exponentials. Over one *segment* of time, P is a polynomial in the time since the
+segment's start; its coefficients are the only thing that distinguishes harmonic forcing, a noise realization or the
+path of a quadrature node. All quantities are nondimensional.
+
+Events are found in the folded motion u = s x >= 0, w = s v. A bound of u'' over the segment gives a parabola that u
+cannot undercut; marching from one parabola's root to the next can approach the first event but never step over it,
+grazing included, and converges quadratically.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.jit import kernel
+
+TERMS = 16
+"""Coefficients of a segment's polynomial; harmonic forcing is then right to 1e-14 where frequency times duration < 0.8."""
+
+NOTHING, IMPACT, OVERTURNING = 0, 1, 2
+"""What ends a flight: the segment's end, an impact, the cut-off angle."""
+
+_TOUCH = 2e-15
+
+
+class Segment(NamedTuple):
+    """Forcing over one segment of time: what `next_event` and `advance` need to know of it.
+
+    `particular` and `force` are coefficients (TERMS,) of P and of f = P'' - P in the time since the segment's start;
+    `force_low`, `force_high` bound f and `force_curvature` bounds |f''| over the segment.
+    """
+
+    particular: np.ndarray
+    force: np.ndarray
+    force_low: float
+    force_high: float
+    force_curvature: float
+
+
+@kernel
+def harmonic_particular(start, amplitude, frequency, phase, out):
+    """Write the Taylor coefficients (TERMS,) about `start` of P for f = -A cos(Omega t + Psi): P = A cos(.)/(1 + Omega^2)."""
+    angle = frequency * start + phase
+    scale = amplitude / (1.0 + frequency * frequency)
+    even, odd = scale * math.cos(angle), -scale * math.sin(angle)
+    for k in range(0, TERMS, 2):
+        out[k] = even
+        even *= -frequency * frequency / ((k + 1) * (k + 2))
+    for k in range(1, TERMS, 2):
+        out[k] = odd * frequency
+        odd *= -frequency * frequency / ((k + 1) * (k + 2))
+
+
+@kernel
+def segment_of(particular, force, duration):
+    """Make the `Segment` of a particular solution; `force` (TERMS,) is scratch that the segment keeps."""
+    for k in range(TERMS):
+        force[k] = -particular[k]
+        if k + 2 < TERMS:
+            force[k] += (k + 2) * (k + 1) * particular[k + 2]
+    spread, curvature, power = 0.0, 0.0, 1.0
+    for k in range(1, TERMS):
+        if k >= 2:
+            curvature += k * (k - 1) * abs(force[k]) * power / duration
+        power *= duration
+        spread += abs(force[k]) * power
+    return Segment(particular, force, force[0] - spread, force[0] + spread, curvature)
+
+
+@kernel
+def polynomial(coefficients, t):
+    """Value and derivative at t of the polynomial with coefficients (TERMS,)."""
+    value, slope = coefficients[TERMS - 1], 0.0
+    for k in range(TERMS - 2, -1, -1):
+        slope = slope * t + value
+        value = value * t + coefficients[k]
+    return value, slope
+
+
+@kernel
+def flight(x, v, side, segment, start, end):
+    """Angle and velocity at `end` of a flight that is at (x, v) at `start`, times since the segment's start."""
+    p0, q0 = polynomial(segment.particular, start)
+    p1, q1 = polynomial(segment.particular, end)
+    grow, decay = 0.5 * (x - side - p0 + v - q0), 0.5 * (x - side - p0 - v + q0)
+    factor = math.exp(end - start)
+    grow *= factor
+    decay /= factor
+    return side + p1 + grow + decay, q1 + grow - decay
+
+
+@kernel
+def safe_time(gap, slope, curvature):
+    """Time for which a gap >= 0 with this slope and second derivative >= -curvature surely stays open (inf: for ever)."""
+    discriminant = slope * slope + 2.0 * curvature * gap
+    if discriminant < 0.0:
+        return math.inf
+    root = math.sqrt(discriminant)
+    if slope < 0.0:
+        return 2.0 * gap / (root - slope)
+    if curvature <= 0.0:
+        return math.inf
+    return (slope + root) / curvature
+
+
+@kernel
+def next_event(x, v, side, segment, start, end, cutoff):
+    """First impact or overturning of a flight, or the segment's end.
+
+    Parameters
+    ----------
+    x, v : float
+        Angle (side * x >= 0) and velocity at `start`.
+    side : int
+        +1 or -1.
+    segment : Segment
+        The forcing.
+    start, end : float
+        Times since the segment's start.
+    cutoff : float
+        Angle whose first passage is overturning.
+
+    Returns
+    -------
+    kind, time, x, v : int, float, float, float
+        NOTHING, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it.
+    """
+    p0, q0 = polynomial(segment.particular, start)
+    grow, decay = 0.5 * (x - side - p0 + v - q0), 0.5 * (x - side - p0 - v + q0)
+    if side > 0:
+        fall, rise = 1.0 - segment.force_low, cutoff - 1.0 + segment.force_high
+    else:
+        fall, rise = 1.0 + segment.force_high, cutoff - 1.0 - segment.force_low
+    t, u, w = start, side * x, side * v
+    while t < end:
+        if u >= cutoff - _TOUCH and w > 0.0:
+            return OVERTURNING, t, side * cutoff, side * w
+        stay = safe_time(max(cutoff - u, 0.0), -w, rise)
+        if w >= 0.0:
+            force, jerk = polynomial(segment.force, t)
+            lift = u - 1.0 + side * force
+            if lift >= 0.0:
+                fly = safe_time(lift, side * jerk, segment.force_curvature)
+                fly += safe_time(max(u, 0.0), w, fall) if u > 0.0 or w > 0.0 else 0.0
+            else:
+                fly = safe_time(max(u, 0.0), w, fall)
+        elif u <= _TOUCH:
+            return IMPACT, t, 0.0, side * w
+        else:
+            fly = safe_time(u, w, fall)
+        t_next = t + min(fly, stay)
+        if not t_next > t:
+            if stay < fly:
+                return OVERTURNING, t, side * cutoff, side * w
+            return IMPACT, t, 0.0, side * w
+        t = min(t_next, end)
+        p, q = polynomial(segment.particular, t)
+        factor = math.exp(t - start)
+        u = side * (side + p + grow * factor + decay / factor)
+        w = side * (q + grow * factor - decay / factor)
+    return NOTHING, end, side * u, side * w

@@ -1,0 +1,163 @@
+"""Files that are whole or not there, and saved results.
+
+A result file is an .npz archive without pickled objects: the arrays as they are, and one JSON header with the format's
+version, the kind of result, the scene as TOML, the scalar attributes and the versions of the programs that wrote it.
+"""
+
+import contextlib
+import importlib.metadata
+import json
+import pathlib
+import secrets
+import zipfile
+import zlib
+
+import numpy as np
+
+from fpk_rocking.scene import Scene
+
+KINDS = ("evolution", "ensemble")
+_FORMAT = 1
+_HEADER = "header"
+
+
+@contextlib.contextmanager
+def replaced_atomically(path):
+    """Give a temporary path to write to; it takes the place of `path` when the block ends without an exception.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file to write; its folder is made where missing.
+
+    Yields
+    ------
+    pathlib.Path
+        A new name in the same folder with the same suffix. Whatever is there is removed on any exception, an
+        interruption included, and `path` is then as it was.
+    """
+    path = pathlib.Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{path.suffix}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_text(path, text):
+    """Write a text file in UTF-8, whole or not at all."""
+    with replaced_atomically(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_result(path, kind, scene, arrays, attributes):
+    """Save a result.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File to write, by custom with the suffix .npz.
+    kind : str
+        "evolution" (density solver) or "ensemble" (Monte Carlo).
+    scene : Scene
+        The scene as it was asked for.
+    arrays : dict of str to array_like
+        Numeric, boolean or text arrays; "header" is not available as a name.
+    attributes : dict of str
+        What JSON holds: numbers, strings, None, lists, dicts.
+
+    Raises
+    ------
+    TypeError
+        An array would need pickling, or an attribute is not JSON.
+    ValueError
+        The kind is unknown, or an array is called "header".
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind: got {kind!r}, accepted: {', '.join(map(repr, KINDS))}")
+    arrays = {name: np.asarray(values) for name, values in arrays.items()}
+    for name, values in arrays.items():
+        if name == _HEADER:
+            raise ValueError(f"arrays: got the name {name!r}, accepted: any other name")
+        if values.dtype.hasobject:
+            raise TypeError(f"arrays[{name!r}]: got dtype {values.dtype}, accepted: numbers, booleans or text")
+    header = {
+        "format": _FORMAT,
+        "kind": kind,
+        "scene": scene.to_toml(),
+        "attributes": attributes,
+        "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
+    }
+    try:
+        text = json.dumps(header)
+    except TypeError as error:
+        raise TypeError(f"attributes: {error}, accepted: numbers, strings, None, lists, dicts") from None
+    with replaced_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **{_HEADER: np.array(text)}, **arrays)
+
+
+def read_result(path, kind):
+    """Load a result that `write_result` saved.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+    kind : str
+        The kind that is wanted, "evolution" or "ensemble".
+
+    Returns
+    -------
+    scene : Scene
+    arrays : dict of str to numpy.ndarray
+    attributes : dict of str
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    ValueError
+        The file is not a result, is damaged or truncated, or holds another kind or format.
+    """
+    with _opened(path) as (header, archive):
+        if header["kind"] != kind:
+            raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
+        arrays = {name: archive[name] for name in archive.files if name != _HEADER}
+        return Scene.from_toml(header["scene"]), arrays, header["attributes"]
+
+
+def result_kind(path):
+    """Return the kind of a saved result, "evolution" or "ensemble"; raises as `read_result`."""
+    with _opened(path) as (header, _):
+        return header["kind"]
+
+
+@contextlib.contextmanager
+def _opened(path):
+    """Open a result file as (header, archive); damage found while reading from it is reported as such too."""
+    try:
+        file = pathlib.Path(path).open("rb")  # noqa: SIM115 - only the opening is meant to be caught
+    except FileNotFoundError:
+        raise FileNotFoundError(f"no result file {str(path)!r} (looked from {str(pathlib.Path.cwd())!r})") from None
+    with file:
+        if not zipfile.is_zipfile(file):
+            raise ValueError(f"{path}: not a saved result, or truncated; accepted: a file that save() wrote")
+        file.seek(0)
+        try:
+            with np.load(file, allow_pickle=False) as archive:
+                yield _header(path, archive), archive
+        except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+            raise ValueError(f"{path}: a damaged saved result ({error})") from error
+
+
+def _header(path, archive):
+    try:
+        header = json.loads(str(archive[_HEADER]))
+        found = header["format"]
+    except (KeyError, TypeError, ValueError):
+        raise ValueError(f"{path}: not a saved result (no header); accepted: a file that save() wrote") from None
+    if found != _FORMAT:
+        raise ValueError(f"{path}: got format {found!r}, accepted: {_FORMAT} (saved by another version)")
+    return header

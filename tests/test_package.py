@@ -1,0 +1,131 @@
+"""The package as a whole: what importing it loads, what it exports, and that imports run downward only."""
+
+import ast
+import graphlib
+import importlib
+import importlib.metadata
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+import fpk_rocking
+
+ROOT = pathlib.Path(__file__).parents[1]
+
+# From the bottom up: a module imports from lower rows and from its own package, never sideways or upward.
+LAYERS = [
+    {"fpk_rocking.jit", "fpk_rocking.checks", "fpk_rocking.equivalence"},
+    {"fpk_rocking.units", "fpk_rocking.physics"},
+    {"fpk_rocking.parts"},
+    {"fpk_rocking.scene"},
+    {"fpk_rocking.storage", "fpk_rocking.remarks", "fpk_rocking.binning", "fpk_rocking.distances"},
+    {"fpk_rocking.analytics", "fpk_rocking.density", "fpk_rocking.compare", "montecarlo"},
+    {"fpk_rocking.output"},
+    {"fpk_rocking.cli"},
+]
+HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}
+
+
+def module_name(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {
+    module_name(path): path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")
+}
+
+
+def imported(source, package="", known=MODULES):
+    """Names of the project's modules that a source imports anywhere in it, also inside functions."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package.split(".")[: -node.level + 1 or None]) if node.level else ""
+            base = ".".join(filter(None, (base, node.module)))
+            # `from package import module` imports the module, `from package import name` the package.
+            found |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base for alias in node.names}
+    return {name for name in found if name.split(".")[0] in {"fpk_rocking", "montecarlo"}}
+
+
+def imports_of(name):
+    path = MODULES[name]
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    return imported(path.read_text(encoding="utf-8"), package)
+
+
+def room(name):
+    """Entry of LAYERS that a module belongs to: itself or its package."""
+    return ".".join(name.split(".")[: 1 if name.startswith("montecarlo") else 2])
+
+
+def level(name):
+    levels = [number for number, rooms in enumerate(LAYERS) if room(name) in rooms]
+    assert levels, f"{name} has no place in LAYERS"
+    return levels[0]
+
+
+@pytest.mark.parametrize("name", sorted(MODULES.keys() - {"fpk_rocking"}))
+def test_imports_run_downward(name):
+    for other in imports_of(name):
+        assert other != "fpk_rocking", f"{name}: import from the module that defines it, not from the package's front"
+        assert room(other) == room(name) or level(other) < level(name), f"{name} imports {other}"
+
+
+def test_no_module_imports_itself_through_others():
+    graph = {name: imports_of(name) & MODULES.keys() for name in MODULES.keys() - {"fpk_rocking"}}
+    assert len(list(graphlib.TopologicalSorter(graph).static_order())) >= len(graph)
+
+
+def test_only_the_command_line_imports_montecarlo():
+    users = {name for name in MODULES if any(room(other) == "montecarlo" for other in imports_of(name))}
+    assert {name for name in users if not name.startswith("montecarlo")} <= {"fpk_rocking.cli"}
+
+
+def test_montecarlo_never_imports_the_density_solver():
+    for name in MODULES:
+        if name.startswith("montecarlo"):
+            assert not any(room(other) == "fpk_rocking.density" for other in imports_of(name)), name
+
+
+def test_the_front_imports_the_light_rooms_alone():
+    assert {room(name) for name in imports_of("fpk_rocking")} == {"fpk_rocking.scene", "fpk_rocking.analytics"}
+
+
+def test_imports_are_found_in_every_form():
+    source = "import fpk_rocking.cli\ndef f():\n    from fpk_rocking import jit, Scene\n    from ..scene import Scene\n"
+    found = imported(source, package="fpk_rocking.density")
+    assert found == {"fpk_rocking.cli", "fpk_rocking.jit", "fpk_rocking", "fpk_rocking.scene"}
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    source = "import sys, fpk_rocking; fpk_rocking.load_scene; print(*{name.split('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True, cwd=ROOT)
+    loaded = set(done.stdout.split())
+    assert "fpk_rocking" in loaded
+    assert loaded & HEAVY == set()
+
+
+@pytest.mark.parametrize("name", fpk_rocking.__all__)
+def test_every_exported_name_is_there(name):
+    assert name in dir(fpk_rocking)
+    assert getattr(fpk_rocking, name) is not None
+
+
+def test_solver_is_loaded_on_first_use():
+    density = importlib.import_module("fpk_rocking.density")
+    assert fpk_rocking.solve_fpk is density.solve_fpk
+    assert fpk_rocking.Evolution is density.Evolution
+
+
+def test_version_is_the_installed_one():
+    assert fpk_rocking.__version__ == importlib.metadata.version("fpk-rocking")
+
+
+def test_unknown_names_are_refused_as_usual():
+    with pytest.raises(AttributeError, match=r"module 'fpk_rocking' has no attribute 'solve'"):
+        fpk_rocking.solve  # noqa: B018

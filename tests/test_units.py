@@ -1,0 +1,104 @@
+"""Metres, seconds and hertz against the nondimensional scene."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, Start
+
+
+def test_a_block_in_round_numbers():
+    size = Dimensions(width=0.6, height=0.8, gravity=10.0)
+    assert size.half_diagonal == pytest.approx(0.5, rel=1e-15)
+    assert size.critical_angle == pytest.approx(math.atan(0.75), rel=1e-15)
+    assert size.frequency_parameter == pytest.approx(math.sqrt(15.0), rel=1e-15)
+    assert size.restitution == pytest.approx(1 - 1.5 * 0.36, rel=1e-15)
+    assert size.amplitude(3.0) == pytest.approx(0.3 / math.atan(0.75), rel=1e-15)
+    assert size.frequency(2.0) == pytest.approx(4 * math.pi / math.sqrt(15.0), rel=1e-15)
+    assert size.radians(1.0) == size.critical_angle
+
+
+def test_seconds_and_tau_undo_each_other_on_arrays():
+    size, times = Dimensions(0.5, 2.0), np.linspace(0.0, 40.0, 7)
+    np.testing.assert_allclose(size.tau(size.seconds(times)), times, rtol=1e-15)
+    assert size.tau(1.0) == size.frequency_parameter
+
+
+def test_slender_block_moves_as_the_full_equation_of_motion_in_metres_and_seconds():
+    """I θ'' = -m g R sin(θ_cr - θ) + m a R cos(θ_cr - θ), I = 4mR²/3, against the linear scene; θ_cr = 0.02."""
+    width, height, peak, hertz = 0.02, 1.0, 0.5, 1.0
+    size = Dimensions(width, height)
+    radius, critical, gravity = size.half_diagonal, size.critical_angle, size.gravity
+    scene = Scene.from_block(width, height, peak, hertz, phase=math.pi)
+
+    def full(time, state):
+        base = peak * math.cos(2 * math.pi * hertz * time)
+        lean = critical - state[0]
+        return [state[1], 3 / (4 * radius) * (-gravity * math.sin(lean) + base * math.cos(lean))]
+
+    def linear(tau, state):
+        forcing = -scene.forcing.amplitude * math.cos(scene.forcing.frequency * tau + scene.forcing.phase)
+        return [state[1], state[0] - 1.0 + forcing]
+
+    seconds = 0.3
+    angle = solve_ivp(full, (0, seconds), [0.0, 0.0], rtol=1e-10, atol=1e-13).y[0, -1]
+    scaled = solve_ivp(linear, (0, size.tau(seconds)), [0.0, 0.0], rtol=1e-10, atol=1e-12).y[0, -1]
+    assert angle > 0.3 * critical
+    assert size.radians(scaled) == pytest.approx(angle, rel=1e-3)
+
+
+def test_housner_restitution_conserves_angular_momentum_about_the_new_corner():
+    """Before: turning about the old corner; the centre's velocity is perpendicular to the old radius, length R·rate."""
+    size = Dimensions(0.7, 1.9)
+    radius, half_width, half_height, rate = size.half_diagonal, 0.35, 0.95, 1.3
+    centre_velocity = rate * np.array([-half_height, half_width])
+    from_new_corner = np.array([-half_width, half_height])
+    orbital = from_new_corner[0] * centre_velocity[1] - from_new_corner[1] * centre_velocity[0]
+    spin = radius**2 / 3 * rate
+    after = (orbital + spin) / (4 / 3 * radius**2)
+    assert after / rate == pytest.approx(size.restitution, rel=1e-14)
+
+
+def test_squat_block_needs_a_restitution():
+    with pytest.raises(ValueError, match=r"^block\.dimensions: got width/height = 1\.5, .*give block\.restitution"):
+        Scene.from_block(1.5, 1.0, 1.0, 1.0)
+    assert Scene.from_block(1.5, 1.0, 1.0, 1.0, restitution=0.2).block == Block(0.2, Dimensions(1.5, 1.0))
+    assert Dimensions(math.sqrt(2.0) * (1 - 1e-12), 1.0).restitution >= 0.0
+
+
+def test_from_block_converts_every_quantity():
+    start = Start(0.1, 0.2)
+    scene = Scene.from_block(
+        0.5, 2.0, 4.0, 1.5, phase=0.3, noise_rms_acceleration=0.7, noise_band_hz=(0.5, 6.0), harmonics=50, start=start
+    )
+    size = Dimensions(0.5, 2.0)
+    assert scene.block == Block(size.restitution, size)
+    assert scene.forcing.amplitude == pytest.approx(4.0 / (9.80665 * math.atan(0.25)), rel=1e-15)
+    assert size.seconds(scene.period) == pytest.approx(1 / 1.5, rel=1e-15)
+    assert scene.forcing.phase == 0.3
+    assert scene.noise.variance == pytest.approx(size.amplitude(0.7) ** 2, rel=1e-15)
+    assert scene.noise.band == (size.frequency(0.5), size.frequency(6.0))
+    assert scene.noise.harmonics == 50
+    assert scene.start == start
+    assert Scene.from_block(0.5, 2.0, 4.0, 1.5).noise == NoNoise()
+    assert isinstance(scene.noise, BandNoise)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"width": 0.0}, r"^block\.dimensions\.width: got 0\.0, accepted: a finite number > 0"),
+        ({"peak_acceleration": -1.0}, r"^peak_acceleration: got -1\.0, "),
+        ({"frequency_hz": 0.0}, r"^frequency_hz: got 0\.0, "),
+        ({"restitution": 1.5}, r"^block\.restitution: got 1\.5, "),
+        ({"noise_rms_acceleration": 0.3}, r"^noise_rms_acceleration: got 0\.3, .*together with noise_band_hz"),
+        ({"noise_band_hz": (0, 3)}, r"^noise_rms_acceleration: got 0\.0, .*together with noise_band_hz"),
+        ({"noise_rms_acceleration": 1, "noise_band_hz": (3, 2)}, r"^noise_band_hz: got \(3, 2\), accepted: two "),
+    ],
+)
+def test_from_block_refuses_by_name(keywords, message):
+    values = {"width": 0.5, "height": 2.0, "peak_acceleration": 1.0, "frequency_hz": 1.0}
+    with pytest.raises(ValueError, match=message):
+        Scene.from_block(**values | keywords)
