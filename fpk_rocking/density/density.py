@@ -59,7 +59,8 @@ class Density:
         ndarray, shape (angle cells, velocity cells, points, points)
             Angle before velocity.
         """
-        return self.space.cell_values(self.coefficients, np.linspace(0.0, 1.0, points))
+        lattice = np.linspace(0.0, 1.0, points)
+        return self.space.cell_values(self.coefficients, lattice, lattice)
 
     def bin_probabilities(self, angle_edges, velocity_edges):
         """Exact integrals over bins, (angle bins, velocity bins)."""
@@ -67,11 +68,13 @@ class Density:
 
     def marginal_angle(self, angle):
         """Density of the angle alone at points (n,): the integral over all velocities."""
-        return self._marginal(np.einsum("xvab,v->xab", self.coefficients, np.diff(self.space.velocity_lines))[:, :, 0], 0, angle)
+        coefficients = np.einsum("xva,v->xa", self.coefficients[..., 0], np.diff(self.space.velocity_lines))
+        return self._marginal(coefficients, 0, angle)
 
     def marginal_velocity(self, velocity):
         """Density of the velocity alone at points (n,): the integral over all angles."""
-        return self._marginal(np.einsum("xvab,x->vab", self.coefficients, np.diff(self.space.angle_lines))[:, 0, :], 1, velocity)
+        coefficients = np.einsum("xvb,x->vb", self.coefficients[..., 0, :], np.diff(self.space.angle_lines))
+        return self._marginal(coefficients, 1, velocity)
 
     def _marginal(self, coefficients, axis, points):
         lines = self.mesh_lines[axis]

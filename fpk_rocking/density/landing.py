@@ -187,60 +187,56 @@ def classify(angle_lines, velocity_lines, start, duration, harmonic, cutoff, mar
 
 
 @kernel(parallel=True)
-def trace_cells(cells, angle_lines, velocity_lines, points, start, duration, harmonic, diffusion, restitution, cutoff, nodes):
+def trace_cells(
+    cells, angle_lines, velocity_lines, angle_points, velocity_points, start, duration, harmonic, diffusion, restitution,
+    cutoff, nodes,
+):  # fmt: skip
     """Trace all nodes of all Gauss points of the given cells.
 
     Parameters
     ----------
     cells : ndarray, shape (m, 2)
         Angle and velocity index of each cell.
-    points : ndarray, shape (g,)
+    angle_points, velocity_points : ndarray, shape (g,), (h,)
         Gauss points on [0, 1].
 
     Returns
     -------
-    states : ndarray, shape (m, g, g, n, 2)
+    states : ndarray, shape (m, g, h, n, 2)
         Angle and velocity at the end of the step.
-    codes : ndarray, shape (m, g, g, n)
+    codes : ndarray, shape (m, g, h, n)
         The side there, +-2 where overturned.
     """
-    count, g, n = len(cells), len(points), len(nodes)
-    states, codes = np.empty((count, g, g, n, 2)), np.empty((count, g, g, n), np.int32)
-    for c in prange(count):
+    shape = len(cells), len(angle_points), len(velocity_points), len(nodes)
+    states, codes = np.empty((*shape, 2)), np.empty(shape, np.int32)
+    for c in prange(len(cells)):
         scratch = np.empty((6, TERMS))
         i, j = cells[c]
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
-        for p in range(g):
-            x = angle_lines[i] + points[p] * (angle_lines[i + 1] - angle_lines[i])
-            for q in range(g):
-                v = velocity_lines[j] + points[q] * (velocity_lines[j + 1] - velocity_lines[j])
+        for p in range(len(angle_points)):
+            x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
+            for q in range(len(velocity_points)):
+                v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
                 trace(
                     x, v, side, start, duration, harmonic, diffusion, restitution, cutoff, nodes, scratch,
                     states[c, p, q], codes[c, p, q],
-                )
+                )  # fmt: skip
     return states, codes
 
 
 @kernel
 def locate(grid, point):
-    """Index of the cell that holds a point inside the mesh; grid is (lines, cells at equidistant points, their scale)."""
-    lines, table, scale = grid
-    i = table[int((point - lines[0]) * scale)]
-    while point >= lines[i + 1]:
-        i += 1
-    return i
+    """Cell that holds a point and its reference coordinate on [-1, 1]; (LOST, 0) outside the mesh.
 
-
-@kernel
-def cell_of(angle_grid, velocity_grid, first, x, v, side):
-    """Angle and velocity index of a state's cell; (LOST, LOST) outside the mesh. `first` is the first cell with x > 0."""
-    angle, velocity = angle_grid[0], velocity_grid[0]
-    if not (angle[0] <= x < angle[-1] and velocity[0] <= v < velocity[-1]):
-        return LOST, LOST
-    i = locate(angle_grid, x)
-    if i == first and x <= 0.0 and side < 0 and i > 0:
-        i -= 1
-    return i, locate(velocity_grid, v)
+    `grid` is (lines, 2 / cell sizes, table, density of the table): the table has the cell of equidistant points, at most
+    one mesh line apart.
+    """
+    lines, scales, table, density = grid
+    if not lines[0] <= point < lines[-1]:
+        return LOST, 0.0
+    i = table[int((point - lines[0]) * density)]
+    i += point >= lines[i + 1]
+    return i, (point - lines[i]) * scales[i] - 1.0
 
 
 @kernel(parallel=True)
@@ -252,7 +248,7 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
     ndarray, shape (m, g, g, n)
         Flat cell index, or LEFT, RIGHT, LOST.
     """
-    angle, velocity = angle_grid[0], velocity_grid[0]
+    lines, across = angle_grid[0], len(velocity_grid[0]) - 1
     cells = np.empty(codes.shape, np.int32)
     flat_states, flat_codes, flat_cells = states.reshape(-1, 2), codes.reshape(-1), cells.reshape(-1)
     for n in prange(len(flat_codes)):
@@ -260,10 +256,46 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
             flat_cells[n] = LEFT if flat_codes[n] < 0 else RIGHT
             continue
         x, v = flat_states[n]
-        i, j = cell_of(angle_grid, velocity_grid, first, x, v, flat_codes[n])
-        flat_cells[n] = LOST
-        if i >= 0:
-            flat_cells[n] = i * (len(velocity) - 1) + j
-            flat_states[n, 0] = 2.0 * (x - angle[i]) / (angle[i + 1] - angle[i]) - 1.0
-            flat_states[n, 1] = 2.0 * (v - velocity[j]) / (velocity[j + 1] - velocity[j]) - 1.0
+        i, xi = locate(angle_grid, x)
+        j, eta = locate(velocity_grid, v)
+        if i == first and x == 0.0 and flat_codes[n] < 0 and i > 0:
+            i, xi = i - 1, 1.0
+        flat_cells[n] = LOST if i < 0 or j < 0 else i * across + j
+        flat_states[n, 0], flat_states[n, 1] = xi, eta
     return cells
+
+
+@kernel
+def landing_sums(
+    values, angle_lines, velocity_lines, angle_points, velocity_points, weights, events, states, codes, cosh, sinh,
+    shifts, offsets,
+):  # fmt: skip
+    """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2.
+
+    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace.
+    """
+    total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(values.shape[0]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        for j in range(values.shape[1]):
+            row = events[i, j]
+            for p in range(len(angle_points)):
+                x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
+                for q in range(len(velocity_points)):
+                    v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
+                    for n in range(len(weights)):
+                        mass = values[i, j, p, q] * weights[n]
+                        if row >= 0:
+                            if abs(codes[row, p, q, n]) == _OVERTURNED:
+                                continue
+                            xn, vn = states[row, p, q, n]
+                        else:
+                            xn = shifts[side, 0] + cosh * x + sinh * v + offsets[n, 0]
+                            vn = shifts[side, 1] + sinh * x + cosh * v + offsets[n, 1]
+                        total += mass
+                        sx += mass * xn
+                        sv += mass * vn
+                        sxx += mass * xn * xn
+                        sxv += mass * xn * vn
+                        svv += mass * vn * vn
+    return total, sx, sv, sxx, sxv, svv

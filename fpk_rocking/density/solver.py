@@ -59,9 +59,9 @@ class Resolution:
 
 
 PRESETS = {
-    1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 1), 12),
-    1e-3: Resolution(44, 80, 3, Quadrature(6, 5, 1), 16),
-    1e-4: Resolution(44, 80, 5, Quadrature(10, 7, 2), 20),
+    1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 5, 1), 12),
+    1e-3: Resolution(44, 80, 3, Quadrature(6, 6, 5, 1), 16),
+    1e-4: Resolution(44, 80, 5, Quadrature(10, 10, 7, 2), 20),
 }
 """Resolution by tolerance: the loosest entry that is not looser than what was asked for is used."""
 

@@ -108,10 +108,10 @@ class Space:
         values = np.einsum("...ab,...a,...b->...", coefficients[i, j], shapes(xi, self.degree), shapes(eta, self.degree))
         return np.where(inside & within, values, 0.0)
 
-    def cell_values(self, coefficients, points):
-        """Density on the lattice of reference points (n,) in every cell: (angle cells, velocity cells, n, n)."""
-        table = shapes(points, self.degree)
-        return np.einsum("xvab,ia,jb->xvij", coefficients, table, table, optimize=True)
+    def cell_values(self, coefficients, angle_points, velocity_points):
+        """Density on the lattice of reference points (n,), (m,) in every cell: (angle cells, velocity cells, n, m)."""
+        tables = shapes(angle_points, self.degree), shapes(velocity_points, self.degree)
+        return np.einsum("xvab,ia,jb->xvij", coefficients, *tables, optimize=True)
 
     def bin_integrals(self, coefficients, angle_edges, velocity_edges):
         """Integrals over the rectangles between edges, (len(angle_edges) - 1, len(velocity_edges) - 1), exact."""
@@ -122,7 +122,7 @@ class Space:
     def negative_mass(self, coefficients, points=8):
         """Integral of max(-p, 0), by Gauss quadrature in every cell."""
         nodes, weights = gauss(points)
-        values = np.maximum(-self.cell_values(coefficients, nodes), 0.0)
+        values = np.maximum(-self.cell_values(coefficients, nodes, nodes), 0.0)
         return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
 
 

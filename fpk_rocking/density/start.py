@@ -10,28 +10,28 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.landing import classify
+from fpk_rocking.density.landing import classify, landing_sums
 from fpk_rocking.density.mesh import window_lines
-from fpk_rocking.density.space import Space, shapes
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.gaussian import flight_covariance
 
 REACH = 8.0
 """Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside."""
 
-CELLS, DEGREE = 24, 3
+CELLS, DEGREE = 20, 3
 """Cells an axis and degree of a window."""
 
-GROWTH = 0.3
+GROWTH = 0.4
 """A step of the windows over the time in which the noise has gathered."""
 
-EARLY = 0.01
+EARLY = 0.02
 """First time on a window over the time t* at which drift takes over from noise."""
 
-FINE, WIDE = Quadrature(6, 5, 2), Quadrature(6, 9, 3)
+FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 """Sampling of a step between windows, and of a longer one in which nothing can happen."""
 
-RESOLVED = 0.35
+RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
 _NEGLIGIBLE = 1e-13
@@ -101,7 +101,7 @@ class Launch:
         window = _window(gaussian.mean, gaussian.covariance, dynamics.cutoff)
         self.sinks = np.array([*gaussian.tails(dynamics.cutoff), 0.0])
         gathered = initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
-        self._follow(window, window.project(gaussian, FINE.points), time, end, gathered)
+        self._follow(window, window.project(gaussian, FINE.angle), time, end, gathered)
 
     def _flight(self, initial, time):
         side = 1 if initial.mean[0] > 0.0 or (initial.mean[0] == 0.0 and initial.mean[1] > 0.0) else -1
@@ -136,14 +136,12 @@ class Launch:
 
     def _follow(self, window, coefficients, time, end, gathered):
         """Carry a density from window to window, and to the main mesh at `end`."""
+        dynamics = self.dynamics
         while time < end:
-            masses = np.abs(window.masses(coefficients))
-            lines = window.angle_lines, window.velocity_lines
-            dynamics = self.dynamics
-            reach = REACH * math.sqrt(flight_covariance(dynamics.diffusion, end - time)[0])
-            events = classify(*lines, time, end - time, dynamics.harmonic, dynamics.cutoff, reach)
-            quiet = masses[events].sum() < _NEGLIGIBLE
-            duration = end - time if quiet else min(GROWTH * (time + gathered), end - time)
+            duration = min(GROWTH * (time + gathered), end - time)
+            free = self._free_time(window, coefficients, time, end - time)
+            quiet = free >= duration
+            duration = max(free, duration)
             if end - time - duration < 0.1 * duration:
                 duration = end - time
             trace = Trace(window, time, duration, dynamics, WIDE if quiet else FINE)
@@ -153,6 +151,18 @@ class Launch:
             self.sinks += sinks
             window = target
         self.coefficients = coefficients
+
+    def _free_time(self, window, coefficients, time, longest):
+        """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
+        dynamics, masses = self.dynamics, np.abs(window.masses(coefficients))
+        for duration in longest * 0.5 ** np.arange(7):
+            reach = REACH * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
+            events = classify(
+                window.angle_lines, window.velocity_lines, time, duration, dynamics.harmonic, dynamics.cutoff, reach
+            )
+            if masses[events].sum() < _NEGLIGIBLE:
+                return duration
+        return 0.0
 
 
 def _drift_time(dynamics: Dynamics):
@@ -183,20 +193,12 @@ def _window(mean, covariance, cutoff):
 def _landing_moments(trace: Trace, coefficients):
     """Mean (2,) and covariance (2, 2) of the density after a traced step, mass that overturned left out."""
     source = trace.source
-    table = shapes(trace.points, source.degree)
-    values = np.einsum("xvab,ia,jb->xvij", coefficients, table, table, optimize=True) * source.areas[..., None, None]
-    values *= np.outer(trace.weights, trace.weights)
-    angle = source.angle_lines[:-1, None] + np.diff(source.angle_lines)[:, None] * trace.points
-    velocity = source.velocity_lines[:-1, None] + np.diff(source.velocity_lines)[:, None] * trace.points
-    x, v = np.broadcast_arrays(angle[:, None, :, None], velocity[None, :, None, :])
-    side = np.where(x > 0.0, 1, -1)
-    free = trace.events < 0
-    states = np.stack([trace.cosh * x + trace.sinh * v, trace.sinh * x + trace.cosh * v], axis=-1)[free]
-    states += trace.shifts[side[free]]
-    states = states[..., None, :] + trace.offsets
-    weights = values[free][..., None] * trace.node_weights
-    traced = (values[~free][..., None] * trace.node_weights) * (np.abs(trace.codes) < 2)
-    points = np.concatenate([states.reshape(-1, 2), trace.states.reshape(-1, 2)])
-    weights = np.concatenate([weights.ravel(), traced.ravel()])
-    mean = weights @ points / weights.sum()
-    return mean, (points - mean).T @ ((points - mean) * weights[:, None]) / weights.sum()
+    values = source.cell_values(coefficients, trace.angle_points, trace.velocity_points)
+    values *= np.outer(trace.angle_weights, trace.velocity_weights)
+    values *= source.areas[..., None, None]
+    total, x, v, xx, xv, vv = landing_sums(
+        values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points, trace.node_weights, trace.events,
+        trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts, trace.offsets,
+    )  # fmt: skip
+    x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
+    return np.array([x, v]), np.array([[xx - x * x, xv - x * v], [xv - x * v, vv - v * v]])

@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from fpk_rocking.density.landing import classify, hermite_nodes, principal_axes, settle_in_cells, trace_cells
+from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.density.transport import CHUNKS, deposit_kernel, gather
 from fpk_rocking.physics.flight import TERMS, harmonic_particular, polynomial
@@ -55,9 +56,10 @@ class Dynamics:
 
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """How finely a step is sampled: Gauss points an axis and cell, Gauss-Hermite nodes along both axes of the noise."""
+    """How finely a step is sampled: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of the noise."""
 
-    points: int
+    angle: int
+    velocity: int
     long: int
     short: int
 
@@ -67,18 +69,20 @@ class Trace:
 
     def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature):
         self.source = source
-        self.points, self.weights = gauss(quadrature.points)
+        (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
+        (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
         nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
         axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
         self.offsets = nodes @ np.reshape(axes, (2, 2))
         self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
+        self.dynamics, self.duration = dynamics, duration
         lines = source.angle_lines, source.velocity_lines
         margin = np.abs(self.offsets[:, 0]).max()
         marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, margin)
         self.events = np.full(marks.shape, -1, dtype=np.int32)
         self.events[marks] = np.arange(np.count_nonzero(marks))
         self.states, self.codes = trace_cells(
-            np.argwhere(marks), *lines, self.points, start, duration, dynamics.harmonic,
+            np.argwhere(marks), *lines, self.angle_points, self.velocity_points, start, duration, dynamics.harmonic,
             dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
         )  # fmt: skip
 
@@ -96,27 +100,46 @@ class Step:
         points = trace.states.copy()
         cells = settle_in_cells(points, trace.codes, *self._grids, target.first_positive)
         self._landed = cells, points
-        self._table = shapes(trace.points, target.degree)
+        degree = target.degree
+        self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
         self._chunks = self._split(cells)
         angle, velocity, modes, _ = target.shape
         self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
         self._sinks = np.empty((CHUNKS, 3))
+        self._flights = []
+        if target is trace.source:
+            self._flights = [
+                FreeFlight(
+                    target, side, (trace.cosh, trace.sinh, trace.shifts[side]), trace.dynamics.diffusion, trace.duration
+                )
+                for side, columns in ((1, target.shape[0] - target.first_positive), (-1, target.first_positive))
+                if columns
+            ]
         self._deposit = deposit_kernel(target.degree)
 
     def apply(self, coefficients):
         """Return the coefficients after the step and the masses (3,) that went left, right and off the mesh."""
         trace, source = self.trace, self.trace.source
+        if self._flights:
+            free_part = np.where((trace.events < 0)[:, :, None, None], coefficients, 0.0)
+            coefficients = np.where((trace.events < 0)[:, :, None, None], 0.0, coefficients)
         free = (
-            source.angle_lines, source.velocity_lines, trace.points, trace.cosh, trace.sinh, trace.shifts,
+            source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points, trace.cosh, trace.sinh, trace.shifts,
             trace.offsets, trace.node_weights,
         )  # fmt: skip
         self._deposit(
-            coefficients, source.areas, self._table, trace.weights, trace.events, self._landed, free,
-            *self._grids, self.target.first_positive, self._chunks, self._buffers, self._sinks,
+            coefficients, source.areas, self._tables, (trace.angle_weights, trace.velocity_weights), trace.events, self._landed, free,
+            *self._grids, self._chunks, self._buffers, self._sinks,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         gather(self._buffers, self._chunks, self.target.areas, out)
-        return out, self._sinks.sum(axis=0)
+        sinks = self._sinks.sum(axis=0)
+        for flight in self._flights:
+            part, overturned, lost = flight.apply(free_part[flight.columns])
+            out[flight.columns] += part
+            sinks[:2] += overturned
+            sinks[2] += lost.sum()
+        return out, sinks
 
     def _split(self, cells):
         """Columns of the source that each chunk reads, and columns of the target that it writes."""
@@ -144,8 +167,9 @@ class Step:
 
 
 def _grid(lines):
-    """Mesh lines with a table that finds the cell of a point: the cell at equidistant points, and their density."""
-    count = int(np.ceil((lines[-1] - lines[0]) / np.diff(lines).min())) + 1
-    scale = count / (lines[-1] - lines[0])
-    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / scale, side="right") - 1
-    return lines, np.clip(cells, 0, len(lines) - 2).astype(np.int32), scale
+    """What `locate` needs of mesh lines: no two of them between neighbouring entries of its table."""
+    sizes = np.diff(lines)
+    count = math.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1
+    density = count / (lines[-1] - lines[0])
+    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / density, side="right") - 1
+    return lines, 2.0 / sizes, np.clip(cells, 0, len(sizes) - 1).astype(np.int32), density

@@ -6,14 +6,28 @@ and the buffers are added in a fixed order: the result does not depend on the nu
 """
 
 import functools
+import math
 
 import numpy as np
 from numba import prange
 
-from fpk_rocking.density.landing import LOST, cell_of
+from fpk_rocking.density.landing import LOST, locate
 from fpk_rocking.jit import kernel
 
 CHUNKS = 8
+
+
+MAX_DEGREE = 5
+
+
+@kernel
+def legendre(xi):
+    """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal for the measure of the unit interval."""
+    p2 = 1.5 * xi * xi - 0.5
+    p3 = (5.0 * xi * p2 - 2.0 * xi) / 3.0
+    p4 = (7.0 * xi * p3 - 3.0 * p2) / 4.0
+    p5 = (9.0 * xi * p4 - 4.0 * p3) / 5.0
+    return 1.0, math.sqrt(3.0) * xi, math.sqrt(5.0) * p2, math.sqrt(7.0) * p3, 3.0 * p4, math.sqrt(11.0) * p5
 
 
 @functools.cache
@@ -28,53 +42,64 @@ def deposit_kernel(degree):
     Returns
     -------
     callable
-        ``deposit(source, areas, table, weights, events, landed, free, angle_grid, velocity_grid, first, chunks,
+        ``deposit(source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunks,
         buffers, sinks)``; see the source for the shapes.
     """
     modes = degree + 1
 
-    @kernel(inline="always")
-    def legendre(xi, out):
-        """Orthonormal Legendre polynomials at xi in [-1, 1], orthonormal for the measure of the unit interval."""
-        before, value = 0.0, 1.0
-        out[0] = 1.0
-        for k in range(1, modes):
-            before, value = value, ((2 * k - 1) * xi * value - (k - 1) * before) / k
-            out[k] = np.sqrt(2.0 * k + 1.0) * value
+    @kernel
+    def add_row(target, a, part, across):
+        # Scalars, not an array: a store to `target` could alias an array, and then nothing is vectorized.
+        row = target[a * modes : (a + 1) * modes]
+        row[0] += part * across[0]
+        row[1] += part * across[1]
+        if modes > 2:
+            row[2] += part * across[2]
+        if modes > 3:
+            row[3] += part * across[3]
+        if modes > 4:
+            row[4] += part * across[4]
+        if modes > 5:
+            row[5] += part * across[5]
 
-    @kernel(inline="always")
-    def add(target, amount, along, across):
-        for a in range(modes):
-            part = amount * along[a]
-            for b in range(modes):
-                target[a * modes + b] += part * across[b]
+    @kernel
+    def add(target, amount, xi, eta):
+        along, across = legendre(xi), legendre(eta)
+        add_row(target, 0, amount * along[0], across)
+        add_row(target, 1, amount * along[1], across)
+        if modes > 2:
+            add_row(target, 2, amount * along[2], across)
+        if modes > 3:
+            add_row(target, 3, amount * along[3], across)
+        if modes > 4:
+            add_row(target, 4, amount * along[4], across)
+        if modes > 5:
+            add_row(target, 5, amount * along[5], across)
 
     @kernel(parallel=True, fastmath={"contract", "reassoc", "nsz"})
     def deposit(
         source,  # (angle cells, velocity cells, modes, modes) coefficients
         areas,  # (angle cells, velocity cells) of the source
-        table,  # (g, modes) shape functions at the Gauss points
-        weights,  # (g,) Gauss weights on [0, 1]
+        tables,  # (g, modes), (h, modes) shape functions at the Gauss points of both axes
+        weights,  # (g,), (h,) Gauss weights on [0, 1]
         events,  # (angle cells, velocity cells) row in `landed`, or -1 for a free cell
-        landed,  # cells (m, g, g, n) and reference coordinates (m, g, g, n, 2)
-        free,  # source lines, Gauss points (g,), cosh, sinh, shifts (3, 2) by side, offsets (n, 2), node weights (n,)
+        landed,  # cells (m, g, h, n) and reference coordinates (m, g, h, n, 2)
+        free,  # source lines, Gauss points (g,), (h,), cosh, sinh, shifts (3, 2) by side, offsets (n, 2), node weights (n,)
         angle_grid,
         velocity_grid,
-        first,
         chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
         buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
         sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
     ):
         landed_cells, landed_points = landed
-        source_angle, source_velocity, points, cosh, sinh, shifts, offsets, node_weights = free
-        angle, velocity = angle_grid[0], velocity_grid[0]
-        across_count, g, n = len(velocity) - 1, len(weights), len(node_weights)
+        source_angle, source_velocity, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
+        (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
+        across_count, g, h, n = len(velocity_grid[0]) - 1, len(angle_points), len(velocity_points), len(node_weights)
         for chunk in prange(len(chunks)):
             buffer, sink = buffers[chunk], sinks[chunk]
             sink[:] = 0.0
             buffer[chunks[chunk, 2] * across_count : chunks[chunk, 3] * across_count] = 0.0
-            rows, values = np.empty((modes, g)), np.empty((g, g))
-            along, across = np.empty(modes), np.empty(modes)
+            rows, values = np.empty((modes, h)), np.empty((g, h))
             for i in range(chunks[chunk, 0], chunks[chunk, 1]):
                 side = 1 if source_angle[i] + source_angle[i + 1] > 0.0 else -1
                 width = source_angle[i + 1] - source_angle[i]
@@ -83,45 +108,45 @@ def deposit_kernel(degree):
                     if cell[0, 0] == 0.0 and not np.any(cell):
                         continue
                     for a in range(modes):
-                        for q in range(g):
+                        for q in range(h):
                             total = 0.0
                             for b in range(modes):
-                                total += cell[a, b] * table[q, b]
-                            rows[a, q] = total * weights[q] * areas[i, j]
+                                total += cell[a, b] * velocity_table[q, b]
+                            rows[a, q] = total * velocity_weights[q] * areas[i, j]
                     for p in range(g):
-                        for q in range(g):
+                        for q in range(h):
                             total = 0.0
                             for a in range(modes):
-                                total += rows[a, q] * table[p, a]
-                            values[p, q] = total * weights[p]
-                    row = events[i, j]
+                                total += rows[a, q] * angle_table[p, a]
+                            values[p, q] = total * angle_weights[p]
                     height = source_velocity[j + 1] - source_velocity[j]
+                    row = events[i, j]
+                    if row >= 0:
+                        for p in range(g):
+                            for q in range(h):
+                                for k in range(n):
+                                    amount = values[p, q] * node_weights[k]
+                                    target = landed_cells[row, p, q, k]
+                                    if target < 0:
+                                        sink[-1 - target] += amount
+                                    else:
+                                        point = landed_points[row, p, q, k]
+                                        add(buffer[target], amount, point[0], point[1])
+                        continue
                     for p in range(g):
-                        x = source_angle[i] + points[p] * width
-                        for q in range(g):
-                            v = source_velocity[j] + points[q] * height
+                        x = source_angle[i] + angle_points[p] * width
+                        for q in range(h):
+                            v = source_velocity[j] + velocity_points[q] * height
                             mean_x = shifts[side, 0] + cosh * x + sinh * v
                             mean_v = shifts[side, 1] + sinh * x + cosh * v
                             for k in range(n):
                                 amount = values[p, q] * node_weights[k]
-                                if row >= 0:
-                                    target = landed_cells[row, p, q, k]
-                                    if target < 0:
-                                        sink[-1 - target] += amount
-                                        continue
-                                    xi, eta = landed_points[row, p, q, k, 0], landed_points[row, p, q, k, 1]
+                                m, xi = locate(angle_grid, mean_x + offsets[k, 0])
+                                c, eta = locate(velocity_grid, mean_v + offsets[k, 1])
+                                if m < 0 or c < 0:
+                                    sink[-1 - LOST] += amount
                                 else:
-                                    xn, vn = mean_x + offsets[k, 0], mean_v + offsets[k, 1]
-                                    m, l = cell_of(angle_grid, velocity_grid, first, xn, vn, side)
-                                    if m < 0:
-                                        sink[-1 - LOST] += amount
-                                        continue
-                                    target = m * across_count + l
-                                    xi = 2.0 * (xn - angle[m]) / (angle[m + 1] - angle[m]) - 1.0
-                                    eta = 2.0 * (vn - velocity[l]) / (velocity[l + 1] - velocity[l]) - 1.0
-                                legendre(xi, along)
-                                legendre(eta, across)
-                                add(buffer[target], amount, along, across)
+                                    add(buffer[m * across_count + c], amount, xi, eta)
 
     return deposit
 

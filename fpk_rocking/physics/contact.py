@@ -1,4 +1,4 @@
-"""The rules of contact: impact at zero angle, rest, and the side on which a block moves (paper 3; derived in docs/theory).
+"""The rules of contact: impact at zero angle, rest, and the side on which a block moves (paper 3).
 
 The side is +1 where the angle is positive, -1 where it is negative and 0 for a block at rest. On the side s the
 acceleration is x - s + f; all quantities are nondimensional.
@@ -15,7 +15,7 @@ def impact(velocity, restitution):
 
 @kernel
 def side_at_zero(velocity, force):
-    """Side of a block at zero angle: that of its velocity; at zero velocity that of a force able to uplift it, else rest."""
+    """Side of a block at zero angle: that of its velocity, else that of a force able to uplift it, else 0 for rest."""
     if velocity > 0.0:
         return 1
     if velocity < 0.0:

@@ -1,9 +1,9 @@
 """Closed-form flight between impacts, and the first impact or overturning in it (derived in docs/theory).
 
-On the side s the motion is x'' = x - s + f(t). With a particular solution P of P'' = P + f, the difference y = x - s - P
-obeys y'' = y and is a sum of two exponentials. Over one *segment* of time, P is a polynomial in the time since the
-segment's start; its coefficients are the only thing that distinguishes harmonic forcing, a noise realization or the
-path of a quadrature node. All quantities are nondimensional.
+On the side s the motion is x'' = x - s + f(t). With a particular solution P of P'' = P + f, the difference
+y = x - s - P obeys y'' = y and is a sum of two exponentials. Over one *segment* of time, P is a polynomial in the time
+since the segment's start; its coefficients are the only thing that distinguishes harmonic forcing, a noise realization
+or the path of a quadrature node. All quantities are nondimensional.
 
 Events are found in the folded motion u = s x >= 0, w = s v. A bound of u'' over the segment gives a parabola that u
 cannot undercut; marching from one parabola's root to the next can approach the first event but never step over it,
@@ -18,10 +18,13 @@ import numpy as np
 from fpk_rocking.jit import kernel
 
 TERMS = 16
-"""Coefficients of a segment's polynomial; harmonic forcing is then right to 1e-14 where frequency times duration < 0.8."""
+"""Coefficients of a segment's polynomial: where frequency times duration < 0.8, harmonic forcing is right to 1e-14."""
 
 NOTHING, IMPACT, OVERTURNING = 0, 1, 2
 """What ends a flight: the segment's end, an impact, the cut-off angle."""
+
+SPEED_FLOOR = 1e-9
+"""Slower than this at zero angle, a block that the force presses down is in contact rather than in flight."""
 
 _TOUCH = 2e-15
 
@@ -42,7 +45,7 @@ class Segment(NamedTuple):
 
 @kernel
 def harmonic_particular(start, amplitude, frequency, phase, out):
-    """Write the Taylor coefficients (TERMS,) about `start` of P for f = -A cos(Omega t + Psi): P = A cos(.)/(1 + Omega^2)."""
+    """Write the Taylor coefficients (TERMS,) about `start` of P = A cos(Omega t + Psi)/(1 + Omega^2), f = -A cos(.)."""
     angle = frequency * start + phase
     scale = amplitude / (1.0 + frequency * frequency)
     even, odd = scale * math.cos(angle), -scale * math.sin(angle)
@@ -70,14 +73,20 @@ def segment_of(particular, force, duration):
     return Segment(particular, force, force[0] - spread, force[0] + spread, curvature)
 
 
-@kernel
+@kernel(fastmath={"contract"})
 def polynomial(coefficients, t):
-    """Value and derivative at t of the polynomial with coefficients (TERMS,)."""
-    value, slope = coefficients[TERMS - 1], 0.0
-    for k in range(TERMS - 2, -1, -1):
-        slope = slope * t + value
-        value = value * t + coefficients[k]
-    return value, slope
+    """Value and derivative at t of the polynomial with coefficients (TERMS,); even and odd powers apart, for speed."""
+    if t == 0.0:
+        return coefficients[0], coefficients[1]
+    square = t * t
+    even, odd = coefficients[TERMS - 2], coefficients[TERMS - 1]
+    even_slope, odd_slope = 0.0, 0.0
+    for k in range(TERMS - 4, -1, -2):
+        even_slope = even_slope * square + even
+        odd_slope = odd_slope * square + odd
+        even = even * square + coefficients[k]
+        odd = odd * square + coefficients[k + 1]
+    return even + t * odd, odd + 2.0 * t * (even_slope + t * odd_slope)
 
 
 @kernel
@@ -94,7 +103,7 @@ def flight(x, v, side, segment, start, end):
 
 @kernel
 def safe_time(gap, slope, curvature):
-    """Time for which a gap >= 0 with this slope and second derivative >= -curvature surely stays open (inf: for ever)."""
+    """Time for which a gap >= 0 with this slope and second derivative >= -curvature surely stays open (or inf)."""
     discriminant = slope * slope + 2.0 * curvature * gap
     if discriminant < 0.0:
         return math.inf
@@ -106,7 +115,7 @@ def safe_time(gap, slope, curvature):
     return (slope + root) / curvature
 
 
-@kernel
+@kernel(forceinline=True)
 def next_event(x, v, side, segment, start, end, cutoff):
     """First impact or overturning of a flight, or the segment's end.
 
@@ -139,18 +148,16 @@ def next_event(x, v, side, segment, start, end, cutoff):
         if u >= cutoff - _TOUCH and w > 0.0:
             return OVERTURNING, t, side * cutoff, side * w
         stay = safe_time(max(cutoff - u, 0.0), -w, rise)
-        if w >= 0.0:
+        if w < 0.0 and u <= _TOUCH:
+            return IMPACT, t, 0.0, side * w
+        fly = safe_time(max(u, 0.0), w, fall)
+        if w >= 0.0 and fly < end - t:
             force, jerk = polynomial(segment.force, t)
             lift = u - 1.0 + side * force
             if lift >= 0.0:
-                fly = safe_time(lift, side * jerk, segment.force_curvature)
-                fly += safe_time(max(u, 0.0), w, fall) if u > 0.0 or w > 0.0 else 0.0
-            else:
-                fly = safe_time(max(u, 0.0), w, fall)
-        elif u <= _TOUCH:
-            return IMPACT, t, 0.0, side * w
-        else:
-            fly = safe_time(u, w, fall)
+                fly += safe_time(lift, side * jerk, segment.force_curvature)
+            elif u <= _TOUCH and w < SPEED_FLOOR:
+                return IMPACT, t, 0.0, 0.0
         t_next = t + min(fly, stay)
         if not t_next > t:
             if stay < fly:

@@ -1,21 +1,18 @@
 """The motion of a block through a segment of time: flights joined by impacts, chatter, rest and uplift."""
 
-import math
-
 from fpk_rocking.jit import kernel
 from fpk_rocking.physics.contact import chatter_time, impact
-from fpk_rocking.physics.flight import IMPACT, OVERTURNING, next_event, polynomial, safe_time
+from fpk_rocking.physics.flight import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, polynomial, safe_time
 
 SLOW = 1e-6
 """Chatter that ends within this time is summed in closed form; the sum is then right to about SLOW^2."""
 
-_SPEED_FLOOR = 1e-9
 _FORCE_FLOOR = 1e-12
 
 
 @kernel
 def uplift_level(segment):
-    """Force beyond which a block at rest uplifts: 1 and a margin over the rounding of f, so that it surely leaves at once."""
+    """Force beyond which a block at rest uplifts: 1 and a margin above the rounding of f, so that it surely leaves."""
     return 1.0 + _FORCE_FLOOR * max(1.0, -segment.force_low, segment.force_high)
 
 
@@ -37,7 +34,7 @@ def uplift_time(segment, start, end):
 
 @kernel
 def settle(speed, side, segment, time, restitution):
-    """What follows an impact: flight (side, 0), rest after the returned delay (0, delay), or uplift at once.
+    """Decide what follows an impact: flight (side, 0), rest after a delay (0, delay), or uplift at once (side, 0).
 
     `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `SLOW`
     under a force that changes by less than a hundredth of its distance to 1; below a speed of 1e-9 the force decides.
@@ -48,14 +45,14 @@ def settle(speed, side, segment, time, restitution):
         delay = chatter_time(speed, side * force, restitution)
         if delay <= SLOW and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
-    if speed >= _SPEED_FLOOR:
+    if speed >= SPEED_FLOOR:
         return side, 0.0
     if abs(force) > uplift_level(segment):
         return (1 if force > 0.0 else -1), 0.0
     return 0, 0.0
 
 
-@kernel
+@kernel(forceinline=True)
 def advance(x, v, side, segment, start, end, restitution, cutoff):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 
@@ -91,7 +88,7 @@ def advance(x, v, side, segment, start, end, restitution, cutoff):
             side, delay = settle(abs(v), -side, segment, t, restitution)
             if side == 0:
                 x, v, t = 0.0, 0.0, t + delay
-            elif abs(v) < _SPEED_FLOOR:
+            elif abs(v) < SPEED_FLOOR:
                 v = 0.0
     return x, v, side, min(t, end)
 

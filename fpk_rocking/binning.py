@@ -1,0 +1,45 @@
+"""The bins in which joint densities of angle and velocity are compared and drawn."""
+
+import math
+
+import numpy as np
+
+__all__ = ["joint_edges"]
+
+_BINS_PER_UNIT = 10
+
+
+def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
+    """Bin edges of width 0.1 that cover the angles up to the cut-off and the velocities that can be expected there.
+
+    x = 0 and v = 0 are edges. The velocity bound is derived: with s the side and B = A/sqrt(1+Ω²) the amplitude of the
+    driven relaxation, w = v - x obeys dw/dτ = -w - s + f, so on the right side w stays within [-1-B, max(B-1, e(1+B))]
+    after an impact at speed 1 + B at most, and v = w + x with x between 0 and the cut-off c gives
+    |v| <= max(1 + B, c + e (1 + B), c + B - 1). The spread of w under white noise, sqrt(D), is added four times; a
+    start far from rest widens the range.
+
+    Parameters
+    ----------
+    scene : Scene
+        Block, forcing, noise, start and overturning are used.
+
+    Returns
+    -------
+    angle_edges, velocity_edges : ndarray
+        Nondimensional, symmetric about 0. The main scene has 32 bins on [-1.6, 1.6] and 64 on [-3.2, 3.2].
+    """
+    cut_off = scene.overturning.angle
+    driven = scene.forcing.amplitude / math.hypot(1.0, scene.forcing.frequency)
+    rebound = scene.block.restitution * (1.0 + driven)
+    started = abs(scene.start.velocity) + abs(scene.start.angle)
+    if scene.start.covariance is not None:
+        (xx, _), (_, vv) = scene.start.covariance
+        started += 4.0 * (math.sqrt(xx) + math.sqrt(vv))
+    velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
+    velocity += 4.0 * math.sqrt(scene.white_equivalent().noise.diffusion)
+    return _edges(cut_off), _edges(velocity)
+
+
+def _edges(bound) -> np.ndarray:
+    half = math.ceil(round(bound * _BINS_PER_UNIT, 9))
+    return np.arange(-half, half + 1) / _BINS_PER_UNIT

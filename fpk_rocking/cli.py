@@ -1,0 +1,227 @@
+"""The command line: ``fpk-rocking fpk|mc|compare``.
+
+Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input, 130
+when interrupted. Files are whole or not there.
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+
+from fpk_rocking.compare import compare, shown_cycles
+from fpk_rocking.output.progress import reporting
+from fpk_rocking.scene import load_scene
+
+_DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
+_EXAMPLES = """\
+a scene is a TOML file; examples are in cases/scenes
+
+examples:
+  fpk-rocking fpk cases/scenes/main.toml
+      probability density by finite elements, 40 forcing cycles
+  fpk-rocking mc cases/scenes/main.toml --realizations 20000 --seed 7
+      Monte Carlo of the same scene
+  fpk-rocking compare cases/scenes/main.toml --cycles 10 --out results/main
+      both, side by side; keeps results, a figure and a summary
+  fpk-rocking compare results/main/density.npz results/main/ensemble.npz
+      two saved results
+  fpk-rocking fpk cases/scenes/main.toml --json > survival.json
+      one JSON object instead of a table
+
+fpk-rocking COMMAND --help lists the options of a command
+"""
+_PRINTED = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
+_CYCLES, _TOLERANCE, _REALIZATIONS, _SEED = 40, 1e-3, 10_000, 1
+
+
+class _Parser(argparse.ArgumentParser):
+    """Refuses bad input in one line, as the rest of the command line does."""
+
+    def error(self, message):
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def main(arguments=None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        By default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 2 for bad input, 130 when interrupted.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        if options.out and options.out.exists() and not options.out.is_dir():
+            raise ValueError(f"--out: got the file {str(options.out)!r}, accepted: a folder, made where missing")
+        options.run(options)
+    except KeyboardInterrupt:
+        sys.stderr.write("fpk-rocking: interrupted; files written so far are whole\n")
+        return 130
+    except (ValueError, TypeError, OSError) as error:
+        sys.stderr.write(f"fpk-rocking {options.command}: {' '.join(str(error).split())}\n")
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = _Parser("fpk-rocking", description=_DESCRIPTION, epilog=_EXAMPLES, formatter_class=layout)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name, does):
+        return commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {_PRINTED}")
+
+    fpk = command("fpk", "probability density by finite elements (Fokker-Planck equation)")
+    fpk.add_argument("scene", metavar="SCENE", help="scene file (TOML)")
+    _add_common(fpk, "result.npz, summary.json and a VTK series jpdf.pvd")
+    _add_density(fpk)
+    fpk.set_defaults(run=_fpk)
+
+    mc = command("mc", "Monte Carlo simulation of many realizations")
+    mc.add_argument("scene", metavar="SCENE", help="scene file (TOML)")
+    _add_common(mc, "result.npz and summary.json")
+    _add_ensemble(mc)
+    mc.set_defaults(run=_mc)
+
+    both = command("compare", "both engines on one scene, or two saved results, side by side")
+    inputs = "a scene file to solve by both engines, or two saved results (.npz)"
+    both.add_argument("inputs", metavar="FILE", nargs="+", help=inputs)
+    _add_common(both, "summary.json, survival.png and, of a scene, density.npz and ensemble.npz")
+    _add_density(both)
+    _add_ensemble(both)
+    both.set_defaults(run=_compare)
+    return parser
+
+
+def _add_common(parser, files):
+    parser.add_argument("--cycles", type=int, metavar="N", help=f"forcing cycles (default {_CYCLES})")
+    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help=f"folder for files: {files}")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+
+
+def _add_density(parser):
+    aim = f"error of survival that the density solver aims at (default {_TOLERANCE:g})"
+    parser.add_argument("--tol", type=float, metavar="X", help=aim)
+
+
+def _add_ensemble(parser):
+    parser.add_argument("--realizations", type=int, metavar="N", help=f"number of paths (default {_REALIZATIONS:,})")
+    parser.add_argument("--seed", type=int, metavar="N", help=f"seed of the random numbers (default {_SEED})")
+    parser.add_argument(
+        "--method",
+        metavar="NAME",
+        help="rk4: Runge-Kutta, for band noise or none; white: paths under white noise, band noise replaced by its "
+        "white equivalent (default: what the noise of the scene asks for)",
+    )
+    steps = "time steps a cycle (default: the engine's own)"
+    parser.add_argument("--steps-per-cycle", type=int, metavar="N", help=steps)
+
+
+def _fpk(options):
+    from fpk_rocking.output import summary, tables, vtk
+
+    result = _solved(options, _scene(options.scene))
+    values = summary.result_summary(result)
+    if options.out:
+        result.save(options.out / "result.npz")
+        vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(result.cycles)}))
+        summary.write_summary(options.out / "summary.json", values)
+    _print(options, values, lambda: tables.result_table(result))
+
+
+def _mc(options):
+    from fpk_rocking.output import summary, tables
+
+    result = _simulated(options, _scene(options.scene))
+    values = summary.result_summary(result)
+    if options.out:
+        result.save(options.out / "result.npz")
+        summary.write_summary(options.out / "summary.json", values)
+    _print(options, values, lambda: tables.result_table(result))
+
+
+def _compare(options):
+    from fpk_rocking.output import curves, summary, tables
+
+    if len(options.inputs) == 2:
+        first, second = _loaded(options)
+    elif len(options.inputs) == 1:
+        scene = _scene(options.inputs[0])
+        second, first = _solved(options, scene), _simulated(options, scene)
+    else:
+        raise ValueError(f"inputs: got {len(options.inputs)} files, accepted: one scene file or two saved results")
+    compared = compare(first, second)
+    if options.out:
+        if len(options.inputs) == 1:
+            first.save(options.out / "ensemble.npz")
+            second.save(options.out / "density.npz")
+        curves.survival_figure(options.out / "survival.png", [second, first], "Survival and leakage")
+        summary.write_summary(options.out / "summary.json", compared.to_dict())
+    _print(options, compared.to_dict(), lambda: tables.comparison_table([compared]))
+
+
+def _scene(path):
+    if path.endswith(".npz"):
+        raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
+    return load_scene(path)
+
+
+def _solved(options, scene):
+    from fpk_rocking.density import solve_fpk
+
+    cycles, tolerance = _or(options.cycles, _CYCLES), _or(options.tol, _TOLERANCE)
+    with reporting("density") as progress:
+        return solve_fpk(scene, cycles=cycles, tol=tolerance, progress=progress)
+
+
+def _simulated(options, scene):
+    from montecarlo import simulate
+
+    if options.method == "white":
+        scene = scene.white_equivalent()
+    steps = {} if options.steps_per_cycle is None else {"steps_per_cycle": options.steps_per_cycle}
+    with reporting("Monte Carlo") as progress:
+        return simulate(
+            scene,
+            cycles=_or(options.cycles, _CYCLES),
+            realizations=_or(options.realizations, _REALIZATIONS),
+            seed=_or(options.seed, _SEED),
+            method=options.method,
+            progress=progress,
+            **steps,
+        )
+
+
+def _loaded(options) -> list:
+    from fpk_rocking.density import Evolution
+    from fpk_rocking.storage import result_kind
+    from montecarlo import Ensemble
+
+    for name in ("cycles", "tol", "realizations", "seed", "method", "steps_per_cycle"):
+        if getattr(options, name) is not None:
+            raise ValueError(f"--{name.replace('_', '-')}: has no effect on saved results, accepted: with a scene file")
+    kinds = {"evolution": Evolution, "ensemble": Ensemble}
+    return [kinds[result_kind(path)].load(path) for path in options.inputs]
+
+
+def _or(value, default):
+    return default if value is None else value
+
+
+def _print(options, values, table):
+    from fpk_rocking.output import tables
+
+    if options.json:
+        sys.stdout.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")
+    else:
+        tables.show(*table())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,236 @@
+"""Two results of one problem side by side: survival, leakage and joint densities, beside what sampling explains.
+
+The results may come from any engine, live or loaded from disk: a density, a Monte Carlo ensemble, or two of a kind.
+"""
+
+import dataclasses
+import math
+import numbers
+import typing
+
+import numpy as np
+
+from fpk_rocking import checks, distances
+from fpk_rocking.binning import joint_edges
+from fpk_rocking.remarks import name_of, noise_text, remarks
+
+__all__ = ["Comparison", "Result", "compare", "joint_edges", "shown_cycles"]
+
+_SHOWN_CYCLES = (1, 2, 4, 10, 20, 40, 60, 100, 200)
+_LEVEL = 0.95
+
+
+class Result(typing.Protocol):
+    """What a result of either engine offers.
+
+    A Monte Carlo result also has ``realizations``, ``seed``, ``method`` and ``survival_interval(level)``; a density
+    also has ``error_estimate`` and ``closure``.
+    """
+
+    scene: object
+    cycles: int
+    survival: np.ndarray
+    overturned: np.ndarray
+    wall_s: float
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges) -> np.ndarray:
+        """Return P(not overturned and in the bin), shape (n_angle, n_velocity)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Two results side by side; the last axis of length 2, where there is one, is (first, second) result.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What the results are.
+    realizations : tuple of (int or None)
+        Sizes of ensembles, None for a density.
+    cycles : ndarray, shape (n+1,)
+        0 to the last cycle that both results have.
+    survival : ndarray, shape (n+1, 2)
+        P(not overturned) after each cycle.
+    interval : ndarray, shape (n+1, 2, 2)
+        Lower and upper 95 % confidence limits, indexed [cycle, result, limit]; nan for a density.
+    error_estimate : ndarray, shape (2,)
+        A density's own estimate of its largest survival error; nan for an ensemble.
+    difference : ndarray, shape (n+1,)
+        Survival of the first less that of the second.
+    standard_error : ndarray, shape (n+1,)
+        Combined standard error of the difference of two samples of one law, the pooled survival; 0 for two densities.
+    z : ndarray, shape (n+1,)
+        The difference in standard errors; nan for two densities.
+    leakage : ndarray, shape (n, 2, 2)
+        P(overturned during the cycle), indexed [cycle, result, side], sides (left, right).
+    joint_cycles : ndarray, shape (m,)
+        Cycles at which the joint densities are compared.
+    l1, l1_floor, hellinger, hellinger_floor : ndarray, shape (m,)
+        Distances of the binned joint densities, and what they are expected to be for two samples of one law.
+    outside : ndarray, shape (m, 2)
+        P(not overturned) outside all bins.
+    wall_s : tuple of float
+        Seconds each result took.
+    remarks : tuple of str
+        What a reader has to know to judge the figures.
+    """
+
+    names: tuple[str, str]
+    realizations: tuple[int | None, int | None]
+    cycles: np.ndarray
+    survival: np.ndarray
+    interval: np.ndarray
+    error_estimate: np.ndarray
+    difference: np.ndarray
+    standard_error: np.ndarray
+    z: np.ndarray
+    leakage: np.ndarray
+    joint_cycles: np.ndarray
+    l1: np.ndarray
+    l1_floor: np.ndarray
+    hellinger: np.ndarray
+    hellinger_floor: np.ndarray
+    outside: np.ndarray
+    wall_s: tuple[float, float]
+    remarks: tuple[str, ...]
+
+    def to_dict(self) -> dict:
+        """Return plain lists, numbers and strings for JSON, nan as None."""
+        return {field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+
+
+def compare(first, second, joint_cycles=None) -> Comparison:
+    """Compare two results of one problem.
+
+    Parameters
+    ----------
+    first, second : Result
+        Results whose scenes agree in all but the noise: white noise may be held against band noise, and the remarks
+        then say so. Where the numbers of cycles differ, the common ones are compared.
+    joint_cycles : sequence of int, optional
+        Cycles at which the joint densities are compared; by default 1, 2, 4, 10, 20, 40, ... and the last.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ValueError
+        The scenes differ in restitution, forcing, start or overturning, or a cycle is not one that both results have.
+    TypeError
+        A cycle is not a whole number.
+    """
+    _same_problem(first.scene, second.scene)
+    cycles = min(first.cycles, second.cycles)
+    joint_cycles = _joint_cycles(joint_cycles, cycles)
+    both, kept = (first, second), slice(0, cycles + 1)
+    sizes = [float(getattr(result, "realizations", math.inf)) for result in both]
+    survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
+    difference = survival[:, 0] - survival[:, 1]
+    common = distances.pooled(survival[:, 0], survival[:, 1], *sizes)
+    standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
+    leakage = np.stack([np.diff(np.asarray(result.overturned)[kept], axis=0) for result in both], axis=1)
+    edges = joint_edges(first.scene)
+    joint = [_joint(both, sizes, cycle, edges) for cycle in joint_cycles]
+    columns = np.array(joint, dtype=float).reshape(len(joint), 6)
+    return Comparison(
+        names=(name_of(first), name_of(second)),
+        realizations=tuple(getattr(result, "realizations", None) for result in both),
+        cycles=np.arange(cycles + 1),
+        survival=survival,
+        interval=np.stack([_interval(result)[kept] for result in both], axis=1),
+        error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in both]),
+        difference=difference,
+        standard_error=standard_error,
+        z=_z(difference, standard_error, sizes),
+        leakage=leakage,
+        joint_cycles=np.array(joint_cycles, dtype=int),
+        l1=columns[:, 0],
+        l1_floor=columns[:, 1],
+        hellinger=columns[:, 2],
+        hellinger_floor=columns[:, 3],
+        outside=columns[:, 4:],
+        wall_s=(float(first.wall_s), float(second.wall_s)),
+        remarks=_remarks(first, second),
+    )
+
+
+def shown_cycles(cycles) -> list[int]:
+    """Return the cycles up to a last one that tables and files show unless others are asked for."""
+    return sorted({*(cycle for cycle in _SHOWN_CYCLES if cycle <= cycles), cycles})
+
+
+def _same_problem(first, second):
+    parts = {
+        "block.restitution": lambda scene: scene.block.restitution,
+        "forcing": lambda scene: scene.forcing,
+        "start": lambda scene: scene.start,
+        "overturning": lambda scene: scene.overturning,
+    }
+    for name, part in parts.items():
+        if part(first) != part(second):
+            raise ValueError(
+                f"{name}: got {part(first)} in the first result and {part(second)} in the second, "
+                "accepted: two results of one problem (only the noise may differ)"
+            )
+
+
+def _joint_cycles(asked, cycles) -> list[int]:
+    if asked is None:
+        return shown_cycles(cycles)
+    accepted = f"whole numbers from 0 to {cycles}, the cycles that both results have"
+    for cycle in asked:
+        if isinstance(cycle, bool) or not isinstance(cycle, numbers.Integral):
+            raise TypeError(checks.refusal("joint_cycles", cycle, accepted))
+        if not 0 <= cycle <= cycles:
+            raise ValueError(checks.refusal("joint_cycles", cycle, accepted))
+    return [int(cycle) for cycle in asked]
+
+
+def _joint(both, sizes, cycle, edges):
+    bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
+    common = distances.pooled(*bins, *sizes)
+    return (
+        distances.l1(*bins),
+        distances.l1_floor(common, *sizes),
+        distances.hellinger(*bins),
+        distances.hellinger_floor(common, *sizes),
+        *(result.survival[cycle] - values.sum() for result, values in zip(both, bins, strict=True)),
+    )
+
+
+def _interval(result) -> np.ndarray:
+    if hasattr(result, "survival_interval"):
+        return np.asarray(result.survival_interval(_LEVEL))
+    return np.full((result.cycles + 1, 2), math.nan)
+
+
+def _z(difference, standard_error, sizes) -> np.ndarray:
+    if all(map(math.isinf, sizes)):
+        return np.full(difference.shape, math.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(difference == 0.0, 0.0, difference / standard_error)
+
+
+def _remarks(first, second) -> tuple[str, ...]:
+    sentences = list(remarks(first, second))
+    noises = [result.scene.noise for result in (first, second)]
+    if noises[0] != noises[1]:
+        sentences.append(f"The noise differs: {noise_text(noises[0])}, against {noise_text(noises[1])}.")
+    seeds = [(getattr(result, "seed", None), getattr(result, "method", None)) for result in (first, second)]
+    if seeds[0] == seeds[1] != (None, None):
+        sentences.append(
+            f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."
+        )
+    return tuple(sentences)
+
+
+def _plain(value):
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,103 @@
+"""Survival and leakage of several results against the cycle, with what sampling explains."""
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from fpk_rocking.compare import compare
+from fpk_rocking.output import style
+from fpk_rocking.remarks import label_of, name_of, noise_text, remarks
+
+__all__ = ["survival_figure"]
+
+_MARKERS = "osD^"
+_SIZE = (10.5, 7.0)
+_LINE = 0.22
+
+
+def survival_figure(path, results, title):
+    """Draw survival, its tail on a logarithmic axis, differences to the first result and leakage per cycle and side.
+
+    Ensembles carry their 95 % intervals; the interval of a difference is that of two samples of one law. A survival
+    of zero, which a small ensemble reaches, has no place on the logarithmic axis.
+
+    Parameters
+    ----------
+    path : path
+        Where to write; the suffix chooses the format.
+    results : sequence of Result
+        Two to four; the first is the reference, and all scenes agree in all but the noise.
+    title : str
+        Stands on top.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+    """
+    with style.drawing() as new_figure:
+        notes = remarks(*results)
+        width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
+        figure = new_figure(figsize=(width, height))
+        figure.suptitle(title, fontsize=15, y=1.0 - 0.12 / height, va="top", in_layout=False)
+        panels = figure.subplots(2, 2)
+        labels = [f"{label_of(result)} ({noise_text(result.scene.noise)})" for result in results]
+        for result, label, colour, marker in zip(results, labels, style.COLOURS, _MARKERS, strict=False):
+            _survival(panels[0, 0], result, label, colour, marker)
+            _survival(panels[0, 1], result, label, colour, marker)
+            _leakage(panels[1, 1], result, colour, marker)
+        for place, result in enumerate(results[1:], start=1):
+            _difference(panels[1, 0], compare(result, results[0], joint_cycles=()), place)
+        _label(panels, name_of(results[0]))
+        handles, names = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
+        figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
+        bottom, top = (0.15 + _LINE * len(notes)) / height, 1.0 - (0.5 + _LINE * len(results)) / height
+        figure.tight_layout(rect=(0.0, bottom, 1.0, top), w_pad=2.0, h_pad=1.5)
+        return style.save(figure, path)
+
+
+def _is_sample(result) -> bool:
+    return hasattr(result, "survival_interval")
+
+
+def _points(marker) -> dict:
+    return {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none"}
+
+
+def _survival(axes, result, label, colour, marker):
+    cycles, survival = np.arange(result.cycles + 1), np.asarray(result.survival)
+    if not _is_sample(result):
+        axes.plot(cycles, survival, color=colour, label=label)
+        return
+    low, high = np.asarray(result.survival_interval(0.95)).T
+    # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
+    bars = np.maximum([survival - low, high - survival], 0.0)
+    axes.errorbar(cycles, survival, bars, color=colour, label=label, **_points(marker))
+
+
+def _difference(axes, comparison, place):
+    bars = 1.96 * comparison.standard_error
+    beside = comparison.cycles + 0.3 * (place - 1)
+    axes.errorbar(beside, comparison.difference, bars, color=style.COLOURS[place], **_points(_MARKERS[place]))
+
+
+def _leakage(axes, result, colour, marker):
+    cycles = np.arange(1, result.cycles + 1)
+    left, right = np.diff(np.asarray(result.overturned), axis=0).T
+    shape = _points(marker) if _is_sample(result) else {}
+    for values in (right, -left):
+        axes.plot(cycles, values, color=colour, **shape)
+
+
+def _label(panels, reference):
+    survival, tail, difference, leakage = panels.ravel()
+    survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
+    tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")
+    difference.set(title=f"Survival less that of the {reference}", ylabel="difference, 95 % intervals")
+    difference.axhline(0.0, color=style.COLOURS[0], zorder=1)
+    leakage.set(title="Leakage: overturned during each cycle, by side", ylabel="left ← probability → right")
+    leakage.axhline(0.0, color="black", linewidth=0.8)
+    leakage.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    for axes in panels.ravel():
+        axes.set_xlabel("forcing cycles")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))

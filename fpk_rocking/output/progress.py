@@ -1,0 +1,55 @@
+"""Progress of long work on standard error: a bar in a terminal, now and then a line elsewhere."""
+
+import contextlib
+import sys
+import time
+
+__all__ = ["reporting"]
+
+_SECONDS_BETWEEN_LINES = 10.0
+
+
+@contextlib.contextmanager
+def reporting(label):
+    """Show the progress of one piece of work.
+
+    Parameters
+    ----------
+    label : str
+        What is being done.
+
+    Yields
+    ------
+    callable
+        Takes ``(done, total)``; to be called now and then.
+    """
+    if sys.stderr.isatty():
+        with _bar(label) as report:
+            yield report
+    else:
+        yield _lines(label)
+
+
+@contextlib.contextmanager
+def _bar(label):
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    columns = (*columns, TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(label, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _lines(label):
+    started = last = time.monotonic()
+
+    def report(done, total):
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _SECONDS_BETWEEN_LINES and done < total:
+            last = now
+            sys.stderr.write(f"{label}: {100.0 * done / total:.0f} % after {now - started:.0f} s\n")
+
+    return report

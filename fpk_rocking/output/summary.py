@@ -1,0 +1,51 @@
+"""Results as plain values for JSON."""
+
+import json
+
+import numpy as np
+
+from fpk_rocking.remarks import noise_text, remarks
+from fpk_rocking.storage import write_text
+
+__all__ = ["result_summary", "write_summary"]
+
+
+def result_summary(result) -> dict:
+    """Return what a result says of itself, without its density or its paths.
+
+    Parameters
+    ----------
+    result : Result
+        Of either engine.
+
+    Returns
+    -------
+    dict
+        ``noise``, ``cycles``, ``survival``, ``overturned`` [left, right], ``wall_s`` and ``remarks``; of a density also
+        ``error_estimate``, ``mass_defect``, ``negative_mass``, ``lost`` and ``diffusion``; of an ensemble also
+        ``interval`` (95 %), ``method``, ``realizations``, ``seed`` and ``steps_per_cycle``.
+    """
+    common = {
+        "noise": noise_text(result.scene.noise),
+        "cycles": int(result.cycles),
+        "survival": np.asarray(result.survival).tolist(),
+        "overturned": np.asarray(result.overturned).tolist(),
+        "wall_s": float(result.wall_s),
+    }
+    if hasattr(result, "realizations"):
+        own = {
+            "interval": np.asarray(result.survival_interval(0.95)).tolist(),
+            "method": result.method,
+            "realizations": int(result.realizations),
+            "seed": int(result.seed),
+            "steps_per_cycle": int(result.steps_per_cycle),
+        }
+    else:
+        own = {name: float(getattr(result, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        own |= {"lost": np.asarray(result.lost).tolist(), "diffusion": float(result.diffusion)}
+    return common | own | {"remarks": list(remarks(result))}
+
+
+def write_summary(path, values):
+    """Write plain values as a JSON file, whole or not at all; nan is refused, for JSON has none."""
+    write_text(path, json.dumps(values, indent=1, allow_nan=False, ensure_ascii=False) + "\n")

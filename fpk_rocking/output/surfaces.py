@@ -1,0 +1,136 @@
+"""The joint density of angle and velocity as surfaces, one panel a cycle, results above one another (paper Fig. 6)."""
+
+import math
+import textwrap
+
+import numpy as np
+from matplotlib.colors import PowerNorm
+from matplotlib.ticker import MaxNLocator
+
+from fpk_rocking.binning import joint_edges
+from fpk_rocking.output import style
+from fpk_rocking.remarks import label_of, noise_text, remarks
+
+__all__ = ["surface_figure"]
+
+_COLUMNS = 3
+_PANEL = (3.6, 3.05)
+_ROW_NAME = {"rotation": 90, "va": "center", "ha": "center", "weight": "bold", "linespacing": 1.4}
+_VIEW = {"elev": 32, "azim": -62}
+
+
+def surface_figure(path, results, cycles, title):
+    """Draw joint densities as surfaces, one panel a cycle, and what has overturned as walls at the cut-off.
+
+    Every surface is the probability in a bin of `joint_edges` centred on the point, divided by the bin's area: one
+    smoothing for all results, whichever engine they come from, without the steps of a histogram. Panels of one cycle
+    share their axes. A wall's height is the probability that has overturned to that side, on a scale whose top is 1; a
+    start from a point is drawn as a needle.
+
+    Parameters
+    ----------
+    path : path
+        Where to write; the suffix chooses the format.
+    results : sequence of Result
+        Drawn from top to bottom; their scenes agree in all but the noise.
+    cycles : sequence of int
+        Drawn from left to right, three a row.
+    title : str
+        Stands on top.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+    """
+    blocks = [cycles[first : first + _COLUMNS] for first in range(0, len(cycles), _COLUMNS)]
+    columns, rows = min(_COLUMNS, len(cycles)), len(blocks) * len(results)
+    notes = _notes(results, columns)
+    width, height = columns * _PANEL[0] + 0.35, rows * _PANEL[1] + 0.6 + 0.2 * len(notes)
+    bottom, top = (0.3 + 0.2 * len(notes)) / height, 1.0 - 0.45 / height
+    with style.drawing() as new_figure:
+        figure = new_figure(figsize=(width, height))
+        figure.suptitle(title, fontsize=15, y=1.0 - 0.12 / height, va="top")
+        around = {"left": 0.04, "right": 0.965, "bottom": bottom, "top": top}
+        cells = figure.add_gridspec(rows, columns, **around, wspace=0.0, hspace=0.0)
+        for block, shown in enumerate(blocks):
+            for column, cycle in enumerate(shown):
+                surfaces = [_surface(result, cycle) for result in results]
+                highest = max(values.max() for *_, values in surfaces)
+                for row, (result, surface) in enumerate(zip(results, surfaces, strict=True)):
+                    cell = cells[block * len(results) + row, column]
+                    _panel(figure.add_subplot(cell, projection="3d", **_VIEW), result, cycle, surface, highest)
+            for row, result in enumerate(results):
+                low, high = cells[block * len(results) + row, 0].get_position(figure).intervaly
+                figure.text(0.025, 0.5 * (low + high), label_of(result).replace(", ", "\n"), **_ROW_NAME)
+        for line, note in enumerate(reversed(notes)):
+            figure.text(0.02, (0.12 + 0.2 * line) / height, note, color="#333333")
+        return style.save(figure, path)
+
+
+def _surface(result, cycle):
+    """Angles, velocities and, around each point, the mean density in a bin; the points are half a bin apart."""
+    halves = [np.linspace(edges[0], edges[-1], 2 * edges.size - 1) for edges in joint_edges(result.scene)]
+    parts = np.asarray(result.bin_probabilities(cycle, *halves))
+    bins = parts[:-1, :-1] + parts[1:, :-1] + parts[:-1, 1:] + parts[1:, 1:]
+    area = np.multiply.outer(*(edges[2:] - edges[:-2] for edges in halves))
+    return *np.meshgrid(*(edges[1:-1] for edges in halves), indexing="ij"), bins / area
+
+
+def _panel(axes, result, cycle, surface, highest):
+    scene = result.scene
+    cut_off, bound = scene.overturning.angle, surface[1].max()
+    axes.patch.set_visible(False)
+    axes.set(xlim=(-cut_off, cut_off), ylim=(-bound, bound), zlim=(0.0, highest))
+    axes.set_box_aspect((1.3, 1.3, 0.8), zoom=1.12)
+    atom = cycle == 0 and scene.start.covariance is None
+    if not atom:
+        # The root brings out the low parts, which hold most of the probability.
+        colours = {"cmap": style.SURFACE, "norm": PowerNorm(0.5, 0.0, highest)}
+        axes.plot_surface(*surface, **colours, rstride=1, cstride=1, linewidth=0.0)
+    for probability, x in zip(result.overturned[cycle], (-cut_off, cut_off), strict=True):
+        _wall(axes, x, bound, probability * highest, f"{probability:z.3f}")
+    when = "start" if cycle == 0 else f"{cycle} cycle{'s' if cycle > 1 else ''}"
+    axes.set_title(f"{when}: survival {result.survival[cycle]:.3f}", y=0.93, pad=0)
+    axes.set_xlabel("angle Θ", labelpad=-6)
+    axes.set_ylabel("velocity dΘ/dτ", labelpad=-5)
+    axes.set_zlabel("density", labelpad=-7)
+    axes.tick_params(pad=-3, labelsize=8)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+        axis.pane.set_facecolor("white")
+    if atom:
+        _needle(axes, scene.start, highest)
+
+
+def _wall(axes, x, bound, height, text):
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    corners = [(x, -bound, 0.0), (x, bound, 0.0), (x, bound, height), (x, -bound, height)]
+    colour = style.OVERTURNED
+    axes.add_collection3d(Poly3DCollection([corners], facecolor=colour, alpha=0.4, edgecolor=colour))
+    box = {"facecolor": "white", "edgecolor": colour, "linewidth": 0.8, "boxstyle": "round,pad=0.15"}
+    axes.text(x, -bound, height, text, ha="left" if x < 0.0 else "right", va="bottom", fontsize=9, bbox=box, zorder=100)
+
+
+def _needle(axes, start, highest):
+    axes.plot([start.angle] * 2, [start.velocity] * 2, [0.0, 0.9 * highest], color="black", linewidth=2.0)
+    axes.text(start.angle, start.velocity, 0.92 * highest, "probability 1 at one point", ha="center", va="bottom")
+    axes.set_zlabel("")
+    axes.set_zticks([])
+
+
+def _notes(results, columns):
+    scene = results[0].scene
+    forcing, turns = scene.forcing, scene.forcing.phase / math.pi
+    phase = {0.0: "0", 1.0: "π"}.get(round(turns, 4), f"{turns:.4g}π")
+    problem = (
+        f"A = {forcing.amplitude:g}, Ω = {forcing.frequency:g}, Ψ = {phase}, e = {scene.block.restitution:g}, start at "
+        f"({scene.start.angle:g}, {scene.start.velocity:g}), {noise_text(scene.noise)}; all nondimensional."
+    )
+    drawn = (
+        "Surfaces: mean density in 0.1 × 0.1 around each point, one scale a cycle. Walls at the cut-off: probability "
+        "overturned to that side, full height = 1."
+    )
+    lines = (problem, drawn, *remarks(*results))
+    return [part for line in lines for part in textwrap.wrap(line, 52 * columns)]

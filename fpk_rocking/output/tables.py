@@ -1,0 +1,113 @@
+"""Results as tables on standard output."""
+
+import math
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from fpk_rocking.remarks import label_of, noise_text, remarks
+
+__all__ = ["comparison_table", "result_table", "show"]
+
+_NARROWEST = 100
+
+
+def show(title, table, sentences):
+    """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=_NARROWEST)
+    console.print(title, markup=False, style="bold")
+    console.print(table)
+    for sentence in sentences:
+        console.print(sentence, markup=False, style="dim")
+
+
+def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
+    """Return title, table and closing sentences for survival and overturned probability after each cycle."""
+    table = _table()
+    table.add_column("cycles", justify="right")
+    table.add_column("survival", justify="right")
+    interval = result.survival_interval(0.95) if hasattr(result, "survival_interval") else None
+    if interval is not None:
+        table.add_column("95 % interval", justify="center")
+    table.add_column("overturned left", justify="right")
+    table.add_column("overturned right", justify="right")
+    for cycle, (left, right) in enumerate(result.overturned):
+        limits = [] if interval is None else [_limits(interval[cycle], 5)]
+        table.add_row(str(cycle), f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
+    return f"{label_of(result)}: {noise_text(result.scene.noise)}", table, (_honesty(result), *remarks(result))
+
+
+def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
+    """Return title, table and closing sentences for what was compared, cycle by cycle.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        All with the same second result, the reference, and the same cycles of comparison.
+
+    Returns
+    -------
+    title : str
+    table : rich.table.Table
+        For each cycle one row for the reference and one for each result held against it.
+    sentences : tuple of str
+    """
+    table = _table()
+    table.add_column("cycles", justify="right")
+    table.add_column("result")
+    table.add_column("survival", justify="right")
+    table.add_column("95 % interval", justify="center")
+    table.add_column("z", justify="right")
+    table.add_column("L1 (floor)", justify="right")
+    table.add_column("Hellinger (floor)", justify="right")
+    for place, cycle in enumerate(comparisons[0].joint_cycles):
+        table.add_row(str(cycle), *_survival(comparisons[0], cycle, 1), "", "", "")
+        for compared in comparisons:
+            table.add_row(
+                "",
+                *_survival(compared, cycle, 0),
+                "" if math.isnan(compared.z[cycle]) else f"{compared.z[cycle]:+.1f}",
+                f"{compared.l1[place]:.4f} ({compared.l1_floor[place]:.4f})",
+                f"{compared.hellinger[place]:.4f} ({compared.hellinger_floor[place]:.4f})",
+            )
+        table.add_section()
+    sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
+    title = "Survival, and distance of the joint densities from the first row of each cycle"
+    note = "z: difference of survival in combined standard errors. Floor: what sampling alone explains."
+    return title, table, (*_sizes(comparisons), note, *sentences)
+
+
+def _table() -> Table:
+    return Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+
+
+def _sizes(comparisons) -> list[str]:
+    sizes = {
+        name: size
+        for compared in comparisons
+        for name, size in zip(compared.names, compared.realizations, strict=True)
+        if size is not None
+    }
+    return [f"Realizations: {', '.join(f'{name} {size:,}' for name, size in sizes.items())}."] if sizes else []
+
+
+def _survival(compared, cycle, which):
+    limits = compared.interval[cycle, which]
+    text = "" if math.isnan(limits[0]) else _limits(limits, 4)
+    return compared.names[which], f"{compared.survival[cycle, which]:.4f}", text
+
+
+def _limits(limits, digits) -> str:
+    return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"
+
+
+def _honesty(result) -> str:
+    if hasattr(result, "realizations"):
+        return f"Seed {result.seed}, {result.steps_per_cycle} steps a cycle, {result.wall_s:.1f} s."
+    return (
+        f"Estimated error of survival {result.error_estimate:.1e}, mass defect {result.mass_defect:.1e}, negative mass "
+        f"{result.negative_mass:.1e}, {result.wall_s:.1f} s."
+    )

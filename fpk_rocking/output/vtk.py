@@ -1,0 +1,160 @@
+"""Joint densities as a VTK time series: one .vtu file a cycle and a .pvd file that lists them by time.
+
+Every file has, for points and cells, ``density`` (per unit angle and velocity; of a cell, its mean) and, for cells,
+``probability`` (their sum is the survival) and ``element_density``, the mean over the finite element or the bin that
+the cell is a part of: point values of a discontinuous solution are much rougher than its means. The plane is z = 0 and
+left to the viewer to warp. No two elements share points, so both sides of x = 0, and of every other line where the
+density jumps, are there. Field data: ``cycle``, ``tau``, ``survival``, ``overturned_left``, ``overturned_right``,
+``cut_off``.
+"""
+
+import pathlib
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from fpk_rocking.binning import joint_edges
+from fpk_rocking.storage import replaced_atomically, write_text
+
+__all__ = ["write_series"]
+
+
+def write_series(folder, name, result, cycles) -> pathlib.Path:
+    """Write the joint density of angle and velocity after each of some cycles.
+
+    A density is written on its own mesh, every cell cut into as many pieces a side as its polynomial degree, so that
+    the points carry the whole polynomial. An ensemble is written as a histogram on `joint_edges`. A start from a point
+    has no density: its file holds the empty strip and one vertex of probability 1.
+
+    Parameters
+    ----------
+    folder : path
+        Where to write; created if missing.
+    name : str
+        Stem of the files: ``<name>.pvd``, ``<name>_0000.vtu``, ...
+    result : Result
+        Of either engine.
+    cycles : sequence of int
+        Cycles to write.
+
+    Returns
+    -------
+    pathlib.Path
+        The .pvd file. It is written last, so it never names a file that is not there.
+    """
+    folder = pathlib.Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = []
+    for cycle in cycles:
+        file = folder / f"{name}_{cycle:04d}.vtu"
+        _write_mesh(file, _mesh(result, cycle), _fields(result, cycle))
+        entries.append((cycle * result.scene.period, file.name))
+    listing = folder / f"{name}.pvd"
+    write_text(listing, _collection(entries))
+    return listing
+
+
+def _mesh(result, cycle):
+    if cycle == 0 and result.scene.start.covariance is None:
+        return _atom(result.scene)
+    if hasattr(result, "realizations"):
+        return _histogram(result, cycle)
+    return _subdivided(result, cycle)
+
+
+def _subdivided(evolution, cycle):
+    law = evolution.at(cycle)
+    pieces = max(law.degree, 1)
+    # Interpolated as linspace does, both ends of a cell are the mesh lines themselves, x = 0 among them.
+    lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in law.mesh_lines]
+    # The solver's own bin integrals on the pieces give their exact means; a mean of corner values would not.
+    edges = [np.append(values[:, :-1].ravel(), values[-1, -1]) for values in lines]
+    probability = np.asarray(evolution.bin_probabilities(cycle, *edges))
+    n_angle, n_velocity = (len(values) for values in lines)
+    by_cell = probability.reshape(n_angle, pieces, n_velocity, pieces).swapaxes(1, 2)
+    return _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), by_cell)
+
+
+def _histogram(ensemble, cycle):
+    edges = joint_edges(ensemble.scene)
+    probability = np.asarray(ensemble.bin_probabilities(cycle, *edges))
+    lines = [np.stack([values[:-1], values[1:]], axis=-1) for values in edges]
+    heights = probability / np.multiply.outer(*map(np.diff, edges))
+    values = np.broadcast_to(heights[:, :, None, None], (*heights.shape, 2, 2))
+    return _lattices(*lines, values, probability[:, :, None, None])
+
+
+def _lattices(angle, velocity, values, probability):
+    """Mesh of separate lattices, one an element; shapes (n_angle, n), (n_velocity, n), (n_angle, n_velocity, n, n)."""
+    n_angle, n_velocity, n, _ = values.shape
+    shape = (n_angle, n_velocity, n, n)
+    points = np.zeros((values.size, 3))
+    points[:, 0] = np.broadcast_to(angle[:, None, :, None], shape).ravel()
+    points[:, 1] = np.broadcast_to(velocity[None, :, None, :], shape).ravel()
+    index = np.arange(values.size).reshape(shape)
+    corners = (index[..., :-1, :-1], index[..., 1:, :-1], index[..., 1:, 1:], index[..., :-1, 1:])
+    quads = np.stack([corner.ravel() for corner in corners], axis=-1)
+    areas = np.diff(angle)[:, None, :, None] * np.diff(velocity)[None, :, None, :]
+    within = (2, 3)
+    element = probability.sum(axis=within, keepdims=True) / areas.sum(axis=within, keepdims=True)
+    cell_data = {
+        "density": [(probability / areas).ravel()],
+        "probability": [probability.ravel()],
+        "element_density": [np.broadcast_to(element, probability.shape).ravel()],
+    }
+    return _mesh_of(points, [("quad", quads)], values.ravel(), cell_data)
+
+
+def _atom(scene):
+    cut_off, bound = scene.overturning.angle, joint_edges(scene)[1][-1]
+    corners = [
+        corner
+        for low, high in ((-cut_off, 0.0), (0.0, cut_off))
+        for corner in ((low, -bound, 0.0), (high, -bound, 0.0), (high, bound, 0.0), (low, bound, 0.0))
+    ]
+    points = np.array([*corners, (scene.start.angle, scene.start.velocity, 0.0)])
+    cells = [("quad", np.arange(8).reshape(2, 4)), ("vertex", np.array([[8]]))]
+    zeros = [np.zeros(2), np.zeros(1)]
+    cell_data = {"density": zeros, "probability": [np.zeros(2), np.ones(1)], "element_density": zeros}
+    return _mesh_of(points, cells, np.zeros(9), cell_data)
+
+
+def _mesh_of(points, cells, values, cell_data):
+    import meshio
+
+    return meshio.Mesh(points, cells, point_data={"density": np.array(values)}, cell_data=cell_data)
+
+
+def _fields(result, cycle) -> dict[str, float]:
+    left, right = result.overturned[cycle]
+    return {
+        "cycle": cycle,
+        "tau": cycle * result.scene.period,
+        "survival": result.survival[cycle],
+        "overturned_left": left,
+        "overturned_right": right,
+        "cut_off": result.scene.overturning.angle,
+    }
+
+
+def _write_mesh(file, mesh, fields):
+    with replaced_atomically(file) as temporary:
+        mesh.write(temporary, file_format="vtu")
+        # meshio reads field data of a .vtu file but does not write it.
+        grid = "<UnstructuredGrid>"
+        text = temporary.read_text(encoding="utf-8").replace(grid, grid + _field_data(fields), 1)
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _field_data(fields) -> str:
+    head = '<DataArray type="Float64" NumberOfTuples="1" format="ascii"'
+    arrays = (f'{head} Name="{name}">{float(value)!r}</DataArray>' for name, value in fields.items())
+    return f"<FieldData>{''.join(arrays)}</FieldData>"
+
+
+def _collection(entries) -> str:
+    lines = "".join(
+        f'    <DataSet timestep="{time!r}" group="" part="0" file={quoteattr(file)}/>\n' for time, file in entries
+    )
+    head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">'
+    return f'<?xml version="1.0"?>\n{head}\n  <Collection>\n{lines}  </Collection>\n</VTKFile>\n'

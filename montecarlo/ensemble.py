@@ -1,0 +1,127 @@
+"""The result of a simulation: every realization's Poincaré points and its overturning."""
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from fpk_rocking import checks, storage
+from fpk_rocking.scene import Scene
+from montecarlo.statistics import wilson_interval
+
+_ARRAYS = ("angle", "velocity", "overturn_time", "overturn_side")
+_ATTRIBUTES = ("method", "seed", "steps_per_cycle", "wall_s")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Independent realizations of a scene; all quantities are nondimensional.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it was asked for.
+    method : str
+        "rk4" or "white".
+    seed : int
+        With a realization's number, all that its random numbers depend on.
+    steps_per_cycle : int
+        As it was asked for.
+    wall_s : float
+        Seconds that the simulation took, compilation included.
+    angle, velocity : ndarray, shape (realizations, cycles + 1)
+        Poincaré points, states at τ = kT; nan after overturning.
+    overturn_time : ndarray, shape (realizations,)
+        Time τ of overturning, nan where it never came.
+    overturn_side : ndarray of int8, shape (realizations,)
+        -1 overturned to the left, +1 to the right, 0 not at all.
+    """
+
+    scene: Scene
+    method: str
+    seed: int
+    steps_per_cycle: int
+    wall_s: float
+    angle: np.ndarray
+    velocity: np.ndarray
+    overturn_time: np.ndarray
+    overturn_side: np.ndarray
+
+    def __post_init__(self):
+        for name in _ARRAYS:
+            getattr(self, name).flags.writeable = False
+
+    @property
+    def realizations(self):
+        """Number of realizations."""
+        return self.angle.shape[0]
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return self.angle.shape[1] - 1
+
+    @functools.cached_property
+    def _gone(self):
+        """Count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
+        sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
+        return np.stack(sides, axis=-1)
+
+    @property
+    def survivors(self):
+        """Count of the realizations that have not overturned after each cycle, shape (cycles + 1,)."""
+        return self.realizations - self._gone.sum(axis=1)
+
+    @property
+    def survival(self):
+        """P(not overturned by kT), shape (cycles + 1,)."""
+        return self.survivors / self.realizations
+
+    @property
+    def overturned(self):
+        """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
+        return self._gone / self.realizations
+
+    def survival_interval(self, level=0.95):
+        """Return Wilson's confidence limits of the survival, shape (cycles + 1, 2), each of the given level."""
+        return wilson_interval(self.survivors, self.realizations, level)
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+        """Estimate P(not overturned and in a bin) after a cycle.
+
+        Parameters
+        ----------
+        cycle : int
+            0 to `cycles`.
+        angle_edges, velocity_edges : array_like
+            Edges as `numpy.histogram2d` takes them.
+
+        Returns
+        -------
+        ndarray, shape (n_angle, n_velocity)
+            Sums to the survival where the bins cover the ensemble.
+
+        Raises
+        ------
+        TypeError, ValueError
+            The cycle is not one of the ensemble's.
+        """
+        accepted = f"a whole number from 0 to {self.cycles}"
+        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer):
+            raise TypeError(checks.refusal("cycle", cycle, accepted))
+        if not 0 <= cycle <= self.cycles:
+            raise ValueError(checks.refusal("cycle", cycle, accepted))
+        standing = np.isfinite(self.angle[:, cycle])
+        points = self.angle[standing, cycle], self.velocity[standing, cycle]
+        return np.histogram2d(*points, bins=[angle_edges, velocity_edges])[0] / self.realizations
+
+    def save(self, path):
+        """Save the ensemble, whole or not at all; `path` by custom ends in .npz."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        storage.write_result(path, "ensemble", self.scene, arrays, {name: getattr(self, name) for name in _ATTRIBUTES})
+
+    @classmethod
+    def load(cls, path):
+        """Load a saved ensemble; raises as `fpk_rocking.storage.read_result`."""
+        scene, arrays, attributes = storage.read_result(path, "ensemble")
+        return cls(scene=scene, **arrays, **attributes)

@@ -1,0 +1,207 @@
+"""Classical Runge-Kutta of order 4 with Shinozuka noise: the paper's method.
+
+Steps of T/n see the forcing at their begin, middle and end. Between impacts the motion is linear, so the four stages
+add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or uplift cannot be excluded
+takes the forcing as the parabola through its three values and follows the block in closed form (`fpk_rocking.physics`):
+impacts, chatter, rest and first passage are located there, and order 4 is kept because such steps are few.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.jit import kernel
+from fpk_rocking.physics import noise
+from fpk_rocking.physics.contact import side_at_zero
+from fpk_rocking.physics.flight import TERMS, segment_of
+from fpk_rocking.physics.transition import advance
+from montecarlo.random import open_stream, uniform
+from montecarlo.start import draw_start, start_numbers
+
+CHUNK_STEPS = 20
+"""Steps for which noise is made at once, at most: an overturned block has cost no more than that in vain."""
+
+
+class Problem(NamedTuple):
+    """What the kernel has to know: a scene in numbers, nondimensional.
+
+    `start` (5,): see `montecarlo.start`. `forcing` (2 n + 1,): the harmonic part at the half steps of one cycle.
+    `band_low`, `band_width`: the noise's frequencies in turns per cycle. `weight`: amplitude of each of its harmonics.
+    """
+
+    restitution: float
+    cutoff: float
+    period: float
+    start: np.ndarray
+    forcing: np.ndarray
+    band_low: float
+    band_width: float
+    weight: float
+    harmonics: int
+
+
+class Chunk(NamedTuple):
+    """Forcing of a chunk of steps and what RK4 makes of it; m steps.
+
+    `force` (2 m + 1,) at the half steps; `low`, `high` (m,) bound the parabola through the three values of a step;
+    `push` (m, 2) is the forcing's contribution to angle and velocity over a step. `particular`, `scratch` (TERMS,) are
+    room for a `Segment`.
+    """
+
+    force: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    push: np.ndarray
+    particular: np.ndarray
+    scratch: np.ndarray
+
+
+def problem_of(scene, steps_per_cycle):
+    """Return the `Problem` of a scene with band noise or none."""
+    forcing = scene.forcing
+    angle = 2.0 * math.pi * np.arange(2 * steps_per_cycle + 1) / (2 * steps_per_cycle) + forcing.phase
+    band, weight, harmonics = (0.0, 0.0), 0.0, 0
+    if scene.noise.kind == "band":
+        low, high = scene.noise.band
+        band = (low / forcing.frequency, (high - low) / forcing.frequency)
+        harmonics = scene.noise.harmonics
+        weight = math.sqrt(2.0 * scene.noise.variance / harmonics)
+    return Problem(
+        scene.block.restitution,
+        scene.overturning.angle,
+        scene.period,
+        start_numbers(scene.start),
+        -forcing.amplitude * np.cos(angle),
+        *band,
+        weight,
+        harmonics,
+    )
+
+
+@kernel
+def draw(stream, problem, harmonics):
+    """Draw the start and the noise of one realization; the start comes first."""
+    angle, velocity = draw_start(stream, problem.start)
+    for n in range(problem.harmonics):
+        harmonics.ratios[n] = problem.band_low + problem.band_width * uniform(stream)
+        harmonics.phases[n] = uniform(stream)
+        harmonics.weights[n] = problem.weight
+    return angle, velocity
+
+
+@kernel(fastmath={"contract"})
+def _tabulate(chunk, steps, h):
+    """Work out what the forcing of a chunk does in each step, and its bounds."""
+    force = chunk.force
+    for j in range(steps):
+        begin, middle, end = force[2 * j], force[2 * j + 1], force[2 * j + 2]
+        bend = 0.125 * abs(begin - 2.0 * middle + end)
+        chunk.low[j] = min(begin, middle, end) - bend
+        chunk.high[j] = max(begin, middle, end) + bend
+        chunk.push[j, 0] = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
+        chunk.push[j, 1] = h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
+
+
+@kernel
+def _resolve(x, v, side, chunk, j, h, problem):
+    """Follow the block through a step whose forcing is the parabola through its three values."""
+    begin, middle, end = chunk.force[2 * j], chunk.force[2 * j + 1], chunk.force[2 * j + 2]
+    slope = (4.0 * middle - 3.0 * begin - end) / h
+    curvature = 4.0 * (begin - 2.0 * middle + end) / (h * h)
+    # With f a parabola, P = -f - f'' solves P'' = P + f.
+    chunk.particular[0] = -begin - curvature
+    chunk.particular[1] = -slope
+    chunk.particular[2] = -0.5 * curvature
+    segment = segment_of(chunk.particular, chunk.scratch, h)
+    return advance(x, v, side, segment, 0.0, h, problem.restitution, problem.cutoff)
+
+
+@kernel(fastmath={"contract"})
+def _steps(x, v, side, chunk, steps, h, problem):
+    """Take the steps of a chunk; return x, v, side and the time since its begin, less than all of it if overturned."""
+    keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
+    side_x, side_v = h * h * (3.0 + 0.25 * h * h) / 6.0, swap
+    half = 0.5 * h * h
+    for j in range(steps):
+        if side != 0:
+            u, w = side * x, side * v
+            low, high = (chunk.low[j], chunk.high[j]) if side > 0 else (-chunk.high[j], -chunk.low[j])
+            floor = u + h * w + half * min(0.0, low - 1.0)
+            roof = u + h * w + half * max(0.0, problem.cutoff - 1.0 + high)
+            x_next = keep * x + swap * v + chunk.push[j, 0] - side * side_x
+            v_next = swap * x + keep * v + chunk.push[j, 1] - side * side_v
+            if floor > 0.0 and roof < problem.cutoff and 0.0 < side * x_next < problem.cutoff:
+                x, v = x_next, v_next
+                continue
+        elif max(chunk.high[j], -chunk.low[j]) < 1.0:
+            continue
+        x, v, side, time = _resolve(x, v, side, chunk, j, h, problem)
+        if abs(x) >= problem.cutoff:
+            return x, v, side, j * h + time
+    return x, v, side, steps * h
+
+
+@kernel
+def _realize(stream, problem, angle, velocity):
+    """Simulate one realization: fill its rows of Poincaré points, return time (nan: never) and side of overturning."""
+    n = problem.forcing.size // 2
+    h = problem.period / n
+    chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
+    length = (n + chunks - 1) // chunks
+    harmonics = noise.allocate(problem.harmonics, length)
+    x, v = draw(stream, problem, harmonics)
+    noise.prepare(harmonics, length, chunks, 0.5 / n)
+    chunk = Chunk(
+        np.zeros(2 * length + 1),
+        np.empty(length),
+        np.empty(length),
+        np.empty((length, 2)),
+        np.zeros(TERMS),
+        np.empty(TERMS),
+    )
+    if abs(x) >= problem.cutoff:
+        return 0.0, (1 if x > 0.0 else -1)
+    angle[0], velocity[0] = x, v
+    side = 1 if x > 0.0 else -1
+    if x == 0.0:
+        side = side_at_zero(v, problem.forcing[0] + noise.noise_at(harmonics, 0, 0.0))
+    for cycle in range(angle.size - 1):
+        for part in range(chunks):
+            if part == 0 and cycle % noise.ANCHOR_CYCLES == 0:
+                noise.anchor(harmonics, cycle, 0.5 * length / n)
+            else:
+                noise.rotate(harmonics, harmonics.wrap if part == 0 else harmonics.hop)
+            first = part * length
+            steps = min(length, n - first)
+            for i in range(2 * steps + 1):
+                chunk.force[i] = problem.forcing[2 * first + i]
+            noise.add_chunk(harmonics, length, chunk.force)
+            _tabulate(chunk, steps, h)
+            x, v, side, time = _steps(x, v, side, chunk, steps, h, problem)
+            if abs(x) >= problem.cutoff:
+                return cycle * problem.period + first * h + time, side
+        angle[cycle + 1], velocity[cycle + 1] = x, v
+    return math.nan, 0
+
+
+@kernel(parallel=True)
+def realize(keys, first, problem, angle, velocity, overturn_time, overturn_side):
+    """Simulate realizations `first`, `first` + 1, ... in parallel, each from its own stream of random numbers.
+
+    Parameters
+    ----------
+    keys : ndarray of uint64, shape (4,)
+        From `montecarlo.random.stream_keys`.
+    first : int
+        Number of the first realization.
+    problem : Problem
+    angle, velocity : ndarray, shape (count, cycles + 1)
+        Filled with the states at whole cycles, up to overturning.
+    overturn_time, overturn_side : ndarray, shape (count,)
+        Filled with the time (nan: never) and the side (0: never).
+    """
+    for r in prange(angle.shape[0]):
+        stream = open_stream(keys, first + r)
+        overturn_time[r], overturn_side[r] = _realize(stream, problem, angle[r], velocity[r])

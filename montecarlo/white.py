@@ -1,0 +1,164 @@
+"""White noise: paths of dv = (x - s + f) dt + sqrt(2 D) dW, exact in law between impacts.
+
+Away from x = 0 and from the cut-off a step of any length is one draw from the Gaussian of the flight. A step is as
+long as it can be while neither barrier is within `REACH` standard deviations, so steps shrink as a barrier comes near,
+faster than geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over
+the time t that the block needs to the barrier at speed w, one more exact draw carries it to its expected arrival; the
+small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels.
+
+No step is shorter than T/(FINEST steps_per_cycle). That resolution matters where impacts are slow, at speeds about
+sqrt(2 D) times its root, as in a start from rest, and it alone decides about the bias, which is of first order in it.
+
+The motion is folded: u = s x >= 0, w = s v. Everything is nondimensional.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking import checks
+from fpk_rocking.jit import kernel
+from fpk_rocking.physics.flight import TERMS, Segment, flight, harmonic_particular, segment_of
+from fpk_rocking.physics.gaussian import flight_covariance
+from montecarlo.approach import land, near, noise_factor
+from montecarlo.random import normal, open_stream
+from montecarlo.start import draw_start, start_numbers
+
+CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
+"""Below it white noise makes infinitely many impacts in finite time (Cornell, Swift, Bray, cond-mat/9804229)."""
+
+REACH = 4.0
+FINEST = 256
+
+_LONGEST = 0.075
+
+
+class Problem(NamedTuple):
+    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a cycle.
+
+    `start` (5,): see `montecarlo.start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
+    the harmonic forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
+    side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
+    of its noise. `shortest`: duration of the shortest step. `reach`: REACH standard deviations of the angle after a
+    time t <= span are at most reach t^1.5, and `margin` after an interval.
+    """
+
+    restitution: float
+    cutoff: float
+    diffusion: float
+    start: np.ndarray
+    particular: np.ndarray
+    force: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    curvature: np.ndarray
+    drift: np.ndarray
+    hyperbolic: np.ndarray
+    spread: np.ndarray
+    span: float
+    shortest: float
+    reach: float
+    margin: float
+
+
+@kernel
+def _segments(amplitude, frequency, phase, span, particular, force, low, high, curvature, drift):
+    for j in range(low.size):
+        harmonic_particular(j * span, amplitude, frequency, phase, particular[j])
+        segment = segment_of(particular[j], force[j], span)
+        low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
+        for k in range(2):
+            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
+
+
+def problem_of(scene, steps_per_cycle):
+    """Return the `Problem` of a scene with white noise."""
+    restitution, diffusion = scene.block.restitution, scene.noise.diffusion
+    if diffusion == 0.0:
+        raise ValueError(checks.refusal("noise.diffusion", diffusion, "a number > 0 for 'white'; use NoNoise for none"))
+    if restitution < CRITICAL_RESTITUTION:
+        accepted = (
+            f"at least exp(-pi/sqrt(3)) = {CRITICAL_RESTITUTION:.5f} under white noise, where impacts accumulate below "
+            "it; raise it, or keep band noise and use 'rk4'"
+        )
+        raise ValueError(checks.refusal("block.restitution", restitution, accepted))
+    intervals = max(16, math.ceil(scene.period / _LONGEST))
+    span = scene.period / intervals
+    tables = (
+        np.empty((intervals, TERMS)),
+        np.empty((intervals, TERMS)),
+        np.empty(intervals),
+        np.empty(intervals),
+        np.empty(intervals),
+        np.empty((intervals, 2, 2)),
+    )
+    _segments(scene.forcing.amplitude, scene.forcing.frequency, scene.forcing.phase, span, *tables)
+    xx, _, _ = flight_covariance(diffusion, span)
+    return Problem(
+        restitution,
+        scene.overturning.angle,
+        diffusion,
+        start_numbers(scene.start),
+        *tables,
+        np.array([math.cosh(span), math.sinh(span)]),
+        np.array(noise_factor(diffusion, span)),
+        span,
+        scene.period / (FINEST * steps_per_cycle),
+        REACH * math.sqrt(xx / span**3),
+        REACH * math.sqrt(xx),
+    )
+
+
+@kernel
+def _interval(stream, u, w, side, j, problem):
+    """Take the block through interval j of a cycle; return u, w, side, the time reached: `span` unless overturned."""
+    span, cutoff = problem.span, problem.cutoff
+    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
+    margin, half = problem.margin, 0.5 * span * span
+    above = u + span * w + half * min(0.0, low - 1.0)
+    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
+    segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
+    if above >= margin and below >= margin:
+        first, second = normal(stream), normal(stream)
+        drift = problem.drift[j, (side + 1) // 2]
+        keep, swap = problem.hyperbolic
+        xx, vx, vv = problem.spread
+        x = keep * u + swap * w + side * (drift[0] + xx * first)
+        w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
+        if x >= 0.0:
+            return x, w, side, span
+        u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem)
+    else:
+        time = 0.0
+    while time < span and u < cutoff:
+        u, w, side, time = near(stream, u, w, side, segment, time, problem)
+    return u, w, side, time
+
+
+@kernel
+def _realize(stream, problem, angle, velocity):
+    """Simulate one path: fill its rows of Poincaré points, return time (nan: never) and side of overturning."""
+    x, v = draw_start(stream, problem.start)
+    side = 1 if x > 0.0 or (x == 0.0 and v > 0.0) else -1
+    u, w = side * x, side * v
+    if u >= problem.cutoff:
+        return 0.0, side
+    angle[0], velocity[0] = x, v
+    intervals = problem.low.size
+    for cycle in range(angle.size - 1):
+        for j in range(intervals):
+            u, w, side, time = _interval(stream, u, w, side, j, problem)
+            if u >= problem.cutoff:
+                return (cycle * intervals + j) * problem.span + time, side
+        angle[cycle + 1], velocity[cycle + 1] = side * u, side * w
+    return math.nan, 0
+
+
+@kernel(parallel=True)
+def realize(keys, first, problem, angle, velocity, overturn_time, overturn_side):
+    """Simulate paths `first`, `first` + 1, ... in parallel, each from its own stream; arguments as in `rk4.realize`."""
+    for r in prange(angle.shape[0]):
+        stream = open_stream(keys, first + r)
+        overturn_time[r], overturn_side[r] = _realize(stream, problem, angle[r], velocity[r])

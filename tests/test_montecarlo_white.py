@@ -1,0 +1,127 @@
+"""White-noise paths against closed forms and independent survival."""
+
+import dataclasses
+import math
+import pathlib
+
+import numba
+import numpy as np
+import pytest
+
+from fpk_rocking.physics.flight import TERMS, flight, harmonic_particular, segment_of
+from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise, load_scene
+from montecarlo import simulate, white
+from montecarlo.statistics import survival_test
+
+ROOT = pathlib.Path(__file__).parents[1]
+REST = Start()
+
+
+def scene_of(amplitude=4.6, restitution=0.5, diffusion=0.002 * math.pi, frequency=2.7, start=REST):
+    return Scene(Block(restitution), Forcing(amplitude, frequency, math.pi), WhiteNoise(diffusion), start)
+
+
+@pytest.mark.parametrize("covariance", [None, ((2e-4, 1e-4), (1e-4, 3e-4))])
+def test_flight_has_its_gaussian_moments(covariance):
+    """Mean and covariance after a cycle without impact, whole intervals and short steps; false alarm 5 x 6e-5."""
+    start = Start(0.6, 0.2, covariance)
+    scene = scene_of(0.8, frequency=8.0, diffusion=0.003, start=start)
+    ensemble = simulate(scene, cycles=1, realizations=200_000, seed=2)
+    period, forcing = scene.period, scene.forcing
+    particular = np.empty(TERMS)
+    x, v = start.angle, start.velocity
+    for i in range(16):
+        harmonic_particular(i * period / 16, forcing.amplitude, forcing.frequency, forcing.phase, particular)
+        x, v = flight(x, v, 1, segment_of(particular, np.empty(TERMS), period / 16), 0.0, period / 16)
+    xx, xv, vv = flight_covariance(scene.noise.diffusion, period)
+    grow = np.array([[math.cosh(period), math.sinh(period)], [math.sinh(period), math.cosh(period)]])
+    truth = np.array([[xx, xv], [xv, vv]]) + grow @ np.array(covariance or np.zeros((2, 2))) @ grow.T
+    points = np.stack([ensemble.angle[:, 1], ensemble.velocity[:, 1]])
+    assert ensemble.survival[1] == 1.0
+    assert points[0].min() > 0.0
+    n = points.shape[1]
+    assert np.abs((points.mean(axis=1) - [x, v]) / np.sqrt(np.diag(truth) / n)).max() < 4.0
+    error = np.sqrt((truth**2 + np.outer(np.diag(truth), np.diag(truth))) / n)
+    assert np.abs((np.cov(points) - truth) / error).max() < 4.0
+
+
+@pytest.mark.parametrize(("name", "scene"), [("main_white", scene_of()), ("second_white", scene_of(3.0, 0.7, 0.012))])
+def test_survival_is_that_of_an_independent_program(name, scene):
+    """40,000 paths against the reference of 4e5 or more, 10 cycles; false alarm 1e-3 each."""
+    reference = np.load(ROOT / "tests" / "data" / f"{name}.npz")
+    ensemble = simulate(scene, cycles=10, realizations=40_000, seed=4)
+    size = int(reference["paths"][10])
+    expected = np.rint(reference["survival"][1:11] * size).astype(int)
+    assert survival_test(ensemble.survivors[1:], ensemble.realizations, expected, size).agrees
+
+
+def test_binned_density_is_that_of_an_independent_program():
+    """L1 of the bins within 4 standard deviations of what sampling explains; false alarm 3 x 3e-5."""
+    reference = np.load(ROOT / "tests" / "data" / "main_white.npz")
+    ensemble = simulate(scene_of(), cycles=4, realizations=40_000, seed=5)
+    for k, truth in zip(reference["cycles"], reference["probabilities"], strict=True):
+        if k <= 4:
+            bins = ensemble.bin_probabilities(int(k), reference["angle_edges"], reference["velocity_edges"])
+            variance = truth * (1.0 - truth) * (1.0 / 40_000 + 1e-7)
+            limit = np.sqrt(2.0 / math.pi * variance).sum() + 4.0 * math.sqrt((1.0 - 2.0 / math.pi) * variance.sum())
+            assert np.abs(bins - truth).sum() < limit
+
+
+def test_symmetric_scene_leaves_rest_to_both_sides():
+    """Without forcing each side is as likely; false alarm 6e-5."""
+    angle = simulate(scene_of(0.0, frequency=20.0), cycles=1, realizations=4000).angle[:, 1]
+    assert abs(np.count_nonzero(angle > 0.0) - 2000) < 4.0 * math.sqrt(1000.0)
+
+
+def test_start_layer_converges_with_the_shortest_step():
+    """Mean angle after a cycle of the second scene: shortest steps 32 times apart; false alarm 6e-5."""
+    means = []
+    for n in (8, 256):
+        angle = simulate(scene_of(3.0, 0.7, 0.012), cycles=1, realizations=50_000, seed=n, steps_per_cycle=n).angle[
+            :, 1
+        ]
+        angle = angle[np.isfinite(angle)]
+        means.append((angle.mean(), angle.var() / angle.size))
+    (coarse, coarse_variance), (fine, fine_variance) = means
+    assert abs(coarse - fine) < 4.0 * math.sqrt(coarse_variance + fine_variance)
+
+
+def test_same_paths_for_any_threads_and_any_size():
+    scene, threads = load_scene(ROOT / "cases" / "scenes" / "second.toml"), numba.get_num_threads()
+    results = []
+    try:
+        for count, size in ((1, 500), (threads, 500), (threads, 900)):
+            numba.set_num_threads(count)
+            results.append(simulate(scene, cycles=4, realizations=size, seed=2**63))
+    finally:
+        numba.set_num_threads(threads)
+    for name in ("angle", "velocity", "overturn_time", "overturn_side"):
+        first = getattr(results[0], name)
+        for other in results[1:]:
+            assert first.tobytes() == getattr(other, name)[:500].tobytes()
+
+
+def test_certain_overturning_is_located():
+    """x - 1 = 0.2 cosh t + sinh t reaches 0.5 in closed form; the noise is too weak to matter."""
+    time = math.log((0.5 + math.sqrt(0.25 + 1.0 - 0.04)) / 1.2)
+    scene = dataclasses.replace(scene_of(0.0, diffusion=1e-12, start=Start(-1.2, -1.0)))
+    scene = dataclasses.replace(scene, overturning=dataclasses.replace(scene.overturning, angle=1.5))
+    ensemble = simulate(scene, cycles=1, realizations=50)
+    assert ensemble.overturn_time == pytest.approx(time, abs=1e-5)
+    assert ensemble.overturned[1].tolist() == [1.0, 0.0]
+
+
+def test_impacts_keep_the_velocity_ratio_where_noise_is_weak():
+    """Peaks of free rocking from 0.5 without noise: 0.098612 to the left, where it is after half a bounce."""
+    scene = scene_of(0.0, diffusion=1e-10, frequency=2.0 * math.pi / 1.78, start=Start(0.5))
+    ensemble = simulate(scene, cycles=1, realizations=50)
+    assert ensemble.angle[:, 1] == pytest.approx(np.full(50, -0.098612), abs=2e-4)
+
+
+def test_refuses_what_white_noise_cannot_be():
+    with pytest.raises(ValueError, match=r"block\.restitution: got 0\.16, .* exp\(-pi/sqrt\(3\)\) = 0\.16303 .* 'rk4'"):
+        simulate(scene_of(restitution=0.16), cycles=1, realizations=1)
+    with pytest.raises(ValueError, match=r"noise\.diffusion: got 0\.0, accepted: a number > 0 .* NoNoise"):
+        simulate(scene_of(diffusion=0.0), cycles=1, realizations=1)
+    assert simulate(scene_of(restitution=white.CRITICAL_RESTITUTION), cycles=1, realizations=2).realizations == 2
