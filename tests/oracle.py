@@ -87,7 +87,7 @@ class Block:
         return times[outside[0]] if outside.size else None
 
     def _fly(self, end):
-        """Fly to `end` or to the first event: bracketed by steps, then met by integrating to it and one step of Newton."""
+        """Fly to `end` or to the first event: bracketed by steps, then integrated to and met by one step of Newton."""
         side = self.side
 
         def land(_, y):
@@ -104,7 +104,8 @@ class Block:
         path = self._integrate(start, (self.x, self.v), end, (land, overturn), first)
         hidden = self._hidden(path)
         if hidden is not None:
-            path = self._integrate(start, (self.x, self.v), hidden, (land, overturn), min(first or hidden, hidden - start))
+            end = hidden
+            path = self._integrate(start, (self.x, self.v), end, (land, overturn), min(first or math.inf, end - start))
         if path.status == 0:
             self.t, (self.x, self.v) = end, path.y[:, -1]
             self.bound = self.bound * math.exp(end - start) + ROUNDING
@@ -129,7 +130,7 @@ class Block:
         self.events.append((self.t, "impact"))
         before, after = force - self.side, force + self.side
         saltation = np.array([[e, 0.0], [(after - e * before) / incoming, e]])
-        self.bound = self.bound * np.linalg.norm(saltation, 2) + ROUNDING
+        self.bound = min(self.bound * np.linalg.norm(saltation, 2) + ROUNDING, 1.0)
         self.v, self.side = e * incoming, -self.side
         gap = 1.0 - abs(force)
         if abs(self.v) < AT_REST and gap > 0.0 and self._ends_soon(gap):

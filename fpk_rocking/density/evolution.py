@@ -1,4 +1,4 @@
-"""The result of the density solver: survival, overturning and the density after every cycle, with its own honesty figures."""
+"""The result of the density solver: survival, overturning and the density after every cycle, with its own errors."""
 
 import dataclasses
 
@@ -44,7 +44,7 @@ class Evolution:
         Seconds of the whole call.
     settings : dict
         Mesh, degree, quadrature and steps used.
-    coefficients : ndarray, shape (cycles + 1, \\*space.shape)
+    coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
         Of the density after each cycle; those at 0 are zero for a point start.
     space : Space
         What they are coefficients of.
@@ -109,8 +109,8 @@ class Evolution:
         """
         self._check(cycle)
         edges = []
-        for name, values in (("angle_edges", angle_edges), ("velocity_edges", velocity_edges)):
-            values = np.asarray(values, dtype=float)
+        for name, given in (("angle_edges", angle_edges), ("velocity_edges", velocity_edges)):
+            values = np.asarray(given, dtype=float)
             if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0.0):
                 raise ValueError(checks.refusal(name, values, "two or more ascending numbers"))
             edges.append(values)

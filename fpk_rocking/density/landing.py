@@ -115,7 +115,8 @@ def trace(x, v, side, start, duration, harmonic, diffusion, restitution, cutoff,
     segment = segment_of(base, scratch[1], duration)
     kind, time, _, speed = next_event(x, v, side, segment, 0.0, duration, cutoff)
     rest = duration - time
-    fast = kind == IMPACT and abs(speed) > _FAST * math.sqrt(2.0 * diffusion * duration) and min(time, rest) > 1e-6 * duration
+    fast = kind == IMPACT and abs(speed) > _FAST * math.sqrt(2.0 * diffusion * duration)
+    fast = fast and min(time, rest) > 1e-6 * duration
     if fast:
         force, _ = polynomial(segment.force, time)
         final, early, (b11, b12, b21, b22) = through_impact(diffusion, time, rest, speed, force, side, restitution)
@@ -133,7 +134,9 @@ def trace(x, v, side, start, duration, harmonic, diffusion, restitution, cutoff,
             q = a * long_v / long + (b * short_v / short if b != 0.0 else 0.0)
             g, h = b11 * p + b21 * q, b12 * p + b22 * q
             bend(base, time, early[0] * g + early[1] * h, early[1] * g + early[2] * h, scratch[2])
-            xn, vn, sn, end = advance(xn, vn, sn, segment_of(scratch[2], scratch[5], time), 0.0, time, restitution, cutoff)
+            xn, vn, sn, end = advance(
+                xn, vn, sn, segment_of(scratch[2], scratch[5], time), 0.0, time, restitution, cutoff
+            )
             if end == time:
                 bend(late, rest, after_xx * p + after_xv * q, after_xv * p + after_vv * q, scratch[4])
                 xn, vn, sn, end = advance(
@@ -188,8 +191,8 @@ def classify(angle_lines, velocity_lines, start, duration, harmonic, cutoff, mar
 
 @kernel(parallel=True)
 def trace_cells(
-    cells, angle_lines, velocity_lines, angle_points, velocity_points, start, duration, harmonic, diffusion, restitution,
-    cutoff, nodes,
+    cells, angle_lines, velocity_lines, angle_points, velocity_points, start, duration, harmonic, diffusion,
+    restitution, cutoff, nodes,
 ):  # fmt: skip
     """Trace all nodes of all Gauss points of the given cells.
 
@@ -228,8 +231,8 @@ def trace_cells(
 def locate(grid, point):
     """Cell that holds a point and its reference coordinate on [-1, 1]; (LOST, 0) outside the mesh.
 
-    `grid` is (lines, 2 / cell sizes, table, density of the table): the table has the cell of equidistant points, at most
-    one mesh line apart.
+    `grid` is (lines, 2 / cell sizes, table, density of the table): the table has the cells of equidistant points, with
+    at most one mesh line between neighbours.
     """
     lines, scales, table, density = grid
     if not lines[0] <= point < lines[-1]:
@@ -248,7 +251,7 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
     ndarray, shape (m, g, g, n)
         Flat cell index, or LEFT, RIGHT, LOST.
     """
-    lines, across = angle_grid[0], len(velocity_grid[0]) - 1
+    across = len(velocity_grid[0]) - 1
     cells = np.empty(codes.shape, np.int32)
     flat_states, flat_codes, flat_cells = states.reshape(-1, 2), codes.reshape(-1), cells.reshape(-1)
     for n in prange(len(flat_codes)):

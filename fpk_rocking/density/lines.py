@@ -1,4 +1,4 @@
-"""Free flight without quadrature of the plane: three exact shifts along mesh lines, and the noise as exact blurs of them.
+"""Free flight without quadrature of the plane: exact shifts along mesh lines, and the noise as exact blurs of them.
 
 The affine flight z -> M z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
 M = X V X with X = [[1, tanh(t/2)], [0, 1]] and V = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a
@@ -85,12 +85,17 @@ class FreeFlight:
             What passed the velocity bound.
         """
         angle, velocity = self._sizes
-        now, _ = shift_lines(coefficients.transpose(1, 0, 3, 2), self._shear, *self._across, angle, velocity, (True, True))
-        now = now.transpose(1, 0, 3, 2)
-        now, ends = shift_lines(now, self._kick, *self._across, velocity, angle, (False, False))
-        now, more = shift_lines(now, self._blur, *self._across, velocity, angle, (False, False))
-        now, out = shift_lines(now.transpose(1, 0, 3, 2), self._finish, *self._across, angle, velocity, self._inner)
-        return now.transpose(1, 0, 3, 2), out, ends + more
+        leave, press, norms = (False, False), (True, True), (1.0,) * len(self._across[0])
+        now, _ = shift_lines(_other_axis(coefficients), self._shear, *self._across, angle, velocity, press, norms)
+        now, kicked = shift_lines(_other_axis(now), self._kick, *self._across, velocity, angle, leave, norms)
+        now, blurred = shift_lines(now, self._blur, *self._across, velocity, angle, leave, norms)
+        now, out = shift_lines(_other_axis(now), self._finish, *self._across, angle, velocity, self._inner, norms)
+        return _other_axis(now), out.sum(axis=0), (kicked + blurred).sum(axis=0)
+
+
+def _other_axis(coefficients):
+    """Exchange the roles of angle and velocity."""
+    return np.ascontiguousarray(coefficients.transpose(1, 0, 3, 2))
 
 
 def _line_points(lines, points):
@@ -150,6 +155,15 @@ def source_cells(lines, shifts, nodes):
     return first, count
 
 
+@kernel
+def add_integral(start, stop, left, right, weight, points, point_weights, out):
+    """Add the integrals of the shape functions of the cell [left, right] over a part of it, if there is one."""
+    for q in range(len(points) if stop > start else 0):
+        here = legendre(2.0 * (start + points[q] * (stop - start) - left) / (right - left) - 1.0)
+        for k in range(len(out)):
+            out[k] += weight * point_weights[q] * (stop - start) * here[k]
+
+
 @kernel(parallel=True)
 def fill_blocks(lines, shifts, nodes, weights, points, point_weights, first, blocks, ends):
     """Integrate products of shape functions over all overlaps, exactly; see `shift_blocks`."""
@@ -160,31 +174,66 @@ def fill_blocks(lines, shifts, nodes, weights, points, point_weights, first, blo
             for source in range(cells):
                 left, right = lines[source], lines[source + 1]
                 low, high = overlap_range(lines, left + shift, right + shift)
-                for target in range(-1, cells + 1):
-                    if 0 <= target < cells and not low <= target <= high:
-                        continue
-                    start = left if target < 0 else max(left, lines[target] - shift)
-                    end = right if target == cells else min(right, lines[target + 1] - shift)
-                    if end <= start:
-                        continue
-                    for q in range(len(points)):
-                        x = start + points[q] * (end - start)
-                        part = weights[n] * point_weights[q] * (end - start)
+                for target in range(low, high + 1):
+                    start, stop = max(left, lines[target] - shift), min(right, lines[target + 1] - shift)
+                    size = lines[target + 1] - lines[target]
+                    for q in range(len(points) if stop > start else 0):
+                        x = start + points[q] * (stop - start)
+                        part = weights[n] * point_weights[q] * (stop - start)
                         here = legendre(2.0 * (x - left) / (right - left) - 1.0)
-                        if not 0 <= target < cells:
-                            for k in range(modes):
-                                ends[s, 0 if target < 0 else 1, source, k] += part * here[k]
-                            continue
-                        size = lines[target + 1] - lines[target]
                         there = legendre(2.0 * (x + shift - lines[target]) / size - 1.0)
-                        block = blocks[s, target, source - first[s, target]]
                         for k in range(modes):
                             for i in range(modes):
-                                block[k, i] += part / size * here[k] * there[i]
+                                blocks[s, target, source - first[s, target], k, i] += part / size * here[k] * there[i]
+                for end in range(2):
+                    start = left if end == 0 else max(left, lines[-1] - shift)
+                    stop = right if end == 1 else min(right, lines[0] - shift)
+                    add_integral(start, stop, left, right, weights[n], points, point_weights, ends[s, end, source])
 
 
-@kernel(parallel=True, fastmath={"contract", "reassoc", "nsz"})
-def shift_lines(data, shift, nodal, modal, sizes, across, pressed):
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def move_line(values, first, count, blocks, moved, norms):
+    """Apply the blocks of one line to its values (cells, modes)."""
+    modes = len(norms)
+    moved[:] = 0.0
+    for c in range(len(values)):
+        for w in range(count[c]):
+            for k in range(modes):
+                value = values[first[c] + w, k]
+                for i in range(modes):
+                    moved[c, i] += blocks[c, w, k, i] * value
+
+
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def shift_cell(t, data, shift, nodal, modal, sizes, width, pressed, out, left, norms):
+    """Move the lines that run through one row of cells; see `shift_lines`."""
+    first, count, blocks, ends = shift
+    cells, modes = data.shape[0], len(norms)
+    values, moved = np.zeros((cells, modes)), np.empty((cells, modes))
+    for q in range(modes):
+        line = 0 if len(first) == 1 else t * modes + q
+        values[:] = 0.0
+        for c in range(cells):
+            for u in range(modes):
+                for k in range(modes):
+                    values[c, k] += nodal[q, u] * data[c, u, k]
+        move_line(values, first[line], count[line], blocks[line], moved, norms)
+        for end in range(2):
+            mass = (ends[line, end] * values).sum()
+            if pressed[end]:
+                edge = legendre(2.0 * end - 1.0)
+                for i in range(modes):
+                    moved[end * (cells - 1), i] += mass / sizes[end * (cells - 1)] * edge[i]
+            else:
+                left[end] += mass * modal[0, q] * width
+        for c in range(cells):
+            for u in range(modes):
+                for i in range(modes):
+                    out[c, u, i] += modal[u, q] * moved[c, i]
+
+
+@kernel(parallel=True)
+def shift_lines(data, shift, nodal, modal, sizes, across, pressed, norms):
     """Move all lines of a density.
 
     Parameters
@@ -199,48 +248,16 @@ def shift_lines(data, shift, nodal, modal, sizes, across, pressed):
         Cell sizes along and across the lines.
     pressed : tuple of bool
         Whether what passes the lower, the upper end is set down at that end instead of leaving.
+    norms : tuple, length modes
+        Its length tells the compiler the number of modes.
 
     Returns
     -------
     out : ndarray, shape of `data`
-    left : ndarray, shape (2,)
+    left : ndarray, shape (cells across, 2)
         Mass that passed the lower and the upper end.
     """
-    first, count, blocks, ends = shift
-    cells, modes = data.shape[1], data.shape[3]
     out, left = np.zeros(data.shape), np.zeros((len(across), 2))
     for t in prange(len(across)):
-        values, moved = np.zeros((cells, modes)), np.empty((cells, modes))
-        for q in range(modes):
-            line = 0 if len(first) == 1 else t * modes + q
-            values[:] = 0.0
-            for c in range(cells):
-                for u in range(modes):
-                    for k in range(modes):
-                        values[c, k] += nodal[q, u] * data[t, c, u, k]
-            for c in range(cells):
-                for i in range(modes):
-                    moved[c, i] = 0.0
-                for w in range(count[line, c]):
-                    source = first[line, c] + w
-                    for k in range(modes):
-                        value = values[source, k]
-                        for i in range(modes):
-                            moved[c, i] += blocks[line, c, w, k, i] * value
-            for end in range(2):
-                mass = 0.0
-                for c in range(cells):
-                    for k in range(modes):
-                        mass += ends[line, end, c, k] * values[c, k]
-                if pressed[end]:
-                    edge = legendre(2.0 * end - 1.0)
-                    c = end * (cells - 1)
-                    for i in range(modes):
-                        moved[c, i] += mass / sizes[c] * edge[i]
-                else:
-                    left[t, end] += mass * modal[0, q] * across[t]
-            for c in range(cells):
-                for u in range(modes):
-                    for i in range(modes):
-                        out[t, c, u, i] += modal[u, q] * moved[c, i]
-    return out, left.sum(axis=0)
+        shift_cell(t, data[t], shift, nodal, modal, sizes, across[t], pressed, out[t], left[t], norms)
+    return out, left

@@ -1,4 +1,4 @@
-"""Mesh lines of the phase plane: graded towards x = 0, which is always a mesh line; windows for a density that is still small."""
+"""Mesh lines of the phase plane, with x = 0 always among them: graded, or a window on a density that is still small."""
 
 import math
 
@@ -38,7 +38,7 @@ def window_lines(low, high, cells):
 
 
 def velocity_bound(scene, diffusion):
-    """Velocity beyond which a block is bound to overturn: past the moving separatrix by eight widths of the noise about it.
+    """Velocity beyond which a block is bound to overturn: past the moving separatrix by eight widths of the noise.
 
     The separatrix is x + v = 1 + A / sqrt(1 + Omega^2) at most (derived in docs/theory); the start is covered too.
     """

@@ -12,10 +12,8 @@ from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lin
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.start import Launch, initial_density
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import Scene
-
-CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
-"""Below it white noise gives infinitely many impacts in finite time (Cornell, Swift, Bray 1998)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,9 +57,9 @@ class Resolution:
 
 
 PRESETS = {
-    1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 5, 1), 12),
-    1e-3: Resolution(44, 80, 3, Quadrature(6, 6, 5, 1), 16),
-    1e-4: Resolution(44, 80, 5, Quadrature(10, 10, 7, 2), 20),
+    1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12),
+    1e-3: Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16),
+    1e-4: Resolution(60, 100, 4, Quadrature(10, 10, 7, 2), 20),
 }
 """Resolution by tolerance: the loosest entry that is not looser than what was asked for is used."""
 
@@ -138,8 +136,8 @@ def _closure(scene, white):
         return ""
     low, high = scene.noise.band
     return (
-        f"band noise of variance {scene.noise.variance:g} on [{low:g}, {high:g}] solved as white noise of equal Melnikov "
-        f"variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo"
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as white noise of equal "
+        f"Melnikov variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo."
     )
 
 

@@ -1,7 +1,7 @@
-"""The discontinuous Galerkin space: a scikit-fem element on a tensor mesh of the phase plane, and what is read off a density in it.
+"""The discontinuous Galerkin space: a scikit-fem element on a tensor mesh of the phase plane, and integrals over it.
 
-Coefficients are stored as (angle cells, velocity cells, angle degree + 1, velocity degree + 1), which is scikit-fem's own
-numbering of the unknowns, cell by cell with the velocity fastest.
+Coefficients are stored as (angle cells, velocity cells, angle degree + 1, velocity degree + 1), which is scikit-fem's
+own numbering of the unknowns, cell by cell with the velocity fastest.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ def gauss(count):
 
 
 class ElementQuadLegendre(ElementH1):
-    """Tensor products of orthonormal Legendre polynomials, all unknowns inside the cell: the mass matrix is the Jacobian."""
+    """Products of orthonormal Legendre polynomials, all unknowns inside the cell: the mass matrix is the Jacobian."""
 
     refdom = RefQuad
 
@@ -93,7 +93,7 @@ class Space:
         angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
         velocity = self.velocity_lines[:-1, None] + np.diff(self.velocity_lines)[:, None] * nodes
         values = density(angle[:, None, :, None], velocity[None, :, None, :])
-        return np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True)
+        return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
     def masses(self, coefficients):
         """Mass in each cell, (angle cells, velocity cells)."""
@@ -105,7 +105,8 @@ class Space:
         (i, xi, inside), (j, eta, within) = (
             _locate(lines, points) for lines, points in ((self.angle_lines, angle), (self.velocity_lines, velocity))
         )
-        values = np.einsum("...ab,...a,...b->...", coefficients[i, j], shapes(xi, self.degree), shapes(eta, self.degree))
+        along, across = shapes(xi, self.degree), shapes(eta, self.degree)
+        values = np.einsum("...ab,...a,...b->...", coefficients[i, j], along, across)
         return np.where(inside & within, values, 0.0)
 
     def cell_values(self, coefficients, angle_points, velocity_points):
@@ -133,7 +134,7 @@ def _locate(lines, points):
 
 
 def _interval_integrals(lines, edges, degree):
-    """Integrals of the shape functions of all cells over the intervals between edges: (intervals, cells, degree + 1)."""
+    """Integrals of all cells' shape functions over the intervals between edges: (intervals, cells, degree + 1)."""
     edges = np.asarray(edges, dtype=float)
     sizes = np.diff(lines)
     nodes, weights = gauss(degree // 2 + 1)

@@ -1,9 +1,9 @@
 """From the start to the first density that the main mesh resolves.
 
-A start that is a point, or a Gaussian finer than the mesh, is carried on *windows*: small meshes that follow the density
-and grow with it. While nothing can happen to the block the density is a Gaussian in closed form. Next to x = 0 it is not:
-at rest under |f| > 1 noise beats drift until about t* = D / (|f| - 1)^2, the block rattles through x = 0 and only then
-lifts off; under |f| <= 1 it keeps rattling. There the windows take steps in proportion to the time elapsed.
+A start that is a point, or a Gaussian finer than the mesh, is carried on *windows*: small meshes that follow the
+density and grow with it. While nothing can happen to the block the density is a Gaussian in closed form. Next to x = 0
+it is not: at rest under |f| > 1 noise beats drift until about t* = D / (|f| - 1)^2, the block rattles through x = 0 and
+only then lifts off; under |f| <= 1 it keeps rattling. There the windows take steps in proportion to the time elapsed.
 """
 
 import math
@@ -166,8 +166,8 @@ class Launch:
 
 
 def _drift_time(dynamics: Dynamics):
-    """Time t* at which the drift of a start at rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
-    amplitude, frequency, phase = dynamics.harmonic
+    """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    amplitude, frequency, _ = dynamics.harmonic
     drift = abs(abs(dynamics.force(0.0)) - 1.0)
     change = amplitude * frequency
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
@@ -197,8 +197,9 @@ def _landing_moments(trace: Trace, coefficients):
     values *= np.outer(trace.angle_weights, trace.velocity_weights)
     values *= source.areas[..., None, None]
     total, x, v, xx, xv, vv = landing_sums(
-        values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points, trace.node_weights, trace.events,
-        trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts, trace.offsets,
+        values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
+        trace.node_weights, trace.events, trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts,
+        trace.offsets,
     )  # fmt: skip
     x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
     return np.array([x, v]), np.array([[xx - x * x, xv - x * v], [xv - x * v, vv - v * v]])

@@ -1,6 +1,7 @@
 """One step of the density in time: traced once, applied as often as its phase of the forcing cycle comes round."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from fpk_rocking.density.landing import classify, hermite_nodes, principal_axes, settle_in_cells, trace_cells
 from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.space import Space, gauss, shapes
-from fpk_rocking.density.transport import CHUNKS, deposit_kernel, gather
+from fpk_rocking.density.transport import CHUNKS, deposit, gather
 from fpk_rocking.physics.flight import TERMS, harmonic_particular, polynomial
 from fpk_rocking.physics.gaussian import flight_covariance
 
@@ -56,7 +57,7 @@ class Dynamics:
 
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """How finely a step is sampled: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of the noise."""
+    """Sampling of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of the noise."""
 
     angle: int
     velocity: int
@@ -81,8 +82,9 @@ class Trace:
         marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, margin)
         self.events = np.full(marks.shape, -1, dtype=np.int32)
         self.events[marks] = np.arange(np.count_nonzero(marks))
+        cells = np.ascontiguousarray(np.argwhere(marks))
         self.states, self.codes = trace_cells(
-            np.argwhere(marks), *lines, self.angle_points, self.velocity_points, start, duration, dynamics.harmonic,
+            cells, *lines, self.angle_points, self.velocity_points, start, duration, dynamics.harmonic,
             dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
         )  # fmt: skip
 
@@ -102,7 +104,6 @@ class Step:
         self._landed = cells, points
         degree = target.degree
         self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
-        self._chunks = self._split(cells)
         angle, velocity, modes, _ = target.shape
         self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
         self._sinks = np.empty((CHUNKS, 3))
@@ -115,27 +116,29 @@ class Step:
                 for side, columns in ((1, target.shape[0] - target.first_positive), (-1, target.first_positive))
                 if columns
             ]
-        self._deposit = deposit_kernel(target.degree)
+        self._chunks = self._split(cells)
+        self._norms = (1.0,) * modes
 
     def apply(self, coefficients):
         """Return the coefficients after the step and the masses (3,) that went left, right and off the mesh."""
-        trace, source = self.trace, self.trace.source
+        trace, source, deposited = self.trace, self.trace.source, coefficients
         if self._flights:
-            free_part = np.where((trace.events < 0)[:, :, None, None], coefficients, 0.0)
-            coefficients = np.where((trace.events < 0)[:, :, None, None], 0.0, coefficients)
-        free = (
-            source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points, trace.cosh, trace.sinh, trace.shifts,
-            trace.offsets, trace.node_weights,
+            free = (trace.events < 0)[:, :, None, None]
+            flying, deposited = np.where(free, coefficients, 0.0), np.where(free, 0.0, coefficients)
+        weights = trace.angle_weights, trace.velocity_weights
+        affine = (
+            source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
+            trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
         )  # fmt: skip
-        self._deposit(
-            coefficients, source.areas, self._tables, (trace.angle_weights, trace.velocity_weights), trace.events, self._landed, free,
-            *self._grids, self._chunks, self._buffers, self._sinks,
+        deposit(
+            deposited, source.areas, self._tables, weights, trace.events, self._landed, affine, *self._grids,
+            self._chunks, self._buffers, self._sinks, self._norms,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         gather(self._buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
         for flight in self._flights:
-            part, overturned, lost = flight.apply(free_part[flight.columns])
+            part, overturned, lost = flight.apply(flying[flight.columns])
             out[flight.columns] += part
             sinks[:2] += overturned
             sinks[2] += lost.sum()
@@ -143,31 +146,29 @@ class Step:
 
     def _split(self, cells):
         """Columns of the source that each chunk reads, and columns of the target that it writes."""
-        trace, columns = self.trace, self.trace.source.shape[0]
-        across, limit = self.target.shape[1], self.target.shape[0]
-        lines, v = trace.source.angle_lines, trace.source.velocity_lines[[0, -1]]
-        edges = np.linspace(0, columns, CHUNKS + 1).astype(np.int64)
+        trace, (limit, across, *_) = self.trace, self.target.shape
+        lines = trace.source.angle_lines
+        edges = np.linspace(0, trace.source.shape[0], CHUNKS + 1).astype(np.int64)
         chunks = np.zeros((CHUNKS, 4), dtype=np.int64)
-        for k, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        for k, (low, high) in enumerate(itertools.pairwise(edges)):
             rows = trace.events[low:high]
             landed = cells[rows[rows >= 0]]
             landed = landed[landed >= 0] // across
             bounds = [landed.min(), landed.max()] if landed.size else []
-            for i in range(low, high):
+            for i in range(low, high) if not self._flights else ():
                 free = np.flatnonzero(trace.events[i] < 0)
                 if free.size:
                     side = 1 if lines[i] + lines[i + 1] > 0.0 else -1
                     v = trace.source.velocity_lines[[free[0], free[-1] + 1]]
                     x = trace.shifts[side, 0] + trace.cosh * lines[[i, i + 1]] + trace.sinh * v
-                    reach = x + [trace.offsets[:, 0].min(), trace.offsets[:, 0].max()]
+                    reach = x + np.array([trace.offsets[:, 0].min(), trace.offsets[:, 0].max()])
                     bounds += list(np.clip(np.searchsorted(self.target.angle_lines, reach) - 1, 0, limit - 1))
-            if bounds:
-                chunks[k] = low, high, min(bounds), max(bounds) + 1
+            chunks[k] = low, high, min(bounds, default=0), max(bounds, default=-1) + 1
         return chunks
 
 
 def _grid(lines):
-    """What `locate` needs of mesh lines: no two of them between neighbouring entries of its table."""
+    """Prepare mesh lines for `locate`: no two of them between neighbouring entries of its table."""
     sizes = np.diff(lines)
     count = math.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1
     density = count / (lines[-1] - lines[0])

@@ -5,7 +5,6 @@ from scikit-fem's own evaluation. Source columns are split into a fixed number o
 and the buffers are added in a fixed order: the result does not depend on the number of threads.
 """
 
-import functools
 import math
 
 import numpy as np
@@ -30,137 +29,153 @@ def legendre(xi):
     return 1.0, math.sqrt(3.0) * xi, math.sqrt(5.0) * p2, math.sqrt(7.0) * p3, 3.0 * p4, math.sqrt(11.0) * p5
 
 
-@functools.cache
-def deposit_kernel(degree):
-    """Compile the deposit for one polynomial degree.
+@kernel
+def add_row(target, a, part, across, norms):
+    """Add to one row of the unknowns of a cell."""
+    modes = len(norms)
+    # Scalars, not an array: a store to `target` could alias an array, and then nothing is vectorized.
+    row = target[a * modes : (a + 1) * modes]
+    row[0] += part * across[0]
+    row[1] += part * across[1]
+    if modes > 2:
+        row[2] += part * across[2]
+    if modes > 3:
+        row[3] += part * across[3]
+    if modes > 4:
+        row[4] += part * across[4]
+    if modes > 5:
+        row[5] += part * across[5]
 
-    Parameters
-    ----------
-    degree : int
-        Polynomial degree in each direction, of source and target.
 
-    Returns
-    -------
-    callable
-        ``deposit(source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunks,
-        buffers, sinks)``; see the source for the shapes.
-    """
-    modes = degree + 1
+@kernel
+def add(target, amount, xi, eta, norms):
+    """Add a mass times the shape functions at a reference point to the unknowns of one cell."""
+    modes = len(norms)
+    along, across = legendre(xi), legendre(eta)
+    add_row(target, 0, amount * along[0], across, norms)
+    add_row(target, 1, amount * along[1], across, norms)
+    if modes > 2:
+        add_row(target, 2, amount * along[2], across, norms)
+    if modes > 3:
+        add_row(target, 3, amount * along[3], across, norms)
+    if modes > 4:
+        add_row(target, 4, amount * along[4], across, norms)
+    if modes > 5:
+        add_row(target, 5, amount * along[5], across, norms)
 
-    @kernel
-    def add_row(target, a, part, across):
-        # Scalars, not an array: a store to `target` could alias an array, and then nothing is vectorized.
-        row = target[a * modes : (a + 1) * modes]
-        row[0] += part * across[0]
-        row[1] += part * across[1]
-        if modes > 2:
-            row[2] += part * across[2]
-        if modes > 3:
-            row[3] += part * across[3]
-        if modes > 4:
-            row[4] += part * across[4]
-        if modes > 5:
-            row[5] += part * across[5]
 
-    @kernel
-    def add(target, amount, xi, eta):
-        along, across = legendre(xi), legendre(eta)
-        add_row(target, 0, amount * along[0], across)
-        add_row(target, 1, amount * along[1], across)
-        if modes > 2:
-            add_row(target, 2, amount * along[2], across)
-        if modes > 3:
-            add_row(target, 3, amount * along[3], across)
-        if modes > 4:
-            add_row(target, 4, amount * along[4], across)
-        if modes > 5:
-            add_row(target, 5, amount * along[5], across)
+@kernel
+def values_at_points(cell, area, tables, weights, rows, values, norms):
+    """Masses (g, h) of the Gauss points of one cell."""
+    modes = len(norms)
+    (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
+    for a in range(modes):
+        for q in range(values.shape[1]):
+            total = 0.0
+            for b in range(modes):
+                total += cell[a, b] * velocity_table[q, b]
+            rows[a, q] = total * velocity_weights[q] * area
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            total = 0.0
+            for a in range(modes):
+                total += rows[a, q] * angle_table[p, a]
+            values[p, q] = total * angle_weights[p]
 
-    @kernel(parallel=True, fastmath={"contract", "reassoc", "nsz"})
-    def deposit(
-        source,  # (angle cells, velocity cells, modes, modes) coefficients
-        areas,  # (angle cells, velocity cells) of the source
-        tables,  # (g, modes), (h, modes) shape functions at the Gauss points of both axes
-        weights,  # (g,), (h,) Gauss weights on [0, 1]
-        events,  # (angle cells, velocity cells) row in `landed`, or -1 for a free cell
-        landed,  # cells (m, g, h, n) and reference coordinates (m, g, h, n, 2)
-        free,  # source lines, Gauss points (g,), (h,), cosh, sinh, shifts (3, 2) by side, offsets (n, 2), node weights (n,)
-        angle_grid,
-        velocity_grid,
-        chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
-        buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
-        sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
-    ):
-        landed_cells, landed_points = landed
-        source_angle, source_velocity, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
-        (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
-        across_count, g, h, n = len(velocity_grid[0]) - 1, len(angle_points), len(velocity_points), len(node_weights)
-        for chunk in prange(len(chunks)):
-            buffer, sink = buffers[chunk], sinks[chunk]
-            sink[:] = 0.0
-            buffer[chunks[chunk, 2] * across_count : chunks[chunk, 3] * across_count] = 0.0
-            rows, values = np.empty((modes, h)), np.empty((g, h))
-            for i in range(chunks[chunk, 0], chunks[chunk, 1]):
-                side = 1 if source_angle[i] + source_angle[i + 1] > 0.0 else -1
-                width = source_angle[i + 1] - source_angle[i]
-                for j in range(source.shape[1]):
-                    cell = source[i, j]
-                    if cell[0, 0] == 0.0 and not np.any(cell):
-                        continue
-                    for a in range(modes):
-                        for q in range(h):
-                            total = 0.0
-                            for b in range(modes):
-                                total += cell[a, b] * velocity_table[q, b]
-                            rows[a, q] = total * velocity_weights[q] * areas[i, j]
-                    for p in range(g):
-                        for q in range(h):
-                            total = 0.0
-                            for a in range(modes):
-                                total += rows[a, q] * angle_table[p, a]
-                            values[p, q] = total * angle_weights[p]
-                    height = source_velocity[j + 1] - source_velocity[j]
-                    row = events[i, j]
-                    if row >= 0:
-                        for p in range(g):
-                            for q in range(h):
-                                for k in range(n):
-                                    amount = values[p, q] * node_weights[k]
-                                    target = landed_cells[row, p, q, k]
-                                    if target < 0:
-                                        sink[-1 - target] += amount
-                                    else:
-                                        point = landed_points[row, p, q, k]
-                                        add(buffer[target], amount, point[0], point[1])
-                        continue
-                    for p in range(g):
-                        x = source_angle[i] + angle_points[p] * width
-                        for q in range(h):
-                            v = source_velocity[j] + velocity_points[q] * height
-                            mean_x = shifts[side, 0] + cosh * x + sinh * v
-                            mean_v = shifts[side, 1] + sinh * x + cosh * v
-                            for k in range(n):
-                                amount = values[p, q] * node_weights[k]
-                                m, xi = locate(angle_grid, mean_x + offsets[k, 0])
-                                c, eta = locate(velocity_grid, mean_v + offsets[k, 1])
-                                if m < 0 or c < 0:
-                                    sink[-1 - LOST] += amount
-                                else:
-                                    add(buffer[m * across_count + c], amount, xi, eta)
 
-    return deposit
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def deposit_landed(values, node_weights, cells, points, buffer, sink, norms):
+    """Deposit one cell whose nodes were traced."""
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            for k in range(len(node_weights)):
+                amount = values[p, q] * node_weights[k]
+                target = cells[p, q, k]
+                if target < 0:
+                    sink[-1 - target] += amount
+                else:
+                    add(buffer[target], amount, points[p, q, k, 0], points[p, q, k, 1], norms)
+
+
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, norms):
+    """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
+    cosh, sinh, shift = affine
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            mean_x = shift[0] + cosh * x[p] + sinh * v[q]
+            mean_v = shift[1] + sinh * x[p] + cosh * v[q]
+            for k in range(len(node_weights)):
+                amount = values[p, q] * node_weights[k]
+                i, xi = locate(angle_grid, mean_x + offsets[k, 0])
+                j, eta = locate(velocity_grid, mean_v + offsets[k, 1])
+                if i < 0 or j < 0:
+                    sink[-1 - LOST] += amount
+                else:
+                    add(buffer[i * (len(velocity_grid[0]) - 1) + j], amount, xi, eta, norms)
+
+
+@kernel
+def deposit_chunk(
+    source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink, norms
+):
+    """Deposit the columns of one chunk."""
+    angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
+    across = len(velocity_grid[0]) - 1
+    sink[:] = 0.0
+    buffer[chunk[2] * across : chunk[3] * across] = 0.0
+    rows = np.empty((len(norms), len(velocity_points)))
+    values = np.empty((len(angle_points), len(velocity_points)))
+    for i in range(chunk[0], chunk[1]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        x = angle_lines[i] + angle_points * (angle_lines[i + 1] - angle_lines[i])
+        for j in range(source.shape[1]):
+            if source[i, j, 0, 0] == 0.0 and not np.any(source[i, j]):
+                continue
+            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, norms)
+            row = events[i, j]
+            if row >= 0:
+                deposit_landed(values, node_weights, landed[0][row], landed[1][row], buffer, sink, norms)
+            else:
+                v = velocity_lines[j] + velocity_points * (velocity_lines[j + 1] - velocity_lines[j])
+                affine = cosh, sinh, shifts[side]
+                deposit_free(
+                    values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, norms
+                )
 
 
 @kernel(parallel=True)
-def gather(buffers, chunks, areas, out):
-    """Add the chunks' buffers in their order and divide by the Jacobian: coefficients (angle, velocity, modes, modes)."""
-    angle_count, velocity_count, modes = out.shape[0], out.shape[1], out.shape[2]
-    for i in prange(angle_count):
-        column = out[i].reshape(velocity_count, modes * modes)
-        column[:] = 0.0
-        for chunk in range(len(chunks)):
-            if chunks[chunk, 2] <= i < chunks[chunk, 3]:
-                column += buffers[chunk, i * velocity_count : (i + 1) * velocity_count]
-        for j in range(velocity_count):
-            column[j] /= areas[i, j]
+def deposit(
+    source,  # (angle cells, velocity cells, modes, modes) coefficients
+    areas,  # (angle cells, velocity cells) of the source
+    tables,  # (g, modes), (h, modes) shape functions at the Gauss points of both axes
+    weights,  # (g,), (h,) Gauss weights on [0, 1]
+    events,  # (angle cells, velocity cells) row in `landed`, or -1 for a free cell
+    landed,  # cells (m, g, h, n) and reference coordinates (m, g, h, n, 2)
+    free,  # source lines, Gauss points (g,), (h,), cosh, sinh, shifts (3, 2) by side, offsets (n, 2), node weights (n,)
+    angle_grid,
+    velocity_grid,
+    chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
+    buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
+    sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
+    norms,  # tuple (modes,): its length tells the compiler the number of modes
+):
+    """Deposit the density of all cells with a mass into the buffers of the chunks."""
+    for k in prange(len(chunks)):
+        deposit_chunk(
+            source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
+            chunks[k], buffers[k], sinks[k], norms,
+        )  # fmt: skip
 
+
+@kernel
+def gather(buffers, chunks, areas, out):
+    """Add the buffers of the chunks in their order and divide by the Jacobian: the coefficients, into `out`."""
+    across, modes = out.shape[1], out.shape[2]
+    out[:] = 0.0
+    for k in range(len(chunks)):
+        for i in range(chunks[k, 2], chunks[k, 3]):
+            for j in range(across):
+                for a in range(modes):
+                    for b in range(modes):
+                        out[i, j, a, b] += buffers[k, i * across + j, a * modes + b] / areas[i, j]

@@ -4,7 +4,12 @@ The side is +1 where the angle is positive, -1 where it is negative and 0 for a 
 acceleration is x - s + f; all quantities are nondimensional.
 """
 
+import math
+
 from fpk_rocking.jit import kernel
+
+CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
+"""Below it white noise gives infinitely many impacts in finite time (Cornell, Swift, Bray 1998, cond-mat/9804229)."""
 
 
 @kernel(inline="always")

@@ -115,6 +115,7 @@ def safe_time(gap, slope, curvature):
     return (slope + root) / curvature
 
 
+# Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
 @kernel(forceinline=True)
 def next_event(x, v, side, segment, start, end, cutoff):
     """First impact or overturning of a flight, or the segment's end.
@@ -135,7 +136,8 @@ def next_event(x, v, side, segment, start, end, cutoff):
     Returns
     -------
     kind, time, x, v : int, float, float, float
-        NOTHING, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it.
+        NOTHING, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
+        (0 for a block in contact, see `SPEED_FLOOR`).
     """
     p0, q0 = polynomial(segment.particular, start)
     grow, decay = 0.5 * (x - side - p0 + v - q0), 0.5 * (x - side - p0 - v + q0)

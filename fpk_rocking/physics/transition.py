@@ -5,22 +5,20 @@ from fpk_rocking.physics.contact import chatter_time, impact
 from fpk_rocking.physics.flight import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, polynomial, safe_time
 
 SLOW = 1e-6
-"""Chatter that ends within this time is summed in closed form; the sum is then right to about SLOW^2."""
+"""Chatter that ends within this time is summed in closed form; a segment that ends meanwhile sees it over already."""
 
 _FORCE_FLOOR = 1e-12
 
 
 @kernel
-def uplift_level(segment):
-    """Force beyond which a block at rest uplifts: 1 and a margin above the rounding of f, so that it surely leaves."""
-    return 1.0 + _FORCE_FLOOR * max(1.0, -segment.force_low, segment.force_high)
-
-
-@kernel
 def uplift_time(segment, start, end):
-    """First time in [start, end] at which a block at rest uplifts, |f| passing 1, and the side it goes to (0: none)."""
-    level = uplift_level(segment)
-    target = 2.0 * level - 1.0
+    """First time in [start, end] at which a block at rest uplifts, |f| passing 1, and the side it goes to (0: none).
+
+    |f| must pass 1 by more than a margin above the rounding of f: the block then surely leaves, and whoever asks again
+    at the same time gets the same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
+    """
+    margin = _FORCE_FLOOR * max(1.0, -segment.force_low, segment.force_high)
+    level, target = 1.0 + margin, 1.0 + 2.0 * margin
     t = start
     while t < end:
         force, slope = polynomial(segment.force, t)
@@ -34,10 +32,10 @@ def uplift_time(segment, start, end):
 
 @kernel
 def settle(speed, side, segment, time, restitution):
-    """Decide what follows an impact: flight (side, 0), rest after a delay (0, delay), or uplift at once (side, 0).
+    """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
     `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `SLOW`
-    under a force that changes by less than a hundredth of its distance to 1; below a speed of 1e-9 the force decides.
+    under a force that changes by less than a hundredth of its distance to 1; below `SPEED_FLOOR` the speed is dropped.
     """
     force, slope = polynomial(segment.force, time)
     gap = 1.0 - abs(force)
@@ -45,14 +43,10 @@ def settle(speed, side, segment, time, restitution):
         delay = chatter_time(speed, side * force, restitution)
         if delay <= SLOW and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
-    if speed >= SPEED_FLOOR:
-        return side, 0.0
-    if abs(force) > uplift_level(segment):
-        return (1 if force > 0.0 else -1), 0.0
-    return 0, 0.0
+    return (side if speed >= SPEED_FLOOR else 0), 0.0
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True)  # see next_event
 def advance(x, v, side, segment, start, end, restitution, cutoff):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 
@@ -87,8 +81,5 @@ def advance(x, v, side, segment, start, end, restitution, cutoff):
             v = impact(v, restitution)
             side, delay = settle(abs(v), -side, segment, t, restitution)
             if side == 0:
-                x, v, t = 0.0, 0.0, t + delay
-            elif abs(v) < SPEED_FLOOR:
-                v = 0.0
+                v, t = 0.0, t + delay
     return x, v, side, min(t, end)
-

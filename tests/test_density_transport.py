@@ -1,0 +1,175 @@
+"""The two ways a step moves mass, each against an operator assembled without its kernels.
+
+Cells that an event can reach send their mass to landing points: there the operator is put together from scikit-fem's
+own evaluation of the basis. Free cells take exact shifts along lines: there from numpy's quadrature of the overlaps.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from density_operators import affine, flow, free_flight, gauss_points, hermite_weights, impact_time, noise_offsets
+from numpy.polynomial import legendre
+from scipy.sparse.linalg import spsolve
+from skfem import BilinearForm
+
+from fpk_rocking.density import landing, lines
+from fpk_rocking.density.space import Space
+from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.flight import TERMS
+
+CUTOFF = 1.2
+DYNAMICS = Dynamics((4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
+START, DURATION = 0.53, 0.1
+QUADRATURE = Quadrature(4, 5, 5, 2)
+SOURCE = Space(
+    np.array([-1.2, -0.9, -0.5, -0.2, 0.0, 0.003, 0.3, 0.7, 1.0, 1.2]), np.array([-3.0, -1.4, -0.3, 0.1, 1.5, 3.0]), 3
+)
+TARGET = Space(np.array([-1.15, -0.6, -0.1, 0.0, 0.25, 0.5, 1.1]), np.array([-2.6, -1.1, -0.35, 0.25, 0.9, 2.4]), 3)
+SIDES = {1: slice(SOURCE.first_positive, None), -1: slice(0, SOURCE.first_positive)}
+
+
+def lines_of(side):
+    angle = SOURCE.angle_lines
+    return angle[angle >= 0.0] if side > 0 else angle[angle <= 0.0], SOURCE.velocity_lines
+
+
+def traced(points, side, dynamics, quadrature):
+    """Landing points (points, nodes, 2) and codes (points, nodes), one call of the path kernel a point."""
+    nodes, _ = landing.hermite_nodes(quadrature.long, quadrature.short)
+    states, codes = np.empty((len(points), len(nodes), 2)), np.empty((len(points), len(nodes)), np.int32)
+    for k, (x, v) in enumerate(points):
+        landing.trace(
+            x, v, side, START, DURATION, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff,
+            nodes, np.empty((6, TERMS)), states[k], codes[k],
+        )  # fmt: skip
+    return states, codes
+
+
+def affine_landing(points, side):
+    """Landing points (points, nodes, 2) and codes (points, nodes) of a flight without events."""
+    matrix, shift = affine(DYNAMICS, START, DURATION, side)
+    offsets = noise_offsets(DYNAMICS, DURATION, QUADRATURE.long, QUADRATURE.short)
+    return (points @ matrix.T + shift)[:, None] + offsets, np.full((len(points), len(offsets)), side)
+
+
+def cells_of(trace, free):
+    """Side, Gauss points and their areas for the cells of a step that are free, or for the others."""
+    mesh_lines = SOURCE.angle_lines, SOURCE.velocity_lines
+    for (i, j), points, areas in gauss_points(mesh_lines, (QUADRATURE.angle, QUADRATURE.velocity)):
+        if (trace.events[i, j] < 0) == free:
+            yield (1 if SOURCE.angle_lines[i] >= 0.0 else -1), points, areas
+
+
+def deposited(trace, coefficients, target, free):
+    """Coefficients and sinks of free cells or others, by scikit-fem's evaluation of both bases and its mass matrix."""
+    parts = []
+    for side, points, areas in cells_of(trace, free):
+        landed = affine_landing(points, side) if free else traced(points, side, DYNAMICS, QUADRATURE)
+        parts.append((points, areas, *landed))
+    points, areas, states, codes = (np.concatenate(part) for part in zip(*parts, strict=True))
+    mass = np.outer((SOURCE.basis().probes(points.T) @ coefficients.ravel()) * areas, hermite_weights(5, 2))
+    x, v = np.moveaxis(states, -1, 0)
+    x = np.where(x == 0.0, 1e-15 * np.sign(codes), x)
+    upright = np.abs(codes) == 1
+    inside = upright & (x > target.angle_lines[0]) & (x < target.angle_lines[-1])
+    inside &= (v > target.velocity_lines[0]) & (v < target.velocity_lines[-1])
+    right = target.basis().probes(np.array([x[inside], v[inside]])).T @ mass[inside]
+    matrix = BilinearForm(lambda u, w, _: u * w).assemble(target.basis())
+    sinks = [mass[codes == -2].sum(), mass[codes == 2].sum(), mass[upright & ~inside].sum()]
+    return spsolve(matrix.tocsc(), right).reshape(target.shape), np.array(sinks)
+
+
+@pytest.fixture(scope="module")
+def trace():
+    return Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE)
+
+
+@pytest.fixture(scope="module")
+def coefficients():
+    return np.random.default_rng(1).normal(size=SOURCE.shape)
+
+
+def test_landing_operator_is_the_one_assembled_from_scikit_fem(trace, coefficients):
+    """Onto another mesh all cells land: impacts, rest, overturning, what leaves the mesh, and free cells."""
+    (events, event_sinks), (free, free_sinks) = (deposited(trace, coefficients, TARGET, free) for free in (False, True))
+    out, sinks = Step(trace, TARGET).apply(coefficients)
+    assert np.abs(event_sinks).min() > 1e-3
+    assert np.abs(free).max() > 0.1
+    assert np.abs(out - events - free).max() < 1e-12 * np.abs(events + free).max()
+    assert sinks == pytest.approx(event_sinks + free_sinks, abs=1e-13)
+
+
+def test_step_on_one_mesh_is_landing_and_exact_shifts(trace, coefficients):
+    """Onto its own mesh only the cells that an event can reach land; the others are moved line by line."""
+    expected, sinks = deposited(trace, coefficients, SOURCE, free=False)
+    free = np.where((trace.events < 0)[:, :, None, None], coefficients, 0.0)
+    for side, columns in SIDES.items():
+        part, out, lost = free_flight(free[columns], lines_of(side), DYNAMICS, START, DURATION, side)
+        expected[columns] += part
+        sinks += [*out, lost.sum()]
+    result, result_sinks = Step(trace, SOURCE).apply(coefficients)
+    assert np.abs(result - expected).max() < 1e-12 * np.abs(expected).max()
+    assert result_sinks == pytest.approx(sinks, abs=1e-13)
+
+
+def test_the_tested_step_holds_every_kind_of_event(trace):
+    """What the comparisons above cover: impacts to both sides, paths at rest, overturning to both sides."""
+    middles = SOURCE.angle_lines[1:] + SOURCE.angle_lines[:-1]
+    before = np.sign(middles).repeat(SOURCE.shape[1])[trace.events.ravel() >= 0]
+    for code in (-2, -1, 1, 2):
+        assert np.any(trace.codes[before == np.sign(code)] == code)
+    assert np.any(trace.codes[before < 0] == 1)
+    assert np.any(trace.codes[before > 0] == -1)
+    assert np.any(np.all(trace.states == 0.0, axis=-1))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_shifts_are_projections_of_the_moved_lines(trace, coefficients, side):
+    """With coefficients in all cells of a side much passes every end: nothing passes x = 0, and mass is balanced."""
+    affinity = trace.cosh, trace.sinh, trace.shifts[side]
+    before = coefficients[SIDES[side]]
+    out, angle_ends, velocity_ends = lines.FreeFlight(SOURCE, side, affinity, DYNAMICS.diffusion, DURATION).apply(
+        before
+    )
+    expected, *expected_ends = free_flight(before, lines_of(side), DYNAMICS, START, DURATION, side)
+    assert np.abs(out - expected).max() < 1e-12 * np.abs(expected).max()
+    assert [angle_ends, velocity_ends] == pytest.approx(np.array(expected_ends), abs=1e-13)
+    assert angle_ends[(1 - side) // 2] == 0.0
+    assert np.abs([angle_ends[(1 + side) // 2], *velocity_ends]).min() > 1e-4
+    difference = np.sum((before - out)[:, :, 0, 0] * SOURCE.areas[SIDES[side]])
+    assert difference == pytest.approx(angle_ends.sum() + velocity_ends.sum(), abs=1e-13)
+
+
+@pytest.mark.parametrize("target", [SOURCE, TARGET])
+def test_mass_is_balanced_through_all_events(trace, coefficients, target):
+    out, sinks = Step(trace, target).apply(coefficients)
+    assert target.masses(out).sum() + sinks.sum() == pytest.approx(SOURCE.masses(coefficients).sum(), abs=1e-13)
+
+
+def test_paths_of_free_cells_meet_nothing(trace):
+    """The kernel's path to every node of a free cell ends where the affine flight and the node's offset put it."""
+    for side, points, _ in cells_of(trace, free=True):
+        states, codes = traced(points, side, DYNAMICS, QUADRATURE)
+        assert np.all(codes == side)
+        assert np.abs(states - affine_landing(points, side)[0]).max() < 1e-13
+
+
+@pytest.mark.parametrize(("point", "side"), [((0.05, -0.9), 1), ((-0.04, 0.9), -1), ((0.02, -0.9), 1)])
+def test_noise_is_carried_through_an_impact(point, side):
+    """Weak noise: mean and covariance of the nodes against responses of the exact flow to kicks, summed over time."""
+    weak, end, step = Dynamics(DYNAMICS.harmonic, 1e-9, DYNAMICS.restitution, CUTOFF), START + DURATION, 1e-5
+    (states,), (codes,) = traced([point], side, weak, Quadrature(1, 1, 5, 3))
+    weights, mean = hermite_weights(5, 3), flow(weak, point, side, START, end)
+    assert np.all(codes == -side)
+    assert weights @ states == pytest.approx(mean, abs=1e-7)
+    impact, covariance = impact_time(weak, point, side, START, end), np.zeros((2, 2))
+    for low, high, on in ((START, impact, side), (impact, end, -side)):
+        for node, part in zip(*legendre.leggauss(6), strict=True):
+            time = low + 0.5 * (high - low) * (node + 1.0)
+            x, v = flow(weak, point, side, START, time)
+            ahead, behind = (flow(weak, (x, v + kick), on, time, end) for kick in (step, -step))
+            response = (ahead - behind) / (2.0 * step)
+            covariance += weak.diffusion * (high - low) * part * np.outer(response, response)
+    gathered = np.einsum("n,ni,nj->ij", weights, states - mean, states - mean)
+    assert gathered == pytest.approx(covariance, rel=2e-3)

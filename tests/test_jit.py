@@ -1,0 +1,58 @@
+"""The disk cache of compiled kernels: kept between runs, and never older than the text of any kernel file."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+import fpk_rocking
+
+PROBE = """
+from fpk_rocking.jit import kernel
+from fpk_rocking.physics.contact import chatter_time
+
+@kernel
+def probe(speed):
+    return chatter_time(speed, 0.0, 0.0)
+"""
+
+RUN = "from fpk_rocking.physics.probe import probe; print(probe(0.25), sum(probe.stats.cache_hits.values()))"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """Copy the package and add a kernel that calls one in another file."""
+    source = pathlib.Path(fpk_rocking.__file__).parent
+    copy = shutil.copytree(source, tmp_path / "fpk_rocking", ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "physics" / "probe.py").write_text(PROBE)
+    return copy
+
+
+def run(package, **environment):
+    """Value of the probe in a fresh process, and how many kernels' machine code came from the disk."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    command = [sys.executable, "-c", RUN]
+    where = {"cwd": package.parent, "env": kept | environment}
+    answer = subprocess.run(command, **where, check=True, capture_output=True, text=True, timeout=120)
+    value, hits = answer.stdout.split()
+    return float(value), int(hits)
+
+
+def test_an_edited_kernel_is_compiled_anew_also_where_another_file_calls_it(package, tmp_path):
+    cache = tmp_path / "chosen"
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 0)
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 1)
+    contact = package / "physics" / "contact.py"
+    contact.write_text(contact.read_text().replace("return 2.0 * speed *", "return 6.0 * speed *"))
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (1.5, 0)
+    assert len(list(cache.iterdir())) == 2
+    assert all(list(folder.rglob("*.nbc")) for folder in cache.iterdir())
+
+
+def test_the_cache_is_in_the_users_cache_folder_unless_chosen(package, tmp_path):
+    assert run(package, XDG_CACHE_HOME=str(tmp_path / "user")) == (0.5, 0)
+    assert len(list((tmp_path / "user" / "fpk-rocking").iterdir())) == 1
+    assert not list(package.rglob("*.nbc"))
