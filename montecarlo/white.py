@@ -20,14 +20,12 @@ from numba import prange
 
 from fpk_rocking import checks
 from fpk_rocking.jit import kernel
+from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.flight import TERMS, Segment, flight, harmonic_particular, segment_of
 from fpk_rocking.physics.gaussian import flight_covariance
 from montecarlo.approach import land, near, noise_factor
 from montecarlo.random import normal, open_stream
 from montecarlo.start import draw_start, start_numbers
-
-CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
-"""Below it white noise makes infinitely many impacts in finite time (Cornell, Swift, Bray, cond-mat/9804229)."""
 
 REACH = 4.0
 FINEST = 256
@@ -78,9 +76,9 @@ def problem_of(scene, steps_per_cycle):
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
         raise ValueError(checks.refusal("noise.diffusion", diffusion, "a number > 0 for 'white'; use NoNoise for none"))
-    if restitution < CRITICAL_RESTITUTION:
+    if restitution <= CRITICAL_RESTITUTION:
         accepted = (
-            f"at least exp(-pi/sqrt(3)) = {CRITICAL_RESTITUTION:.5f} under white noise, where impacts accumulate below "
+            f"above exp(-pi/sqrt(3)) = {CRITICAL_RESTITUTION:.5f} under white noise, where impacts accumulate up to "
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))

@@ -134,13 +134,14 @@ def move_along_angle(density, mesh_lines, *movement):
 
 
 def free_flight(density, mesh_lines, dynamics, start, duration, side):
-    """Shear, kick, blur and shear of the density on one side: coefficients, and what leaves by angle and velocity."""
+    """Blurred shear, kick, blur and blurred shear of the density on one side: coefficients, and what leaves by axis."""
     _, (dx, dv) = affine(dynamics, start, duration, side)
-    shear, sinh = math.tanh(0.5 * duration), math.sinh(duration)
-    ((xx, _), (_, vv)) = flight_noise(dynamics, duration)
+    shear, sinh, cosh = math.tanh(0.5 * duration), math.sinh(duration), math.cosh(duration)
+    small = dynamics.diffusion * shear * (1.0 - duration / sinh)
+    large = dynamics.diffusion * (sinh + duration * cosh)
     many, few = np.polynomial.hermite_e.hermegauss(15), np.polynomial.hermite_e.hermegauss(3)
-    still, keep, leave = (np.zeros(1), np.ones(1)), (True, True), (False, False)
-    blur, finish = (math.sqrt(vv) * many[0], many[1]), (math.sqrt(xx - shear**2 * vv) * few[0], few[1])
+    fine, blur = (math.sqrt(small) * few[0], few[1]), (math.sqrt(large) * many[0], many[1])
+    keep, leave = (True, True), (False, False)
 
     def drift(v):
         return shear * v + 0.5 * (dx - shear * dv)
@@ -148,8 +149,8 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
     def kick(x):
         return sinh * x + dv - 0.5 * sinh * (dx - shear * dv)
 
-    now, _ = move_along_angle(density, mesh_lines, drift, *still, keep)
-    now, first = move_along_velocity(now, mesh_lines, kick, *still, leave)
+    now, _ = move_along_angle(density, mesh_lines, drift, *fine, keep)
+    now, first = move_along_velocity(now, mesh_lines, kick, np.zeros(1), np.ones(1), leave)
     now, second = move_along_velocity(now, mesh_lines, lambda _: 0.0, *blur, leave)
-    now, out = move_along_angle(now, mesh_lines, drift, *finish, (side > 0, side < 0))
+    now, out = move_along_angle(now, mesh_lines, drift, *fine, (side > 0, side < 0))
     return now, out, first + second

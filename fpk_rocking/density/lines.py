@@ -2,9 +2,9 @@
 
 The affine flight z -> M z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
 M = X V X with X = [[1, tanh(t/2)], [0, 1]] and V = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a
-whole, so each is an L2 projection in one dimension, done exactly, and cannot amplify. White noise is a blur of the
-velocity between the last two shears and a small one of the angle at the end: exact in the variances, and in the
-covariance up to D t^4 / 12 (derived in docs/numerics). Mass is conserved line by line.
+whole, so each is an L2 projection in one dimension, done exactly, and cannot amplify. White noise is a small blur of
+the angle with the first and the last shear and one of the velocity after the second: together they have the covariance
+of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
 """
 
 import math
@@ -15,7 +15,6 @@ from numba import prange
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.density.transport import legendre
 from fpk_rocking.jit import kernel
-from fpk_rocking.physics.gaussian import flight_covariance
 
 BLUR_NODES = 15
 """Gauss-Hermite nodes of the velocity's blur: they end at 6.4 standard deviations, beyond which nothing is sent."""
@@ -27,6 +26,18 @@ def hermite(count):
     """Gauss-Hermite nodes in standard deviations and weights, (count,) each."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(count)
     return nodes, weights / weights.sum()
+
+
+def blur_variances(diffusion, duration):
+    """Variances of the velocity's blur and of each of the angle's two blurs (derived in docs/theory)."""
+    sinh = math.sinh(duration)
+    if duration < 0.1:
+        square = duration * duration
+        deficit = square / 6.0 * (1.0 - square * (7.0 / 60.0) * (1.0 - square * (31.0 / 294.0)))
+    else:
+        deficit = 1.0 - duration / sinh
+    small = diffusion * math.tanh(0.5 * duration) * deficit
+    return diffusion * (sinh + duration * math.cosh(duration)), small
 
 
 class FreeFlight:
@@ -53,17 +64,16 @@ class FreeFlight:
         points, weights = gauss(space.degree + 1)
         shear = math.tanh(0.5 * duration)
         drift = 0.5 * (dx - shear * dv)
-        xx, _, vv = flight_covariance(diffusion, duration)
+        kick, small = blur_variances(diffusion, duration)
         along_angle = shear * _line_points(velocity, points) + drift
         along_velocity = sinh * _line_points(angle, points) + (dv - sinh * drift)
-        spread, rest = math.sqrt(vv), math.sqrt(xx - shear * shear * vv)
         still, blur, fine = hermite(1), hermite(BLUR_NODES), hermite(_FINE_NODES)
         table = shapes(points, space.degree)
         self._across = table, np.ascontiguousarray((table * weights[:, None]).T)
-        self._shear = shift_blocks(angle, along_angle, *still, space.degree)
+        self._shear = shift_blocks(angle, along_angle, math.sqrt(small) * fine[0], fine[1], space.degree)
         self._kick = shift_blocks(velocity, along_velocity, *still, space.degree)
-        self._blur = shift_blocks(velocity, np.zeros(1), spread * blur[0], blur[1], space.degree)
-        self._finish = shift_blocks(angle, along_angle, rest * fine[0], fine[1], space.degree)
+        self._blur = shift_blocks(velocity, np.zeros(1), math.sqrt(kick) * blur[0], blur[1], space.degree)
+        self._finish = shift_blocks(angle, along_angle, math.sqrt(small) * fine[0], fine[1], space.degree)
         self._sizes = np.diff(angle), np.diff(velocity)
         self._inner = (side > 0, side < 0)
 

@@ -38,11 +38,18 @@ def window_lines(low, high, cells):
 
 
 def velocity_bound(scene, diffusion):
-    """Velocity beyond which a block is bound to overturn: past the moving separatrix by eight widths of the noise.
+    """Velocity that is passed only by blocks bound to overturn, and by eight standard deviations of noise.
 
-    The separatrix is x + v = 1 + A / sqrt(1 + Omega^2) at most (derived in docs/theory); the start is covered too.
+    Outward it lies beyond the moving separatrix; inward it is what a block from rest can gain, plus what the start has
+    in excess of that (derived in docs/theory).
     """
     forcing, start = scene.forcing, scene.start
-    bound = 1.0 + forcing.amplitude / math.hypot(1.0, forcing.frequency) + 8.0 * math.sqrt(diffusion)
-    spread = 0.0 if start.covariance is None else 8.0 * math.sqrt(start.covariance[1][1])
-    return max(bound, 1.2 * (abs(start.velocity) + spread))
+    swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
+    bound = 1.0 + swing + 8.0 * math.sqrt(diffusion)
+    (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
+    outward = abs(start.velocity) + 8.0 * math.sqrt(vv)
+    now = swing * math.cos(forcing.phase - math.atan(forcing.frequency))
+    spread = 8.0 * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
+    excess = max(side * (start.angle - start.velocity - now) for side in (1.0, -1.0)) - 1.0 + spread
+    falls = start.angle * start.velocity < 0.0 or start.covariance is not None
+    return max(bound + (max(excess, 0.0) if falls else 0.0), 1.2 * outward)

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import time
+import warnings
 
 import numpy as np
 
@@ -56,6 +57,9 @@ class Resolution:
         )
 
 
+UNRESOLVED = 0.05
+"""Negative mass above which a density counts as not resolved."""
+
 PRESETS = {
     1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12),
     1e-3: Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16),
@@ -84,6 +88,12 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     -------
     Evolution
 
+    Warns
+    -----
+    RuntimeWarning
+        The mesh does not resolve the density: the negative mass is above `UNRESOLVED`, or the error estimate is above
+        ten times `tol`.
+
     Raises
     ------
     TypeError, ValueError
@@ -101,7 +111,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     coarse = _evolve(white, cycles, resolution.coarser(), bound, progress and (lambda done: progress(done, total)))
     fine = _evolve(white, cycles, resolution, bound, progress and (lambda done: progress(cycles + done, total)))
     inside, overturned, lost, coefficients, space = fine
-    return Evolution(
+    result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
         closure=_closure(scene, white),
@@ -117,6 +127,19 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
         coefficients=coefficients,
         space=space,
     )
+    _warn_unresolved(result)
+    return result
+
+
+def _warn_unresolved(result):
+    if result.negative_mass > UNRESOLVED or result.error_estimate > 10.0 * result.tol:
+        warnings.warn(
+            f"the mesh does not resolve this density (negative mass {result.negative_mass:.1e}, error estimate "
+            f"{result.error_estimate:.1e} for tol {result.tol:g}): the noise is weak, or it rattles at rest; try a "
+            "smaller tol, or simulate()",
+            RuntimeWarning,
+            stacklevel=3,
+        )
 
 
 def _refuse_unsolvable(white):

@@ -35,6 +35,7 @@ RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
 _NEGLIGIBLE = 1e-13
+_RATTLE, _MOST_STEPS = 0.5, 100
 
 
 class Gaussian:
@@ -138,7 +139,7 @@ class Launch:
         """Carry a density from window to window, and to the main mesh at `end`."""
         dynamics = self.dynamics
         while time < end:
-            duration = min(GROWTH * (time + gathered), end - time)
+            duration = min(GROWTH * (time + gathered), self._longest(time, end), end - time)
             free = self._free_time(window, coefficients, time, end - time)
             quiet = free >= duration
             duration = max(free, duration)
@@ -146,11 +147,16 @@ class Launch:
                 duration = end - time
             trace = Trace(window, time, duration, dynamics, WIDE if quiet else FINE)
             time += duration
-            target = self.space if time >= end else _window(*_landing_moments(trace, coefficients), dynamics.cutoff)
+            target = self.space if time >= end else _next_window(trace, coefficients, dynamics.cutoff)
             coefficients, sinks = Step(trace, target).apply(coefficients)
             self.sinks += sinks
             window = target
         self.coefficients = coefficients
+
+    def _longest(self, time, end):
+        """Longest step next to x = 0: under |f| < 1 the noise must still lift the block off within it."""
+        gap = 1.0 - abs(self.dynamics.force(time))
+        return max(_RATTLE * self.dynamics.diffusion / gap**2, end / _MOST_STEPS) if gap > 0.0 else math.inf
 
     def _free_time(self, window, coefficients, time, longest):
         """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
@@ -190,8 +196,8 @@ def _window(mean, covariance, cutoff):
     return Space(np.clip(angle, -cutoff, cutoff), window_lines(low[1], high[1], count), DEGREE)
 
 
-def _landing_moments(trace: Trace, coefficients):
-    """Mean (2,) and covariance (2, 2) of the density after a traced step, mass that overturned left out."""
+def _next_window(trace: Trace, coefficients, cutoff):
+    """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
     values = source.cell_values(coefficients, trace.angle_points, trace.velocity_points)
     values *= np.outer(trace.angle_weights, trace.velocity_weights)
@@ -201,5 +207,10 @@ def _landing_moments(trace: Trace, coefficients):
         trace.node_weights, trace.events, trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts,
         trace.offsets,
     )  # fmt: skip
+    if total < _NEGLIGIBLE:
+        return source
     x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
-    return np.array([x, v]), np.array([[xx - x * x, xv - x * v], [xv - x * v, vv - v * v]])
+    # A window never shrinks: what rattles at x = 0 has tails that its moments do not tell of.
+    xx = max(xx - x * x, (0.5 * np.ptp(source.angle_lines) / REACH) ** 2)
+    vv = max(vv - v * v, (0.5 * np.ptp(source.velocity_lines) / REACH) ** 2)
+    return _window(np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff)

@@ -10,7 +10,6 @@ from fpk_rocking.density.landing import classify, hermite_nodes, principal_axes,
 from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.density.transport import CHUNKS, deposit, gather
-from fpk_rocking.physics.flight import TERMS, harmonic_particular, polynomial
 from fpk_rocking.physics.gaussian import flight_covariance
 
 
@@ -43,11 +42,14 @@ class Dynamics:
         amplitude, frequency, phase = self.harmonic
         return -amplitude * math.cos(frequency * time + phase)
 
+    def _particular(self, time):
+        amplitude, frequency, phase = self.harmonic
+        scale, angle = amplitude / (1.0 + frequency * frequency), frequency * time + phase
+        return scale * math.cos(angle), -scale * frequency * math.sin(angle)
+
     def affine(self, start, duration):
         """Affine flight z -> M z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
-        particular = np.empty(TERMS)
-        harmonic_particular(start, *self.harmonic, particular)
-        (p0, q0), (p1, q1) = polynomial(particular, 0.0), polynomial(particular, duration)
+        (p0, q0), (p1, q1) = self._particular(start), self._particular(start + duration)
         cosh, sinh = math.cosh(duration), math.sinh(duration)
         shifts = np.zeros((3, 2))
         for side in (1, -1):

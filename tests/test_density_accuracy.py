@@ -1,0 +1,249 @@
+"""The density solver against closed forms, exact balances and symmetries, and against paths where there is no formula."""
+
+import dataclasses
+import itertools
+import math
+
+import numba
+import numpy as np
+import pytest
+from density_operators import affine, flight_noise
+
+from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.lines import blur_variances
+from fpk_rocking.density.mesh import graded_lines
+from fpk_rocking.density.space import Space, gauss
+from fpk_rocking.density.start import Gaussian, Launch
+from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from montecarlo import simulate
+
+QUADRATURE = Quadrature(5, 5, 5, 2)
+CALM = Dynamics((0.5, 2.0, 0.0), 0.01, 0.5, 6.0)
+AWAY = Gaussian((2.0, -0.6), [[0.03, 0.003], [0.003, 0.04]])
+REST = Start()
+
+
+def scene_of(amplitude=4.6, phase=math.pi, start=REST, diffusion=0.02, cutoff=math.pi / 2, frequency=2.7):
+    forcing = Forcing(amplitude, frequency, phase)
+    return Scene(Block(0.5), forcing, WhiteNoise(diffusion), start, Overturning(cutoff))
+
+
+def away_mesh(cells, degree=3):
+    return Space(np.linspace(0.5, 3.7, cells + 1), np.linspace(-2.3, 1.8, cells + 1), degree)
+
+
+def l2_error(density, truth):
+    """L2 norm over the mesh of a density minus a function."""
+    space, (nodes, weights) = density.space, gauss(8)
+    angle, velocity = (line[:-1, None] + np.diff(line)[:, None] * nodes for line in density.mesh_lines)
+    error = space.cell_values(density.coefficients, nodes, nodes)
+    error = error - truth(angle[:, None, :, None], velocity[None, :, None, :])
+    return math.sqrt(np.einsum("xvij,i,j,xv->", error**2, weights, weights, space.areas))
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_density_converges_with_order_degree_plus_one(degree):
+    """Gaussian flight away from events, two steps; the truth is the closed form."""
+    steps, cells, errors = 4, (20, 26, 32, 40), []
+    for count in cells:
+        space, truth = away_mesh(count, degree), AWAY
+        coefficients = space.project(AWAY, 8)
+        for k in range(steps):
+            step = Step(Trace(space, 0.1 * k, 0.1, CALM, QUADRATURE), space)
+            coefficients, _ = step.apply(coefficients)
+            matrix, shift = affine(CALM, 0.1 * k, 0.1, 1)
+            covariance = matrix @ truth.covariance @ matrix.T + flight_noise(CALM, 0.1)
+            truth = Gaussian(matrix @ truth.mean + shift, covariance)
+        errors.append(l2_error(Density(space, coefficients), truth))
+    slope = np.polyfit(np.log(cells), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-(degree + 1), abs=0.15)
+    assert errors[-1] < {2: 2e-3, 3: 1.2e-4}[degree]
+
+
+@pytest.mark.parametrize("duration", [0.04, 0.2])
+@pytest.mark.parametrize("same_mesh", [True, False])
+def test_flight_and_noise_have_exact_moments(duration, same_mesh):
+    """Mean and covariance, both by shifts of lines and by landing points."""
+    source = away_mesh(24)
+    target = source if same_mesh else Space(np.linspace(0.3, 3.9, 25), np.linspace(-2.5, 2.0, 25), 3)
+    before = Density(source, source.project(AWAY, 8))
+    after = Density(target, Step(Trace(source, 0.3, duration, CALM, QUADRATURE), target).apply(before.coefficients)[0])
+    matrix, shift = affine(CALM, 0.3, duration, 1)
+    covariance = matrix @ before.covariance @ matrix.T + flight_noise(CALM, duration)
+    assert after.mean == pytest.approx(matrix @ before.mean + shift, abs=1e-12)
+    assert after.covariance == pytest.approx(covariance, abs=1e-12)
+
+
+@pytest.mark.parametrize("duration", [1e-3, 0.03, 0.0999, 0.1, 0.5])
+def test_blurs_have_the_covariance_of_the_flight(duration):
+    """A blur of the angle, a kick's blur and another of the angle, carried on by the shears between them."""
+    kick, small = blur_variances(0.7, duration)
+    early, middle, late = (
+        [math.cosh(duration), math.sinh(duration)],
+        [math.tanh(duration / 2.0), 1.0],
+        [1.0, 0.0],
+    )
+    covariance = small * np.outer(early, early) + kick * np.outer(middle, middle) + small * np.outer(late, late)
+    truth = flight_noise(Dynamics((0.0, 1.0, 0.0), 0.7, 0.5, 1.0), duration)
+    assert covariance == pytest.approx(truth, rel=1e-9 if duration > 0.01 else 1e-5)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.7, 1.9])
+def test_mass_that_crosses_zero_or_overturns_is_balanced(start):
+    """One step of a Gaussian astride x = 0 that reaches both cut-offs; all that is not inside is in the sinks."""
+    dynamics = Dynamics((4.6, 2.7, math.pi), 0.02, 0.5, 1.2)
+    space = Space(graded_lines(1.2, 20, 1.5), graded_lines(3.5, 24, 1.3), 3)
+    coefficients = space.project(Gaussian((0.02, 0.1), [[0.25, 0.02], [0.02, 0.6]]), 8)
+    after, sinks = Step(Trace(space, start, 0.15, dynamics, QUADRATURE), space).apply(coefficients)
+    assert sinks[:2].min() > 1e-3
+    left = [space.masses(now)[: space.first_positive].sum() for now in (coefficients, after)]
+    assert abs(left[1] + sinks[0] - left[0]) > 1e-3
+    assert space.masses(after).sum() + sinks.sum() == pytest.approx(space.masses(coefficients).sum(), abs=1e-13)
+
+
+def test_mass_that_overturns_as_a_whole_is_in_the_sink():
+    """Nothing of this window is left after the step: no column of it lands anywhere."""
+    dynamics = Dynamics((4.6, 2.7, math.pi), 0.02, 0.5, 1.2)
+    window = Space(np.linspace(0.8, 1.2, 17), np.linspace(6.0, 9.0, 9), 3)
+    coefficients = window.project(Gaussian((1.0, 7.5), [[1e-3, 0.0], [0.0, 0.04]]), 8)
+    for target in (window, Space(np.linspace(-1.2, 1.2, 9), np.linspace(-4.0, 4.0, 9), 3)):
+        after, sinks = Step(Trace(window, 0.0, 0.15, dynamics, QUADRATURE), target).apply(coefficients)
+        assert sinks[1] == pytest.approx(window.masses(coefficients).sum(), abs=1e-13)
+        assert np.abs(after).max() == 0.0
+
+
+@pytest.fixture(scope="module")
+def skewed():
+    """One cycle of a Gaussian start without any symmetry, part of it beyond the cut-off."""
+    start = Start(0.7, -0.6, ((0.08, 0.01), (0.01, 0.1)))
+    return solve_fpk(scene_of(phase=1.0, start=start), cycles=2, tol=1e-2)
+
+
+def test_turned_scene_has_the_turned_density(skewed):
+    """(x, v, Psi) -> (-x, -v, Psi + pi)."""
+    scene, start = skewed.scene, skewed.scene.start
+    turned = solve_fpk(
+        dataclasses.replace(
+            scene,
+            forcing=dataclasses.replace(scene.forcing, phase=scene.forcing.phase + math.pi),
+            start=Start(-start.angle, -start.velocity, start.covariance),
+        ),
+        cycles=2,
+        tol=1e-2,
+    )
+    assert turned.survival == pytest.approx(skewed.survival, abs=1e-13)
+    assert turned.overturned == pytest.approx(skewed.overturned[:, ::-1], abs=1e-13)
+    signs = np.multiply.outer((-1.0) ** np.arange(4), (-1.0) ** np.arange(4))
+    difference = turned.coefficients[:, ::-1, ::-1] * signs - skewed.coefficients
+    assert np.abs(difference).max() < 1e-12 * np.abs(skewed.coefficients).max()
+
+
+def test_nothing_is_unaccounted_for(skewed):
+    balance = skewed.survival + skewed.overturned.sum(axis=1) + skewed.lost
+    assert np.abs(balance - 1.0).max() < 1e-12
+    assert skewed.mass_defect == pytest.approx(np.abs(balance - 1.0).max(), abs=1e-16)
+    assert skewed.survival[1:] == pytest.approx([skewed.at(k).moment(0, 0) for k in (1, 2)], abs=1e-13)
+    assert np.all(np.diff(skewed.survival) < -0.01)
+    assert np.all(np.diff(skewed.overturned, axis=0) > 0.0)
+    assert np.abs(skewed.lost).max() < 1e-9
+    assert skewed.negative_mass == pytest.approx(
+        max(skewed.space.negative_mass(coefficients) for coefficients in skewed.coefficients), rel=1e-12
+    )
+
+
+def test_what_starts_beyond_the_cutoff_has_overturned(skewed):
+    spread = math.sqrt(2.0 * 0.08)
+    tails = [0.5 * math.erfc((math.pi / 2 + 0.7) / spread), 0.5 * math.erfc((math.pi / 2 - 0.7) / spread)]
+    assert skewed.overturned[0] == pytest.approx(tails, rel=1e-12)
+    assert skewed.survival[0] == pytest.approx(1.0 - sum(tails), abs=1e-15)
+    assert skewed.at(0).moment(0, 0) == pytest.approx(skewed.survival[0], abs=1e-4)
+    assert skewed.at(0)(0.7, -0.6) == pytest.approx(1.0 / (2.0 * math.pi * math.sqrt(0.08 * 0.1 - 1e-4)), rel=0.02)
+
+
+def test_same_bits_for_any_number_of_threads(skewed):
+    threads = numba.get_num_threads()
+    try:
+        for count in {1, threads}:
+            numba.set_num_threads(count)
+            again = solve_fpk(skewed.scene, cycles=2, tol=1e-2)
+            assert again.coefficients.tobytes() == skewed.coefficients.tobytes()
+            assert again.overturned.tobytes() == skewed.overturned.tobytes()
+    finally:
+        numba.set_num_threads(threads)
+
+
+def test_launch_layer_is_that_of_an_independent_simulation():
+    """Start at rest in the second scene, at 5T/16, against 1.2e6 paths with steps of a hundredth of the time elapsed.
+
+    The layer moves the mean of the unimpeded flight by (.0017874, .0028889), good to .2 %, and multiplies its
+    covariance by .98735, .99072 and .99456, good to 1e-4 each.
+    """
+    scene = load_scene("cases/scenes/second.toml")
+    dynamics, step = Dynamics.of(scene), scene.period / 16
+    space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
+    launch = Launch(dynamics, scene.start, space, step, 16)
+    coefficients = launch.coefficients
+    assert launch.step <= 5
+    for k in range(launch.step, 5):
+        coefficients, _ = Step(Trace(space, k * step, step, dynamics, QUADRATURE), space).apply(coefficients)
+    density = Density(space, coefficients)
+    _, unimpeded = affine(dynamics, 0.0, 5 * step, 1)
+    assert density.mean - unimpeded == pytest.approx([0.0017874, 0.0028889], rel=0.01)
+    ratios = density.covariance / flight_noise(dynamics, 5 * step)
+    assert ratios == pytest.approx(np.array([[0.98735, 0.99072], [0.99072, 0.99456]]), abs=5e-4)
+    assert np.abs(launch.sinks).max() < 1e-9
+
+
+QUIET = {
+    "point": (None, 1e-11),
+    "narrow": (((1e-5, 2e-6), (2e-6, 4e-6)), 1e-11),
+    "wide": (((1e-2, 1e-3), (1e-3, 2e-2)), 1e-4),
+}
+
+
+@pytest.mark.parametrize(("covariance", "error"), QUIET.values(), ids=QUIET.keys())
+def test_start_that_meets_nothing_keeps_gaussian_moments(covariance, error):
+    """A cycle without events, from a point, a Gaussian that the mesh cannot resolve and one that it can."""
+    scene = scene_of(0.8, start=Start(0.8, 0.15, covariance), diffusion=0.003, cutoff=2.5, frequency=8.0)
+    evolution = solve_fpk(scene, cycles=1, tol=1e-2)
+    matrix, shift = affine(Dynamics.of(scene), 0.0, scene.period, 1)
+    truth = matrix @ np.array(covariance or np.zeros((2, 2))) @ matrix.T + flight_noise(
+        Dynamics.of(scene), scene.period
+    )
+    assert evolution.at(1).mean == pytest.approx(matrix @ [0.8, 0.15] + shift, abs=error)
+    assert evolution.at(1).covariance == pytest.approx(truth, rel=error)
+    assert evolution.survival[1] == pytest.approx(1.0, abs=1e-11)
+    assert evolution.mass_defect < 1e-12
+
+
+def standard_errors(evolution, ensemble):
+    """Differences in survival, mean and covariance after a cycle, in standard errors of the ensemble: (6,)."""
+    points = np.stack([ensemble.angle[:, 1], ensemble.velocity[:, 1]])
+    points = points[:, np.isfinite(points[0])]
+    density, count, survival = evolution.at(1), points.shape[1], ensemble.survival[1]
+    error = math.sqrt(max(survival * (1.0 - survival), 1.0 / count) / ensemble.realizations)
+    covariance = np.cov(points)
+    spread = np.sqrt((covariance**2 + np.outer(np.diag(covariance), np.diag(covariance))) / count)
+    scores = [(evolution.survival[1] - survival) / error]
+    scores += list((density.mean - points.mean(axis=1)) / np.sqrt(np.diag(covariance) / count))
+    return np.array(scores + list(((density.covariance - covariance) / spread)[np.triu_indices(2)]))
+
+
+STARTS = {
+    "astride zero": (4.6, math.pi, Start(0.1, -0.3, ((0.05, 0.01), (0.01, 0.2)))),
+    "point at an impact": (4.6, math.pi, Start(1e-3, -0.3)),
+    "narrow at rest": (4.6, math.pi, Start(0.0, 0.0, ((1e-6, 1e-7), (1e-7, 4e-6)))),
+    "at rest, pressed down": (2.0, 1.5, REST),
+}
+
+
+@pytest.mark.parametrize(("amplitude", "phase", "start"), STARTS.values(), ids=STARTS.keys())
+def test_starts_that_meet_impacts_agree_with_paths(amplitude, phase, start):
+    """One cycle against 20,000 paths of the white-noise engine; false alarm 6 x 6e-5 each."""
+    scene = scene_of(amplitude, phase, start, 0.01)
+    evolution = solve_fpk(scene, cycles=1, tol=1e-3)
+    assert evolution.mass_defect < 1e-12
+    assert np.abs(evolution.lost).max() < 1e-6
+    assert np.abs(standard_errors(evolution, simulate(scene, cycles=1, realizations=20_000, seed=3))).max() < 4.0
