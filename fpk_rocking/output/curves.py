@@ -1,5 +1,7 @@
 """Survival and leakage of several results against the cycle, with what sampling explains."""
 
+import textwrap
+
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
@@ -12,6 +14,7 @@ __all__ = ["survival_figure"]
 _MARKERS = "osD^"
 _SIZE = (10.5, 7.0)
 _LINE = 0.22
+_NOTE_WIDTH = 115
 
 
 def survival_figure(path, results, title):
@@ -35,7 +38,7 @@ def survival_figure(path, results, title):
         The file written.
     """
     with style.drawing() as new_figure:
-        notes = remarks(*results)
+        notes = [line for note in remarks(*results) for line in textwrap.wrap(note, _NOTE_WIDTH)]
         width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
         figure = new_figure(figsize=(width, height))
         figure.suptitle(title, fontsize=15, y=1.0 - 0.12 / height, va="top", in_layout=False)
