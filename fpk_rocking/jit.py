@@ -10,6 +10,10 @@ import hashlib
 import os
 import pathlib
 
+# Threads that wait in a busy loop starve whatever else runs on the machine, the project's other runs included. The
+# OpenMP library reads this when it is loaded, so it is set before; a value that the user has set is kept.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 import numba
 
 _PHYSICS = pathlib.Path(__file__).resolve().parent / "physics"

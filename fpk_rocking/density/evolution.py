@@ -39,7 +39,7 @@ class Evolution:
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
     negative_mass : float
-        Largest integral of max(-p, 0) over time.
+        Largest integral of max(-p, 0) after 1 cycle or more.
     wall_s : float
         Seconds of the whole call.
     settings : dict

@@ -271,13 +271,15 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
 @kernel
 def landing_sums(
     values, angle_lines, velocity_lines, angle_points, velocity_points, weights, events, states, codes, cosh, sinh,
-    shifts, offsets,
+    shifts, offsets, least,
 ):  # fmt: skip
-    """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2.
+    """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2, and the box that holds them.
 
-    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace.
+    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace. The box
+    (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
     """
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    box = np.array([np.inf, -np.inf, np.inf, -np.inf])
     for i in range(values.shape[0]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
         for j in range(values.shape[1]):
@@ -301,4 +303,7 @@ def landing_sums(
                         sxx += mass * xn * xn
                         sxv += mass * xn * vn
                         svv += mass * vn * vn
-    return total, sx, sv, sxx, sxv, svv
+                        if abs(mass) > least:
+                            box[0], box[1] = min(box[0], xn), max(box[1], xn)
+                            box[2], box[3] = min(box[2], vn), max(box[3], vn)
+    return total, sx, sv, sxx, sxv, svv, box

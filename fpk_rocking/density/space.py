@@ -16,7 +16,9 @@ from skfem.refdom import RefQuad
 
 def shapes(points, degree):
     """Legendre polynomials, orthonormal on [0, 1]: values (..., degree + 1) at reference points (...)."""
-    return legendre.legvander(2.0 * np.asarray(points) - 1.0, degree) * np.sqrt(2.0 * np.arange(degree + 1) + 1.0)
+    points = np.asarray(points, dtype=float)
+    values = legendre.legvander(2.0 * points.ravel() - 1.0, degree) * np.sqrt(2.0 * np.arange(degree + 1) + 1.0)
+    return values.reshape(*points.shape, degree + 1)
 
 
 def gauss(count):

@@ -22,6 +22,9 @@ REACH = 8.0
 CELLS, DEGREE = 20, 3
 """Cells an axis and degree of a window."""
 
+MOST_CELLS = 60
+"""Most cells an axis that tails and splinters of a density may ask for."""
+
 GROWTH = 0.4
 """A step of the windows over the time in which the noise has gathered."""
 
@@ -34,7 +37,7 @@ FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
-_NEGLIGIBLE = 1e-13
+_NEGLIGIBLE, _VISIBLE = 1e-13, 1e-10
 _RATTLE, _MOST_STEPS = 0.5, 100
 
 
@@ -185,15 +188,24 @@ def _cell_size(lines, point):
     return lines[cell + 1] - lines[cell]
 
 
-def _window(mean, covariance, cutoff):
-    """Space on which a density of these moments is resolved, REACH standard deviations to all sides."""
+def _window(mean, covariance, cutoff, box=None):
+    """Space on which a density of these moments is resolved, REACH standard deviations to all sides.
+
+    `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
+    off. The window covers it with cells of the same size, up to MOST_CELLS of them.
+    """
     spread = np.sqrt(np.diag(covariance))
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
     count = math.ceil(CELLS * max(1.0, 0.5 / thin))
     low, high = mean - REACH * spread, mean + REACH * spread
-    angle = window_lines(max(low[0], -cutoff), min(high[0], cutoff), count)
-    return Space(np.clip(angle, -cutoff, cutoff), window_lines(low[1], high[1], count), DEGREE)
+    sizes = (high - low) / count
+    if box is not None:
+        low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
+    low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
+    counts = np.minimum(np.ceil((high - low) / sizes), max(MOST_CELLS, count)).astype(int)
+    angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
+    return Space(np.clip(angle, -cutoff, cutoff), velocity, DEGREE)
 
 
 def _next_window(trace: Trace, coefficients, cutoff):
@@ -202,15 +214,15 @@ def _next_window(trace: Trace, coefficients, cutoff):
     values = source.cell_values(coefficients, trace.angle_points, trace.velocity_points)
     values *= np.outer(trace.angle_weights, trace.velocity_weights)
     values *= source.areas[..., None, None]
-    total, x, v, xx, xv, vv = landing_sums(
+    total, x, v, xx, xv, vv, box = landing_sums(
         values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
         trace.node_weights, trace.events, trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts,
-        trace.offsets,
+        trace.offsets, _VISIBLE,
     )  # fmt: skip
     if total < _NEGLIGIBLE:
         return source
     x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
-    # A window never shrinks: what rattles at x = 0 has tails that its moments do not tell of.
-    xx = max(xx - x * x, (0.5 * np.ptp(source.angle_lines) / REACH) ** 2)
-    vv = max(vv - v * v, (0.5 * np.ptp(source.velocity_lines) / REACH) ** 2)
-    return _window(np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff)
+    # Nothing narrower than half a cell of the source is known of the density.
+    xx = max(xx - x * x, 0.25 * np.diff(source.angle_lines).min() ** 2)
+    vv = max(vv - v * v, 0.25 * np.diff(source.velocity_lines).min() ** 2)
+    return _window(np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
