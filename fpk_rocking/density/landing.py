@@ -20,7 +20,8 @@ from fpk_rocking.physics.transition import advance
 LEFT, RIGHT, LOST = -1, -2, -3
 """Landing cells below zero: overturned to the left, to the right, outside the mesh."""
 
-_OVERTURNED = 2
+OVERTURNED_SIDE = 2
+"""A node's code is its side, times this where its path overturned there."""
 
 _FAST = 2.0
 
@@ -151,7 +152,7 @@ def trace(x, v, side, start, duration, harmonic, diffusion, restitution, cutoff,
         states[n, 0], states[n, 1] = xn, vn
         codes[n] = side if sn == 0 else sn
         if abs(xn) >= cutoff:
-            codes[n] = _OVERTURNED * sn
+            codes[n] = OVERTURNED_SIDE * sn
 
 
 @kernel
@@ -255,7 +256,7 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
     cells = np.empty(codes.shape, np.int32)
     flat_states, flat_codes, flat_cells = states.reshape(-1, 2), codes.reshape(-1), cells.reshape(-1)
     for n in prange(len(flat_codes)):
-        if abs(flat_codes[n]) == _OVERTURNED:
+        if abs(flat_codes[n]) == OVERTURNED_SIDE:
             flat_cells[n] = LEFT if flat_codes[n] < 0 else RIGHT
             continue
         x, v = flat_states[n]
@@ -266,44 +267,3 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
         flat_cells[n] = LOST if i < 0 or j < 0 else i * across + j
         flat_states[n, 0], flat_states[n, 1] = xi, eta
     return cells
-
-
-@kernel
-def landing_sums(
-    values, angle_lines, velocity_lines, angle_points, velocity_points, weights, events, states, codes, cosh, sinh,
-    shifts, offsets, least,
-):  # fmt: skip
-    """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2, and the box that holds them.
-
-    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace. The box
-    (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
-    """
-    total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    box = np.array([np.inf, -np.inf, np.inf, -np.inf])
-    for i in range(values.shape[0]):
-        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
-        for j in range(values.shape[1]):
-            row = events[i, j]
-            for p in range(len(angle_points)):
-                x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
-                for q in range(len(velocity_points)):
-                    v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
-                    for n in range(len(weights)):
-                        mass = values[i, j, p, q] * weights[n]
-                        if row >= 0:
-                            if abs(codes[row, p, q, n]) == _OVERTURNED:
-                                continue
-                            xn, vn = states[row, p, q, n]
-                        else:
-                            xn = shifts[side, 0] + cosh * x + sinh * v + offsets[n, 0]
-                            vn = shifts[side, 1] + sinh * x + cosh * v + offsets[n, 1]
-                        total += mass
-                        sx += mass * xn
-                        sv += mass * vn
-                        sxx += mass * xn * xn
-                        sxv += mass * xn * vn
-                        svv += mass * vn * vn
-                        if abs(mass) > least:
-                            box[0], box[1] = min(box[0], xn), max(box[1], xn)
-                            box[2], box[3] = min(box[2], vn), max(box[3], vn)
-    return total, sx, sv, sxx, sxv, svv, box

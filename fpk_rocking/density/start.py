@@ -10,20 +10,11 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.landing import classify, landing_sums
-from fpk_rocking.density.mesh import window_lines
+from fpk_rocking.density.landing import classify
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.window import NEGLIGIBLE, REACH, next_window, window_of
 from fpk_rocking.physics.gaussian import flight_covariance
-
-REACH = 8.0
-"""Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside."""
-
-CELLS, DEGREE = 20, 3
-"""Cells an axis and degree of a window."""
-
-MOST_CELLS = 60
-"""Most cells an axis that tails and splinters of a density may ask for."""
 
 GROWTH = 0.4
 """A step of the windows over the time in which the noise has gathered."""
@@ -37,7 +28,6 @@ FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
-_NEGLIGIBLE, _VISIBLE = 1e-13, 1e-10
 _RATTLE, _MOST_STEPS = 0.5, 100
 
 
@@ -102,7 +92,7 @@ class Launch:
         end = self.step * duration
         time = self._quiet_time(initial, end)
         gaussian = self._flight(initial, time)
-        window = _window(gaussian.mean, gaussian.covariance, dynamics.cutoff)
+        window = window_of(gaussian.mean, gaussian.covariance, dynamics.cutoff)
         self.sinks = np.array([*gaussian.tails(dynamics.cutoff), 0.0])
         gathered = initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
         self._follow(window, window.project(gaussian, FINE.angle), time, end, gathered)
@@ -150,7 +140,7 @@ class Launch:
                 duration = end - time
             trace = Trace(window, time, duration, dynamics, WIDE if quiet else FINE)
             time += duration
-            target = self.space if time >= end else _next_window(trace, coefficients, dynamics.cutoff)
+            target = self.space if time >= end else next_window(trace, coefficients, dynamics.cutoff)
             coefficients, sinks = Step(trace, target).apply(coefficients)
             self.sinks += sinks
             window = target
@@ -169,7 +159,7 @@ class Launch:
             events = classify(
                 window.angle_lines, window.velocity_lines, time, duration, dynamics.harmonic, dynamics.cutoff, reach
             )
-            if masses[events].sum() < _NEGLIGIBLE:
+            if masses[events].sum() < NEGLIGIBLE:
                 return duration
         return 0.0
 
@@ -186,43 +176,3 @@ def _drift_time(dynamics: Dynamics):
 def _cell_size(lines, point):
     cell = np.clip(np.searchsorted(lines, point) - 1, 0, len(lines) - 2)
     return lines[cell + 1] - lines[cell]
-
-
-def _window(mean, covariance, cutoff, box=None):
-    """Space on which a density of these moments is resolved, REACH standard deviations to all sides.
-
-    `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
-    off. The window covers it with cells of the same size, up to MOST_CELLS of them.
-    """
-    spread = np.sqrt(np.diag(covariance))
-    # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
-    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
-    count = math.ceil(CELLS * max(1.0, 0.5 / thin))
-    low, high = mean - REACH * spread, mean + REACH * spread
-    sizes = (high - low) / count
-    if box is not None:
-        low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
-    low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
-    counts = np.minimum(np.ceil((high - low) / sizes), max(MOST_CELLS, count)).astype(int)
-    angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
-    return Space(np.clip(angle, -cutoff, cutoff), velocity, DEGREE)
-
-
-def _next_window(trace: Trace, coefficients, cutoff):
-    """Return the window for the density after a traced step, by the moments of what has not overturned."""
-    source = trace.source
-    values = source.cell_values(coefficients, trace.angle_points, trace.velocity_points)
-    values *= np.outer(trace.angle_weights, trace.velocity_weights)
-    values *= source.areas[..., None, None]
-    total, x, v, xx, xv, vv, box = landing_sums(
-        values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
-        trace.node_weights, trace.events, trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts,
-        trace.offsets, _VISIBLE,
-    )  # fmt: skip
-    if total < _NEGLIGIBLE:
-        return source
-    x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
-    # Nothing narrower than half a cell of the source is known of the density.
-    xx = max(xx - x * x, 0.25 * np.diff(source.angle_lines).min() ** 2)
-    vv = max(vv - v * v, 0.25 * np.diff(source.velocity_lines).min() ** 2)
-    return _window(np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
