@@ -133,11 +133,6 @@ class Start:
         if self.covariance is not None:
             _set(self, "covariance", _covariance(self.covariance))
 
-    @property
-    def at_rest(self):
-        """Whether the block certainly starts upright and still."""
-        return self.covariance is None and self.angle == 0.0 and self.velocity == 0.0
-
 
 def _covariance(value):
     name = "start.covariance"

@@ -59,7 +59,7 @@ def test_other_scene_files():
 
 def test_optional_tables_and_keys_have_the_documented_defaults():
     assert Scene.from_toml(MINIMAL) == scene(start=Start(), overturning=Overturning())
-    assert scene().start.at_rest
+    assert scene().start == Start(0.0, 0.0, None)
     assert scene().overturning.angle == math.pi / 2
     assert scene().forcing.phase == 0.0
     assert scene().period == scene().forcing.period == pytest.approx(2 * math.pi / 2.7, rel=1e-15)
