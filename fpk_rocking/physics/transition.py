@@ -1,5 +1,9 @@
 """The motion of a block through a segment of time: flights joined by impacts, chatter, rest and uplift."""
 
+from typing import NamedTuple
+
+import numpy as np
+
 from fpk_rocking.jit import kernel
 from fpk_rocking.physics.contact import chatter_time, impact
 from fpk_rocking.physics.flight import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, polynomial, safe_time
@@ -8,6 +12,27 @@ SLOW = 1e-6
 """Chatter that ends within this time is summed in closed form; a segment that ends meanwhile sees it over already."""
 
 _FORCE_FLOOR = 1e-12
+
+
+class Impacts(NamedTuple):
+    """Room for the impacts of one block: `count` (1,), `time` and `velocity` (capacity,), the velocity before impact.
+
+    Impacts beyond the capacity are counted and not kept.
+    """
+
+    count: np.ndarray
+    time: np.ndarray
+    velocity: np.ndarray
+
+
+@kernel
+def record(impacts, time, velocity):
+    """Add an impact."""
+    place = impacts.count[0]
+    if place < impacts.time.size:
+        impacts.time[place] = time
+        impacts.velocity[place] = velocity
+    impacts.count[0] = place + 1
 
 
 @kernel
@@ -47,7 +72,7 @@ def settle(speed, side, segment, time, restitution):
 
 
 @kernel(forceinline=True)  # see next_event
-def advance(x, v, side, segment, start, end, restitution, cutoff):
+def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, origin=0.0):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 
     Parameters
@@ -62,6 +87,10 @@ def advance(x, v, side, segment, start, end, restitution, cutoff):
         Times since the segment's start.
     restitution, cutoff : float
         Velocity ratio e, and the angle whose first passage is overturning.
+    impacts : Impacts, optional
+        Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
+    origin : float
+        Time of the segment's start.
 
     Returns
     -------
@@ -78,6 +107,8 @@ def advance(x, v, side, segment, start, end, restitution, cutoff):
         if kind == OVERTURNING:
             return x, v, side, t
         if kind == IMPACT:
+            if impacts is not None and v != 0.0:
+                record(impacts, origin + t, v)
             v = impact(v, restitution)
             side, delay = settle(abs(v), -side, segment, t, restitution)
             if side == 0:

@@ -1,0 +1,111 @@
+"""What every run shares: its checked parameters, the engine that fits the noise, and batches of realizations."""
+
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.scene import Scene
+from montecarlo import rk4, white
+from montecarlo.random import stream_keys
+
+_ENGINES = {"rk4": rk4, "white": white}
+_FITTING = {"band": ("rk4",), "none": ("rk4",), "white": ("white",)}
+_BATCH_S = 0.3
+_SMALLEST_BATCH = 64
+
+
+class Run(NamedTuple):
+    """Checked parameters of a run, as `montecarlo.simulate` describes them."""
+
+    scene: Scene
+    cycles: int
+    realizations: int
+    seed: int
+    method: str
+    steps_per_cycle: int
+
+
+class Batch(NamedTuple):
+    """Realizations `first`, `first` + 1, ... of a run; arrays as in `montecarlo.Ensemble`."""
+
+    first: int
+    angle: np.ndarray
+    velocity: np.ndarray
+    overturn_time: np.ndarray
+    overturn_side: np.ndarray
+
+
+def checked(scene, cycles, realizations, seed, method, steps_per_cycle):
+    """Return the `Run` of the given parameters, or raise TypeError or ValueError naming the one that is refused."""
+    checks.instance("scene", scene, Scene)
+    return Run(
+        scene,
+        checks.count("cycles", cycles),
+        checks.count("realizations", realizations),
+        _whole("seed", seed, 0, 2**64 - 1),
+        _method(method, scene.noise.kind),
+        _whole("steps_per_cycle", steps_per_cycle, 8, 10**6),
+    )
+
+
+def batches(run, first=0, progress=None):
+    """Simulate the realizations of a run from `first` on, in parallel.
+
+    Parameters
+    ----------
+    run : Run
+    first : int
+        Number of the first realization that is wanted.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after each batch; may raise.
+
+    Yields
+    ------
+    Batch
+        Each of its own arrays.
+    """
+    engine = _ENGINES[run.method]
+    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle), stream_keys(run.seed)
+    size = _SMALLEST_BATCH
+    while first < run.realizations:
+        began = time.perf_counter()
+        count = min(size, run.realizations - first)
+        shape = (count, run.cycles + 1)
+        batch = Batch(
+            first, np.full(shape, math.nan), np.full(shape, math.nan), np.empty(count), np.empty(count, np.int8)
+        )
+        engine.realize(keys, first, problem, *batch[1:])
+        yield batch
+        first += count
+        if progress is not None:
+            progress(first, run.realizations)
+        # Batches are short enough to be interrupted and long enough to keep all threads busy.
+        wanted = size * _BATCH_S / (time.perf_counter() - began)
+        size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
+
+
+def _whole(name, value, low, high):
+    accepted = f"a whole number from {low} to {high}"
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(checks.refusal(name, value, accepted))
+    if not low <= value <= high:
+        raise ValueError(checks.refusal(name, value, accepted))
+    return int(value)
+
+
+def _method(method, kind):
+    fitting = _FITTING[kind]
+    if method is None:
+        return fitting[0]
+    if method in fitting:
+        return method
+    if method not in _ENGINES:
+        accepted = ", ".join(map(repr, _ENGINES)) + " or None (what fits the noise)"
+        raise ValueError(checks.refusal("method", method, accepted))
+    accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"
+    if method == "white":
+        accepted += "; 'white' takes a scene with white noise, which scene.white_equivalent() makes"
+    raise ValueError(checks.refusal("method", method, accepted))
