@@ -22,6 +22,8 @@ examples:
       probability density by finite elements, 40 forcing cycles
   fpk-rocking mc cases/scenes/main.toml --realizations 20000 --seed 7
       Monte Carlo of the same scene
+  fpk-rocking mc cases/scenes/main.toml --realizations 10000000 --tally --checkpoint results/main/tally.npz
+      an ensemble larger than memory; once stopped, the same command goes on from the file
   fpk-rocking compare cases/scenes/main.toml --cycles 10 --out results/main
       both, side by side; keeps results, a figure and a summary
   fpk-rocking compare results/main/density.npz results/main/ensemble.npz
@@ -59,6 +61,8 @@ def main(arguments=None) -> int:
     try:
         if options.out and options.out.exists() and not options.out.is_dir():
             raise ValueError(f"--out: got the file {str(options.out)!r}, accepted: a folder, made where missing")
+        if getattr(options, "checkpoint", None) and not options.tally:
+            raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
         options.run(options)
     except KeyboardInterrupt:
         sys.stderr.write("fpk-rocking: interrupted; files written so far are whole\n")
@@ -116,11 +120,15 @@ def _add_ensemble(parser):
     parser.add_argument(
         "--method",
         metavar="NAME",
-        help="rk4: Runge-Kutta, for band noise or none; white: paths under white noise, band noise replaced by its "
-        "white equivalent (default: what the noise of the scene asks for)",
+        help="rk4: Runge-Kutta, or exact: event-driven, for band noise or none; white: paths under white noise, band "
+        "noise replaced by its white equivalent (default: rk4 or white, as the noise of the scene asks for)",
     )
     steps = "time steps a cycle (default: the engine's own)"
     parser.add_argument("--steps-per-cycle", type=int, metavar="N", help=steps)
+    counts = "keep survival, histograms and moments alone, in little memory however many the paths"
+    parser.add_argument("--tally", action="store_true", default=None, help=counts)
+    checkpoint = "with --tally: file that keeps the state of the run; where it exists, the run goes on from it"
+    parser.add_argument("--checkpoint", type=pathlib.Path, metavar="FILE", help=checkpoint)
 
 
 def _fpk(options):
@@ -181,32 +189,32 @@ def _solved(options, scene):
 
 
 def _simulated(options, scene):
-    from montecarlo import simulate
+    from montecarlo import simulate, tally
 
     if options.method == "white":
         scene = scene.white_equivalent()
-    steps = {} if options.steps_per_cycle is None else {"steps_per_cycle": options.steps_per_cycle}
+    own = {"steps_per_cycle": options.steps_per_cycle, "checkpoint": options.checkpoint}
     with reporting("Monte Carlo") as progress:
-        return simulate(
+        return (tally if options.tally else simulate)(
             scene,
             cycles=_or(options.cycles, _CYCLES),
             realizations=_or(options.realizations, _REALIZATIONS),
             seed=_or(options.seed, _SEED),
             method=options.method,
             progress=progress,
-            **steps,
+            **{name: value for name, value in own.items() if value is not None},
         )
 
 
 def _loaded(options) -> list:
     from fpk_rocking.density import Evolution
     from fpk_rocking.storage import result_kind
-    from montecarlo import Ensemble
+    from montecarlo import Ensemble, Tally
 
-    for name in ("cycles", "tol", "realizations", "seed", "method", "steps_per_cycle"):
+    for name in ("cycles", "tol", "realizations", "seed", "method", "steps_per_cycle", "tally", "checkpoint"):
         if getattr(options, name) is not None:
             raise ValueError(f"--{name.replace('_', '-')}: has no effect on saved results, accepted: with a scene file")
-    kinds = {"evolution": Evolution, "ensemble": Ensemble}
+    kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}
     return [kinds[result_kind(path)].load(path) for path in options.inputs]
 
 

@@ -34,13 +34,16 @@ def _cache_folder(folder: pathlib.Path) -> pathlib.Path:
     return _cache_root() / digest.hexdigest()[:16]
 
 
-def kernel(function=None, **options):
+def kernel(function=None, *, borrows=False, **options):
     """Compile a function to machine code on first call; the result is kept on disk between runs.
 
     Parameters
     ----------
     function : callable
         A function in the subset of Python that numba compiles.
+    borrows : bool
+        Leave out the counting of references to arrays, which can cost more than a small kernel itself. Only for a
+        function that neither makes arrays nor returns any, and calls none that does.
     **options
         Passed to `numba.njit`, e.g. ``parallel=True``, ``fastmath={"contract"}``, ``inline="always"``.
 
@@ -50,7 +53,9 @@ def kernel(function=None, **options):
         The compiled dispatcher. Division by zero gives inf or nan as in numpy, never an exception.
     """
     if function is None:
-        return functools.partial(kernel, **options)
+        return functools.partial(kernel, borrows=borrows, **options)
+    if borrows:
+        options["_nrt"] = False
     options.setdefault("error_model", "numpy")
     folder = pathlib.Path(function.__code__.co_filename).resolve().parent
     previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_cache_folder(folder))

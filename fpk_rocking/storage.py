@@ -16,7 +16,7 @@ import numpy as np
 
 from fpk_rocking.scene import Scene
 
-KINDS = ("evolution", "ensemble")
+KINDS = ("evolution", "ensemble", "tally", "histories")
 _FORMAT = 1
 _HEADER = "header"
 
@@ -61,7 +61,7 @@ def write_result(path, kind, scene, arrays, attributes):
     path : str or pathlib.Path
         File to write, by custom with the suffix .npz.
     kind : str
-        "evolution" (density solver) or "ensemble" (Monte Carlo).
+        "evolution" (density solver), "ensemble", "tally" or "histories" (Monte Carlo).
     scene : Scene
         The scene as it was asked for.
     arrays : dict of str to array_like
@@ -106,7 +106,7 @@ def read_result(path, kind):
     ----------
     path : str or pathlib.Path
     kind : str
-        The kind that is wanted, "evolution" or "ensemble".
+        The kind that is wanted, one of `KINDS`.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def read_result(path, kind):
 
 
 def result_kind(path):
-    """Return the kind of a saved result, "evolution" or "ensemble"; raises as `read_result`."""
+    """Return the kind of a saved result, one of `KINDS`; raises as `read_result`."""
     with _opened(path) as (header, _):
         return header["kind"]
 

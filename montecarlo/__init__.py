@@ -1,9 +1,30 @@
 """Ensembles of rocking blocks: Monte Carlo engines, independent of the density solver.
 
-``simulate`` turns a scene into an ``Ensemble``.
+``simulate`` turns a scene into an ``Ensemble``, every realization kept; ``tally`` into a ``Tally``, counts alone, for
+ensembles of any size. ``histories`` keeps whole time histories with their impacts; ``mean_poincare_map``,
+``restarted_poincare_map``, ``first_passage``, ``impact_speeds`` and ``bin_errors`` say what there is to see, and how
+much of it is sampling noise.
 """
 
 from montecarlo.ensemble import Ensemble
+from montecarlo.histograms import first_passage, impact_speeds
+from montecarlo.history import Histories, histories
+from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
 from montecarlo.simulation import simulate
+from montecarlo.statistics import bin_errors
+from montecarlo.tallies import Tally
+from montecarlo.tallying import tally
 
-__all__ = ["Ensemble", "simulate"]
+__all__ = [
+    "Ensemble",
+    "Histories",
+    "Tally",
+    "bin_errors",
+    "first_passage",
+    "histories",
+    "impact_speeds",
+    "mean_poincare_map",
+    "restarted_poincare_map",
+    "simulate",
+    "tally",
+]

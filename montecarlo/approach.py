@@ -9,6 +9,7 @@ from fpk_rocking.jit import kernel
 from fpk_rocking.physics.contact import impact
 from fpk_rocking.physics.flight import flight, polynomial, safe_time
 from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.transition import record
 from montecarlo.random import normal
 
 FAST = 1e-3
@@ -51,11 +52,11 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 
 @kernel
-def land(u, w, side, segment, start, end, arrives, problem):
+def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
     """Say where a draw that ended beyond x = 0, or was meant to end there, has led: through an impact if one is found.
 
     The impact lies on the parabola through the drawn state. Where that has none within the step, the motion since the
-    impact is the drawn one scaled by the restitution.
+    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None.
     """
     restitution = problem.restitution
     pull = u - 1.0 + side * polynomial(segment.force, end)[0]
@@ -64,14 +65,18 @@ def land(u, w, side, segment, start, end, arrives, problem):
         speed = math.sqrt(square)
         time = end + 2.0 * u / (speed - w)
         if start <= time <= (problem.span if arrives else end):
+            if impacts is not None:
+                record(impacts, origin + time, -side * speed)
             return 0.0, impact(speed, restitution), -side, time
     if u < 0.0:
+        if impacts is not None:
+            record(impacts, origin + end, -side * abs(w))
         return -impact(u, restitution), -impact(w, restitution), -side, end
     return u, w, side, end
 
 
-@kernel
-def near(stream, u, w, side, segment, start, problem):
+@kernel(forceinline=True)  # see flight.next_event
+def near(stream, u, w, side, segment, start, problem, impacts, origin):
     """Take one step near a barrier; return u, w, side and the time reached. u >= cutoff means overturned."""
     cutoff, left = problem.cutoff, problem.span - start
     low, high = (segment.force_low, segment.force_high) if side > 0 else (-segment.force_high, -segment.force_low)
@@ -94,5 +99,5 @@ def near(stream, u, w, side, segment, start, problem):
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:
-        return land(u, w, side, segment, start, end, arrives, problem)
+        return land(u, w, side, segment, start, end, arrives, problem, impacts, origin)
     return u, w, side, end

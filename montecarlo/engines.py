@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking import checks
+from fpk_rocking.physics.transition import Impacts
 from fpk_rocking.scene import Scene
-from montecarlo import rk4, white
+from montecarlo import exact, rk4, white
 from montecarlo.random import stream_keys
 
-_ENGINES = {"rk4": rk4, "white": white}
-_FITTING = {"band": ("rk4",), "none": ("rk4",), "white": ("white",)}
+_ENGINES = {"exact": exact, "rk4": rk4, "white": white}
+_FITTING = {"band": ("rk4", "exact"), "none": ("rk4", "exact"), "white": ("white",)}
 _BATCH_S = 0.3
 _SMALLEST_BATCH = 64
 
@@ -29,13 +30,19 @@ class Run(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Realizations `first`, `first` + 1, ... of a run; arrays as in `montecarlo.Ensemble`."""
+    """Realizations `first`, `first` + 1, ... of a run, `count` of them; nondimensional.
+
+    `angle`, `velocity` (count, cycles * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
+    as in `montecarlo.Ensemble`. `impacts`: `Impacts` of arrays (count,), (count, capacity) and (count, capacity), times
+    and velocities just before; nan beyond the count.
+    """
 
     first: int
     angle: np.ndarray
     velocity: np.ndarray
     overturn_time: np.ndarray
     overturn_side: np.ndarray
+    impacts: Impacts
 
 
 def checked(scene, cycles, realizations, seed, method, steps_per_cycle):
@@ -51,7 +58,7 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle):
     )
 
 
-def batches(run, first=0, progress=None):
+def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     """Simulate the realizations of a run from `first` on, in parallel.
 
     Parameters
@@ -59,6 +66,13 @@ def batches(run, first=0, progress=None):
     run : Run
     first : int
         Number of the first realization that is wanted.
+    samples : int
+        States wanted in each cycle, at equal times; with 1 these are the Poincaré points.
+    capacity : int
+        Impacts of a realization that are kept; all are counted.
+    cycle : int
+        Number of the cycle at which the run begins, from the scene's start; times count from τ = 0. Band noise is the
+        same function of time for every such run, white noise is independent.
     progress : callable, optional
         Called as ``progress(done, total)`` after each batch; may raise.
 
@@ -68,16 +82,13 @@ def batches(run, first=0, progress=None):
         Each of its own arrays.
     """
     engine = _ENGINES[run.method]
-    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle), stream_keys(run.seed)
+    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, samples), stream_keys(run.seed)
     size = _SMALLEST_BATCH
     while first < run.realizations:
         began = time.perf_counter()
         count = min(size, run.realizations - first)
-        shape = (count, run.cycles + 1)
-        batch = Batch(
-            first, np.full(shape, math.nan), np.full(shape, math.nan), np.empty(count), np.empty(count, np.int8)
-        )
-        engine.realize(keys, first, problem, *batch[1:])
+        batch = _room(first, count, run.cycles * samples + 1, capacity)
+        engine.realize(keys, first, cycle, problem, *batch[1:])
         yield batch
         first += count
         if progress is not None:
@@ -85,6 +96,14 @@ def batches(run, first=0, progress=None):
         # Batches are short enough to be interrupted and long enough to keep all threads busy.
         wanted = size * _BATCH_S / (time.perf_counter() - began)
         size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
+
+
+def _room(first, count, rows, capacity):
+    """Return a `Batch` with nothing in it yet."""
+    angle, velocity = np.full((2, count, rows), math.nan)
+    time, speed = np.full((2, count, capacity), math.nan)
+    hits = Impacts(np.zeros(count, np.int64), time, speed)
+    return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
 
 
 def _whole(name, value, low, high):

@@ -5,16 +5,16 @@ import functools
 
 import numpy as np
 
-from fpk_rocking import checks, storage
+from fpk_rocking import storage
 from fpk_rocking.scene import Scene
-from montecarlo.statistics import wilson_interval
+from montecarlo.sample import Sample
 
 _ARRAYS = ("angle", "velocity", "overturn_time", "overturn_side")
 _ATTRIBUTES = ("method", "seed", "steps_per_cycle", "wall_s")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Ensemble:
+class Ensemble(Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
     Parameters
@@ -22,7 +22,7 @@ class Ensemble:
     scene : Scene
         As it was asked for.
     method : str
-        "rk4" or "white".
+        "rk4", "exact" or "white".
     seed : int
         With a realization's number, all that its random numbers depend on.
     steps_per_cycle : int
@@ -63,28 +63,8 @@ class Ensemble:
 
     @functools.cached_property
     def _gone(self):
-        """Count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
         return np.stack(sides, axis=-1)
-
-    @property
-    def survivors(self):
-        """Count of the realizations that have not overturned after each cycle, shape (cycles + 1,)."""
-        return self.realizations - self._gone.sum(axis=1)
-
-    @property
-    def survival(self):
-        """P(not overturned by kT), shape (cycles + 1,)."""
-        return self.survivors / self.realizations
-
-    @property
-    def overturned(self):
-        """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
-        return self._gone / self.realizations
-
-    def survival_interval(self, level=0.95):
-        """Return Wilson's confidence limits of the survival, shape (cycles + 1, 2), each of the given level."""
-        return wilson_interval(self.survivors, self.realizations, level)
 
     def bin_probabilities(self, cycle, angle_edges, velocity_edges):
         """Estimate P(not overturned and in a bin) after a cycle.
@@ -106,11 +86,7 @@ class Ensemble:
         TypeError, ValueError
             The cycle is not one of the ensemble's.
         """
-        accepted = f"a whole number from 0 to {self.cycles}"
-        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer):
-            raise TypeError(checks.refusal("cycle", cycle, accepted))
-        if not 0 <= cycle <= self.cycles:
-            raise ValueError(checks.refusal("cycle", cycle, accepted))
+        cycle = self._checked_cycle(cycle)
         standing = np.isfinite(self.angle[:, cycle])
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
         return np.histogram2d(*points, bins=[angle_edges, velocity_edges])[0] / self.realizations

@@ -48,6 +48,17 @@ def stream_keys(seed):
 
 
 @kernel
+def keys_at(keys, cycle):
+    """Return the keys (4,) for paths that begin at a cycle: those of the seed at cycle 0, else others."""
+    if cycle == 0:
+        return keys
+    moved = np.empty_like(keys)
+    for i in range(4):
+        moved[i] = mix(keys[i] ^ mix(np.uint64(cycle)))
+    return moved
+
+
+@kernel
 def open_stream(keys, realization):
     """Return the state (4,) of a realization's stream."""
     name = mix(np.uint64(realization) + np.uint64(_GOLDEN))
@@ -57,28 +68,42 @@ def open_stream(keys, realization):
     return state
 
 
-@kernel
-def next_word(state):
-    """Return 64 random bits and move the stream on."""
-    s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
+@kernel(inline="always")
+def _turn(s0, s1, s2, s3):
+    """One step of the generator: 64 random bits and the next state."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     s2 ^= s0
     s3 ^= s1
-    state[0] = s0 ^ s3
-    state[1] = s1 ^ s2
-    state[2] = s2 ^ (s1 << np.uint64(17))
-    state[3] = (s3 << np.uint64(45)) | (s3 >> np.uint64(19))
+    return word, s0 ^ s3, s1 ^ s2, s2 ^ (s1 << np.uint64(17)), (s3 << np.uint64(45)) | (s3 >> np.uint64(19))
+
+
+@kernel(borrows=True)
+def next_word(state):
+    """Return 64 random bits and move the stream on."""
+    word, state[0], state[1], state[2], state[3] = _turn(state[0], state[1], state[2], state[3])
     return word
 
 
-@kernel
+@kernel(borrows=True)
+def uniform_pairs(state, first, second, count):
+    """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give."""
+    s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
+    for n in range(count):
+        word, s0, s1, s2, s3 = _turn(s0, s1, s2, s3)
+        first[n] = float(word >> np.uint64(11)) * _UNIT
+        word, s0, s1, s2, s3 = _turn(s0, s1, s2, s3)
+        second[n] = float(word >> np.uint64(11)) * _UNIT
+    state[0], state[1], state[2], state[3] = s0, s1, s2, s3
+
+
+@kernel(borrows=True)
 def uniform(state):
     """Return a number in [0, 1), a multiple of 2**-53."""
     return float(next_word(state) >> np.uint64(11)) * _UNIT
 
 
-@kernel
+@kernel(borrows=True)
 def normal(state):
     """Return a standard normal number."""
     while True:
@@ -96,7 +121,7 @@ def normal(state):
             return x
 
 
-@kernel
+@kernel(borrows=True)
 def _tail(state):
     while True:
         x = math.log(1.0 - uniform(state)) / _TAIL

@@ -16,9 +16,10 @@ from fpk_rocking.jit import kernel
 from fpk_rocking.physics import noise
 from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import TERMS, segment_of
-from fpk_rocking.physics.transition import advance
-from montecarlo.random import open_stream, uniform
-from montecarlo.start import draw_start, start_numbers
+from fpk_rocking.physics.transition import Impacts, advance
+from montecarlo.random import open_stream
+from montecarlo.shinozuka import band_numbers, draw
+from montecarlo.start import start_numbers
 
 CHUNK_STEPS = 20
 """Steps for which noise is made at once, at most: an overturned block has cost no more than that in vain."""
@@ -29,6 +30,7 @@ class Problem(NamedTuple):
 
     `start` (5,): see `montecarlo.start`. `forcing` (2 n + 1,): the harmonic part at the half steps of one cycle.
     `band_low`, `band_width`: the noise's frequencies in turns per cycle. `weight`: amplitude of each of its harmonics.
+    `samples`: states wanted in a cycle.
     """
 
     restitution: float
@@ -40,6 +42,7 @@ class Problem(NamedTuple):
     band_width: float
     weight: float
     harmonics: int
+    samples: int
 
 
 class Chunk(NamedTuple):
@@ -58,37 +61,32 @@ class Chunk(NamedTuple):
     scratch: np.ndarray
 
 
-def problem_of(scene, steps_per_cycle):
-    """Return the `Problem` of a scene with band noise or none."""
+def problem_of(scene, steps_per_cycle, samples=1):
+    """Return the `Problem` of a scene with band noise or none; `samples` states a cycle change no realization."""
     forcing = scene.forcing
     angle = 2.0 * math.pi * np.arange(2 * steps_per_cycle + 1) / (2 * steps_per_cycle) + forcing.phase
-    band, weight, harmonics = (0.0, 0.0), 0.0, 0
-    if scene.noise.kind == "band":
-        low, high = scene.noise.band
-        band = (low / forcing.frequency, (high - low) / forcing.frequency)
-        harmonics = scene.noise.harmonics
-        weight = math.sqrt(2.0 * scene.noise.variance / harmonics)
     return Problem(
         scene.block.restitution,
         scene.overturning.angle,
         scene.period,
         start_numbers(scene.start),
         -forcing.amplitude * np.cos(angle),
-        *band,
-        weight,
-        harmonics,
+        *band_numbers(scene),
+        samples,
     )
 
 
 @kernel
-def draw(stream, problem, harmonics):
-    """Draw the start and the noise of one realization; the start comes first."""
-    angle, velocity = draw_start(stream, problem.start)
-    for n in range(problem.harmonics):
-        harmonics.ratios[n] = problem.band_low + problem.band_width * uniform(stream)
-        harmonics.phases[n] = uniform(stream)
-        harmonics.weights[n] = problem.weight
-    return angle, velocity
+def _room(length):
+    """Make room for a chunk of at most `length` steps."""
+    return Chunk(
+        np.zeros(2 * length + 1),
+        np.empty(length),
+        np.empty(length),
+        np.empty((length, 2)),
+        np.zeros(TERMS),
+        np.empty(TERMS),
+    )
 
 
 @kernel(fastmath={"contract"})
@@ -105,8 +103,8 @@ def _tabulate(chunk, steps, h):
 
 
 @kernel
-def _resolve(x, v, side, chunk, j, h, problem):
-    """Follow the block through a step whose forcing is the parabola through its three values."""
+def _resolve(x, v, side, chunk, j, until, h, problem, impacts=None, origin=0.0):
+    """Follow the block to time `until` of step j, whose forcing is the parabola through its three values."""
     begin, middle, end = chunk.force[2 * j], chunk.force[2 * j + 1], chunk.force[2 * j + 2]
     slope = (4.0 * middle - 3.0 * begin - end) / h
     curvature = 4.0 * (begin - 2.0 * middle + end) / (h * h)
@@ -115,16 +113,19 @@ def _resolve(x, v, side, chunk, j, h, problem):
     chunk.particular[1] = -slope
     chunk.particular[2] = -0.5 * curvature
     segment = segment_of(chunk.particular, chunk.scratch, h)
-    return advance(x, v, side, segment, 0.0, h, problem.restitution, problem.cutoff)
+    return advance(x, v, side, segment, 0.0, until, problem.restitution, problem.cutoff, impacts, origin)
 
 
 @kernel(fastmath={"contract"})
-def _steps(x, v, side, chunk, steps, h, problem):
-    """Take the steps of a chunk; return x, v, side and the time since its begin, less than all of it if overturned."""
+def _steps(x, v, side, chunk, first, last, h, problem, impacts, origin):
+    """Take steps `first` to `last` - 1 of a chunk that begins at `origin`.
+
+    Return x, v, side and the time since the chunk's begin, which is less than that of step `last` if it overturned.
+    """
     keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
     side_x, side_v = h * h * (3.0 + 0.25 * h * h) / 6.0, swap
     half = 0.5 * h * h
-    for j in range(steps):
+    for j in range(first, last):
         if side != 0:
             u, w = side * x, side * v
             low, high = (chunk.low[j], chunk.high[j]) if side > 0 else (-chunk.high[j], -chunk.low[j])
@@ -137,40 +138,65 @@ def _steps(x, v, side, chunk, steps, h, problem):
                 continue
         elif max(chunk.high[j], -chunk.low[j]) < 1.0:
             continue
-        x, v, side, time = _resolve(x, v, side, chunk, j, h, problem)
+        x, v, side, time = _resolve(x, v, side, chunk, j, h, h, problem, impacts, origin + j * h)
         if abs(x) >= problem.cutoff:
             return x, v, side, j * h + time
-    return x, v, side, steps * h
+    return x, v, side, last * h
+
+
+@kernel(forceinline=True)  # see flight.next_event
+def _run_chunk(x, v, side, chunk, first, steps, row, h, problem, angle, velocity, impacts, origin):
+    """Take the block through a chunk of a cycle, from its step `first` on; write its samples from number `row` on.
+
+    Return x, v, side, the time since the chunk's begin, and the number of the next sample. A sample within a step is
+    a look aside: the step itself is taken whole.
+    """
+    n = problem.forcing.size // 2
+    done = 0
+    while True:
+        place = (row - 1) % problem.samples + 1
+        whole, rest = place * n // problem.samples - first, place * n % problem.samples
+        last = min(whole, steps)
+        x, v, side, time = _steps(x, v, side, chunk, done, last, h, problem, impacts, origin)
+        if abs(x) >= problem.cutoff or whole > steps or (whole == steps and rest > 0):
+            return x, v, side, time, row
+        done = last
+        if rest == 0:
+            angle[row], velocity[row] = x, v
+        else:
+            seen, speed, _, _ = _resolve(x, v, side, chunk, done, h * rest / problem.samples, h, problem)
+            if abs(seen) < problem.cutoff:
+                angle[row], velocity[row] = seen, speed
+        row += 1
+        if place == problem.samples:
+            return x, v, side, time, row
 
 
 @kernel
-def _realize(stream, problem, angle, velocity):
-    """Simulate one realization: fill its rows of Poincaré points, return time (nan: never) and side of overturning."""
+def _realize(stream, cycle, problem, angle, velocity, impacts):
+    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
     n = problem.forcing.size // 2
     h = problem.period / n
     chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
     length = (n + chunks - 1) // chunks
     harmonics = noise.allocate(problem.harmonics, length)
     x, v = draw(stream, problem, harmonics)
-    noise.prepare(harmonics, length, chunks, 0.5 / n)
-    chunk = Chunk(
-        np.zeros(2 * length + 1),
-        np.empty(length),
-        np.empty(length),
-        np.empty((length, 2)),
-        np.zeros(TERMS),
-        np.empty(TERMS),
-    )
+    noise.prepare(harmonics, length, 0.5 / n)
+    noise.set_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
+    noise.set_rotation(harmonics.ratios, 1.0 - length * (chunks - 1) / n, harmonics.wrap[0], harmonics.wrap[1])
+    chunk = _room(length)
     if abs(x) >= problem.cutoff:
-        return 0.0, (1 if x > 0.0 else -1)
+        return cycle * problem.period, (1 if x > 0.0 else -1)
     angle[0], velocity[0] = x, v
     side = 1 if x > 0.0 else -1
     if x == 0.0:
-        side = side_at_zero(v, problem.forcing[0] + noise.noise_at(harmonics, 0, 0.0))
-    for cycle in range(angle.size - 1):
+        side = side_at_zero(v, problem.forcing[0] + noise.noise_at(harmonics, cycle, 0.0))
+    row, fresh = 1, True
+    while row < angle.size:
         for part in range(chunks):
-            if part == 0 and cycle % noise.ANCHOR_CYCLES == 0:
+            if fresh or (part == 0 and cycle % noise.ANCHOR_CYCLES == 0):
                 noise.anchor(harmonics, cycle, 0.5 * length / n)
+                fresh = False
             else:
                 noise.rotate(harmonics, harmonics.wrap if part == 0 else harmonics.hop)
             first = part * length
@@ -179,16 +205,21 @@ def _realize(stream, problem, angle, velocity):
                 chunk.force[i] = problem.forcing[2 * first + i]
             noise.add_chunk(harmonics, length, chunk.force)
             _tabulate(chunk, steps, h)
-            x, v, side, time = _steps(x, v, side, chunk, steps, h, problem)
+            origin = cycle * problem.period + first * h
+            x, v, side, time, row = _run_chunk(
+                x, v, side, chunk, first, steps, row, h, problem, angle, velocity, impacts, origin
+            )
             if abs(x) >= problem.cutoff:
-                return cycle * problem.period + first * h + time, side
-        angle[cycle + 1], velocity[cycle + 1] = x, v
+                return origin + time, side
+        cycle += 1
     return math.nan, 0
 
 
 @kernel(parallel=True)
-def realize(keys, first, problem, angle, velocity, overturn_time, overturn_side):
+def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
     """Simulate realizations `first`, `first` + 1, ... in parallel, each from its own stream of random numbers.
+
+    Times count from tau = 0, also where the run begins later.
 
     Parameters
     ----------
@@ -196,12 +227,18 @@ def realize(keys, first, problem, angle, velocity, overturn_time, overturn_side)
         From `montecarlo.random.stream_keys`.
     first : int
         Number of the first realization.
+    cycle : int
+        Number of the cycle at which the run begins, from the scene's start. A realization's noise is the same function
+        of time for all of them, except that a start drawn from a Gaussian takes numbers before it.
     problem : Problem
-    angle, velocity : ndarray, shape (count, cycles + 1)
-        Filled with the states at whole cycles, up to overturning.
+    angle, velocity : ndarray, shape (count, cycles * samples + 1)
+        Filled with the states at equal times, up to overturning.
     overturn_time, overturn_side : ndarray, shape (count,)
         Filled with the time (nan: never) and the side (0: never).
+    impacts : Impacts of ndarray, shapes (count,), (count, capacity) and (count, capacity)
+        Filled with each realization's impacts; those beyond the capacity are counted and not kept.
     """
     for r in prange(angle.shape[0]):
         stream = open_stream(keys, first + r)
-        overturn_time[r], overturn_side[r] = _realize(stream, problem, angle[r], velocity[r])
+        hits = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+        overturn_time[r], overturn_side[r] = _realize(stream, cycle, problem, angle[r], velocity[r], hits)

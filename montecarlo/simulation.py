@@ -4,8 +4,11 @@ import time
 
 import numpy as np
 
+from fpk_rocking import checks
 from montecarlo import engines
 from montecarlo.ensemble import Ensemble
+
+_STATES = 2**28
 
 
 def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycle=200, progress=None):
@@ -20,15 +23,15 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
     cycles : int
         Forcing cycles, at least 1.
     realizations : int
-        Size of the ensemble, at least 1.
+        Size of the ensemble, at least 1. Their states at all cycles may take 4 GiB; `tally` keeps none and takes more.
     seed : int
         From 0 to 2**64 - 1.
     method : str, optional
-        "rk4" for band noise or none: classical Runge-Kutta steps with located impacts. "white" for white noise: exact
-        Gaussian steps. By default the one that fits the noise.
+        For band noise or none "rk4", classical Runge-Kutta steps with located impacts, or "exact", closed-form flights
+        between located impacts; "white" for white noise, exact Gaussian steps. By default the first that fits.
     steps_per_cycle : int
         At least 8. For "rk4" the number of its steps in a cycle; "white" adapts its steps and takes none shorter than
-        a 256th of a cycle over this number.
+        a 256th of a cycle over this number; "exact" takes none.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of realizations; may raise.
 
@@ -40,14 +43,23 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
     ------
     TypeError, ValueError
         A parameter is refused, or the method does not fit the noise; white noise is refused for a restitution below
-        exp(-π/√3), where impacts accumulate.
+        exp(-π/√3), where impacts accumulate; the states would take more than 4 GiB.
     """
     started = time.perf_counter()
     run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle)
+    if run.realizations * (run.cycles + 1) > _STATES:
+        accepted = f"realizations x (cycles + 1) <= {_STATES}, 4 GiB of states; `tally` keeps none and takes more"
+        raise ValueError(checks.refusal("realizations", run.realizations, accepted))
     shape = (run.realizations, run.cycles + 1)
-    arrays = np.empty(shape), np.empty(shape), np.empty(shape[0]), np.empty(shape[0], np.int8)
+    arrays = {
+        "angle": np.empty(shape),
+        "velocity": np.empty(shape),
+        "overturn_time": np.empty(run.realizations),
+        "overturn_side": np.empty(run.realizations, np.int8),
+    }
     for batch in engines.batches(run, progress=progress):
-        for array, part in zip(arrays, batch[1:], strict=True):
+        for name, array in arrays.items():
+            part = getattr(batch, name)
             array[batch.first : batch.first + len(part)] = part
     return Ensemble(
         scene=scene,
@@ -55,8 +67,5 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
         seed=run.seed,
         steps_per_cycle=run.steps_per_cycle,
         wall_s=time.perf_counter() - started,
-        angle=arrays[0],
-        velocity=arrays[1],
-        overturn_time=arrays[2],
-        overturn_side=arrays[3],
+        **arrays,
     )

@@ -1,4 +1,4 @@
-"""Sampling errors of survival: intervals, and the test whether two samples come from one law."""
+"""Sampling errors of probabilities: intervals, errors of bins, and the test whether two samples come from one law."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ def wilson_interval(successes, trials, level=0.95):
     ----------
     successes : array_like of int
         Counts.
-    trials : int
+    trials : int or array_like
         Size of the sample.
     level : float
         Confidence of each interval, in (0, 1).
@@ -39,6 +39,27 @@ def wilson_interval(successes, trials, level=0.95):
     centre = scale * (share + 0.5 * z * z / trials)
     half = scale * z * np.sqrt(share * (1.0 - share) / trials + 0.25 * (z / trials) ** 2)
     return np.stack([np.where(share == 0.0, 0.0, centre - half), np.where(share == 1.0, 1.0, centre + half)], axis=-1)
+
+
+def bin_errors(probabilities, realizations):
+    """Return the sampling error of each bin's probability, as `Ensemble.bin_probabilities` estimates them.
+
+    Parameters
+    ----------
+    probabilities : array_like
+        Estimates, each a count over `realizations`.
+    realizations : int
+        Size of the sample.
+
+    Returns
+    -------
+    ndarray, shape of the probabilities
+        Half the width of Wilson's interval of one standard deviation: √(p (1 - p)/n) in a bin of many realizations, and
+        about 1/(2 n) in an empty one, where that would be 0.
+    """
+    share = np.asarray(probabilities, float)
+    trials = checks.count("realizations", realizations)
+    return np.sqrt(share * (1.0 - share) / trials + 0.25 / trials**2) / (1.0 + 1.0 / trials)
 
 
 class SurvivalTest(NamedTuple):

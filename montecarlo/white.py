@@ -23,8 +23,9 @@ from fpk_rocking.jit import kernel
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.flight import TERMS, Segment, flight, harmonic_particular, segment_of
 from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.transition import Impacts
 from montecarlo.approach import land, near, noise_factor
-from montecarlo.random import normal, open_stream
+from montecarlo.random import keys_at, normal, open_stream
 from montecarlo.start import draw_start, start_numbers
 
 REACH = 4.0
@@ -40,7 +41,7 @@ class Problem(NamedTuple):
     the harmonic forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
     side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
     of its noise. `shortest`: duration of the shortest step. `reach`: REACH standard deviations of the angle after a
-    time t <= span are at most reach t^1.5, and `margin` after an interval.
+    time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
     """
 
     restitution: float
@@ -59,6 +60,7 @@ class Problem(NamedTuple):
     shortest: float
     reach: float
     margin: float
+    samples: int
 
 
 @kernel
@@ -71,8 +73,11 @@ def _segments(amplitude, frequency, phase, span, particular, force, low, high, c
             drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
 
 
-def problem_of(scene, steps_per_cycle):
-    """Return the `Problem` of a scene with white noise."""
+def problem_of(scene, steps_per_cycle, samples=1):
+    """Return the `Problem` of a scene with white noise.
+
+    The intervals of a cycle are a multiple of `samples`, so other samples may mean other paths (of the same law).
+    """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
         raise ValueError(checks.refusal("noise.diffusion", diffusion, "a number > 0 for 'white'; use NoNoise for none"))
@@ -82,7 +87,7 @@ def problem_of(scene, steps_per_cycle):
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    intervals = max(16, math.ceil(scene.period / _LONGEST))
+    intervals = samples * math.ceil(max(16, math.ceil(scene.period / _LONGEST)) / samples)
     span = scene.period / intervals
     tables = (
         np.empty((intervals, TERMS)),
@@ -106,12 +111,16 @@ def problem_of(scene, steps_per_cycle):
         scene.period / (FINEST * steps_per_cycle),
         REACH * math.sqrt(xx / span**3),
         REACH * math.sqrt(xx),
+        samples,
     )
 
 
-@kernel
-def _interval(stream, u, w, side, j, problem):
-    """Take the block through interval j of a cycle; return u, w, side, the time reached: `span` unless overturned."""
+@kernel(forceinline=True)  # see flight.next_event
+def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
+    """Take the block through interval j of a cycle; return u, w, side, the time reached: `span` unless overturned.
+
+    `impacts` records the impacts, at times counted from `origin`, that of the interval's begin.
+    """
     span, cutoff = problem.span, problem.cutoff
     low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
     margin, half = problem.margin, 0.5 * span * span
@@ -127,36 +136,44 @@ def _interval(stream, u, w, side, j, problem):
         w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
         if x >= 0.0:
             return x, w, side, span
-        u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem)
+        u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem, impacts, origin)
     else:
         time = 0.0
     while time < span and u < cutoff:
-        u, w, side, time = near(stream, u, w, side, segment, time, problem)
+        u, w, side, time = near(stream, u, w, side, segment, time, problem, impacts, origin)
     return u, w, side, time
 
 
 @kernel
-def _realize(stream, problem, angle, velocity):
-    """Simulate one path: fill its rows of Poincaré points, return time (nan: never) and side of overturning."""
+def _realize(stream, cycle, problem, angle, velocity, impacts):
+    """Simulate one path: fill its rows of states, return time (nan: never) and side of overturning."""
     x, v = draw_start(stream, problem.start)
     side = 1 if x > 0.0 or (x == 0.0 and v > 0.0) else -1
     u, w = side * x, side * v
+    intervals, span = problem.low.size, problem.span
+    elapsed = cycle * intervals
     if u >= problem.cutoff:
-        return 0.0, side
+        return elapsed * span, side
     angle[0], velocity[0] = x, v
-    intervals = problem.low.size
-    for cycle in range(angle.size - 1):
-        for j in range(intervals):
-            u, w, side, time = _interval(stream, u, w, side, j, problem)
+    for row in range(1, angle.size):
+        for _ in range(intervals // problem.samples):
+            j = elapsed % intervals
+            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, elapsed * span)
             if u >= problem.cutoff:
-                return (cycle * intervals + j) * problem.span + time, side
-        angle[cycle + 1], velocity[cycle + 1] = side * u, side * w
+                return elapsed * span + time, side
+            elapsed += 1
+        angle[row], velocity[row] = side * u, side * w
     return math.nan, 0
 
 
 @kernel(parallel=True)
-def realize(keys, first, problem, angle, velocity, overturn_time, overturn_side):
-    """Simulate paths `first`, `first` + 1, ... in parallel, each from its own stream; arguments as in `rk4.realize`."""
+def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
+    """Simulate paths `first`, `first` + 1, ... in parallel; arguments as in `rk4.realize`.
+
+    Each path has a stream of its own, and another one in a run that begins at another cycle.
+    """
+    keys = keys_at(keys, cycle)
     for r in prange(angle.shape[0]):
         stream = open_stream(keys, first + r)
-        overturn_time[r], overturn_side[r] = _realize(stream, problem, angle[r], velocity[r])
+        hits = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+        overturn_time[r], overturn_side[r] = _realize(stream, cycle, problem, angle[r], velocity[r], hits)

@@ -35,13 +35,19 @@ class Engines:
         kind = method or ("white" if scene.noise.kind == "white" else "rk4")
         return fakes.FakeEnsemble(scene, cycles=cycles, **own | {"method": kind})
 
+    def tally(self, scene, *, checkpoint=None, **asked):
+        result = self.simulate(scene, **asked)
+        self.calls[-1]["checkpoint"] = checkpoint
+        return result
+
 
 @pytest.fixture(autouse=True)
 def engines(monkeypatch):
     stands = Engines()
     monkeypatch.setattr(fpk_rocking.density, "solve_fpk", stands.solve_fpk, raising=False)
     monkeypatch.setattr(fpk_rocking.density, "Evolution", fakes.FakeEvolution, raising=False)
-    package = types.SimpleNamespace(simulate=stands.simulate, Ensemble=fakes.FakeEnsemble)
+    package = types.SimpleNamespace(simulate=stands.simulate, tally=stands.tally)
+    package.Ensemble = package.Tally = fakes.FakeEnsemble
     monkeypatch.setitem(sys.modules, "montecarlo", package)
     return stands
 
@@ -75,6 +81,12 @@ def test_mc_prints_one_json_object(engines):
     assert values["wall_s"] == 2.5
     asked = {"realizations": 500, "seed": 9, "method": "rk4", "steps_per_cycle": 100}
     assert engines.calls == [{"scene": load_scene(MAIN), "cycles": 3} | asked]
+
+
+def test_a_tally_is_asked_for_in_place_of_an_ensemble(engines, tmp_path):
+    run("mc", MAIN, "--tally", "--cycles", 2)
+    run("compare", MAIN, "--tally", "--checkpoint", tmp_path / "state.npz", "--cycles", 2)
+    assert [call.get("checkpoint", "none") for call in engines.calls] == [None, "none", tmp_path / "state.npz"]
 
 
 def test_defaults(engines):
@@ -129,7 +141,9 @@ def test_two_saved_results_compare_as_the_live_ones(tmp_path):
         (["compare", MAIN, MAIN, MAIN], "inputs"),
         (["compare", MAIN, MAIN], "main.toml"),
         (["compare", "a.npz", "b.npz", "--tol", "1e-3"], "--tol"),
+        (["compare", "a.npz", "b.npz", "--tally"], "--tally"),
         (["compare", "a.npz", "b.npz"], "a.npz"),
+        (["mc", MAIN, "--checkpoint", "state.npz"], "--checkpoint: got 'state.npz', accepted: together with --tally"),
         (["fpk", MAIN, "--out", __file__], "--out"),
         ([], "COMMAND"),
     ],

@@ -34,7 +34,9 @@ def exact(harmonics, cycles):
 @pytest.mark.parametrize(("steps", "chunks", "half"), [(50, 3, 17), (200, 10, 20)])
 def test_samples_by_rotation_are_exact_at_late_times(first, steps, chunks, half):
     harmonics = draw(3, half, count=99)
-    noise.prepare(harmonics, half, chunks, 0.5 / steps)
+    noise.prepare(harmonics, half, 0.5 / steps)
+    noise.set_rotation(harmonics.ratios, half / steps, harmonics.hop[0], harmonics.hop[1])
+    noise.set_rotation(harmonics.ratios, 1.0 - half * (chunks - 1) / steps, harmonics.wrap[0], harmonics.wrap[1])
     rng = np.random.default_rng(1)
     worst = 0.0
     for cycle in range(first, first + noise.ANCHOR_CYCLES):

@@ -90,7 +90,7 @@ def test_other_files_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("keywords", "error", "message"),
     [
-        ({"kind": "orbit"}, ValueError, r"^kind: got 'orbit', accepted: 'evolution', 'ensemble'$"),
+        ({"kind": "orbit"}, ValueError, r"kind: got 'orbit', accepted: 'evolution', 'ensemble', 'tally', 'histories'$"),
         ({"arrays": {"header": [1.0]}}, ValueError, r"^arrays: got the name 'header'"),
         ({"arrays": {"mixed": np.array([1, None])}}, TypeError, r"^arrays\['mixed'\]: got dtype object"),
         ({"attributes": {"seed": np.int64(1)}}, TypeError, r"^attributes: .*int64"),

@@ -57,9 +57,9 @@ def harmonic_particular(start, amplitude, frequency, phase, out):
         odd *= -frequency * frequency / ((k + 1) * (k + 2))
 
 
-@kernel
-def segment_of(particular, force, duration):
-    """Make the `Segment` of a particular solution; `force` (TERMS,) is scratch that the segment keeps."""
+@kernel(borrows=True)
+def bounds(particular, duration, force):
+    """Write the coefficients (TERMS,) of f = P'' - P; return bounds of f below and above and of |f''| up to a time."""
     for k in range(TERMS):
         force[k] = -particular[k]
         if k + 2 < TERMS:
@@ -70,10 +70,16 @@ def segment_of(particular, force, duration):
             curvature += k * (k - 1) * abs(force[k]) * power / duration
         power *= duration
         spread += abs(force[k]) * power
-    return Segment(particular, force, force[0] - spread, force[0] + spread, curvature)
+    return force[0] - spread, force[0] + spread, curvature
 
 
-@kernel(fastmath={"contract"})
+@kernel
+def segment_of(particular, force, duration):
+    """Make the `Segment` of a particular solution; `force` (TERMS,) is scratch that the segment keeps."""
+    return Segment(particular, force, *bounds(particular, duration, force))
+
+
+@kernel(fastmath={"contract"}, borrows=True)
 def polynomial(coefficients, t):
     """Value and derivative at t of the polynomial with coefficients (TERMS,); even and odd powers apart, for speed."""
     if t == 0.0:
@@ -89,7 +95,7 @@ def polynomial(coefficients, t):
     return even + t * odd, odd + 2.0 * t * (even_slope + t * odd_slope)
 
 
-@kernel
+@kernel(borrows=True)
 def flight(x, v, side, segment, start, end):
     """Angle and velocity at `end` of a flight that is at (x, v) at `start`, times since the segment's start."""
     p0, q0 = polynomial(segment.particular, start)
@@ -101,7 +107,7 @@ def flight(x, v, side, segment, start, end):
     return side + p1 + grow + decay, q1 + grow - decay
 
 
-@kernel
+@kernel(borrows=True)
 def safe_time(gap, slope, curvature):
     """Time for which a gap >= 0 with this slope and second derivative >= -curvature surely stays open (or inf)."""
     discriminant = slope * slope + 2.0 * curvature * gap
@@ -116,7 +122,7 @@ def safe_time(gap, slope, curvature):
 
 
 # Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
-@kernel(forceinline=True)
+@kernel(forceinline=True, borrows=True)
 def next_event(x, v, side, segment, start, end, cutoff):
     """First impact or overturning of a flight, or the segment's end.
 

@@ -23,6 +23,12 @@ ANCHOR_CYCLES = 16
 _LANES = 8
 _GRAIN = 2.0**24
 
+# Taylor coefficients of sin(pi r)/r and cos(pi r) in r^2, for `circle`.
+S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10 = (
+    (-1) ** k * math.pi ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(11)
+)
+C1, C2, C3, C4, C5, C6, C7, C8, C9, C10 = ((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in range(1, 11))
+
 
 class Harmonics(NamedTuple):
     """One realization, and the rotations that sample it on a grid; M is the number of harmonics, padded with zeros.
@@ -70,6 +76,19 @@ def turns(ratio, phase, cycle, fraction):
     return (whole - math.floor(whole)) + (ratio - coarse) * cycle + ratio * fraction + phase
 
 
+@kernel(inline="always")
+def circle(angle):
+    """Cosine and sine of an angle in turns, to 1e-15; free of branches and calls, so that loops become vectors."""
+    r = angle - math.floor(angle + 0.5)
+    q = r * r
+    # Taylor series at half the angle, at most a quarter turn.
+    s = S4 + q * (S5 + q * (S6 + q * (S7 + q * (S8 + q * (S9 + q * S10)))))
+    c = C4 + q * (C5 + q * (C6 + q * (C7 + q * (C8 + q * (C9 + q * C10)))))
+    s = r * (S0 + q * (S1 + q * (S2 + q * (S3 + q * s))))
+    c = 1.0 + q * (C1 + q * (C2 + q * (C3 + q * c)))
+    return 1.0 - 2.0 * s * s, 2.0 * s * c
+
+
 @kernel
 def noise_at(harmonics, cycle, fraction):
     """Evaluate the noise directly.
@@ -95,38 +114,36 @@ def noise_at(harmonics, cycle, fraction):
     return value
 
 
-@kernel
-def prepare(harmonics, half, chunks, spacing):
-    """Write the rotations for a grid with `spacing` cycles between samples and `chunks` chunks of 2 * half in a cycle.
-
-    The last chunk of a cycle may reach beyond its end; the samples there are made and not used.
-    """
-    step = 2.0 * math.pi * spacing
-    last = 2.0 * half * (chunks - 1)
-    for n in range(harmonics.ratios.size):
-        ratio = harmonics.ratios[n]
-        harmonics.even[0, n], harmonics.odd[0, n] = math.cos(step * ratio), math.sin(step * ratio)
-        angle = step * ratio * (2.0 * half)
-        harmonics.hop[0, n], harmonics.hop[1, n] = math.cos(angle), math.sin(angle)
-        angle = 2.0 * math.pi * ratio * (1.0 - last * spacing)
-        harmonics.wrap[0, n], harmonics.wrap[1, n] = math.cos(angle), math.sin(angle)
+@kernel(fastmath={"contract"}, borrows=True)
+def prepare(harmonics, half, spacing):
+    """Write the rotations `even`, `odd` to `half` samples beside a centre, `spacing` cycles apart."""
+    ratios, even, odd = harmonics.ratios, harmonics.even, harmonics.odd
+    set_rotation(ratios, spacing, even[0], odd[0])
     for j in range(1, half):
-        for n in range(harmonics.ratios.size):
-            c, s = harmonics.even[0, n], harmonics.odd[0, n]
-            harmonics.even[j, n] = c * harmonics.even[j - 1, n] - s * harmonics.odd[j - 1, n]
-            harmonics.odd[j, n] = s * harmonics.even[j - 1, n] + c * harmonics.odd[j - 1, n]
+        for n in range(ratios.size):
+            even[j, n] = even[0, n] * even[j - 1, n] - odd[0, n] * odd[j - 1, n]
+            odd[j, n] = odd[0, n] * even[j - 1, n] + even[0, n] * odd[j - 1, n]
 
 
-@kernel
+@kernel(fastmath={"contract"}, borrows=True)
+def set_rotation(ratios, cycles, cosines, sines):
+    """Write the rotations of the harmonics over a time given in cycles, as for `hop` and `wrap`."""
+    for n in range(ratios.size):
+        c, s = circle(ratios[n] * cycles)
+        cosines[n] = c
+        sines[n] = s
+
+
+@kernel(fastmath={"contract"}, borrows=True)
 def anchor(harmonics, cycle, fraction):
     """Put the centre at a time given in cycles, directly."""
     for n in range(harmonics.ratios.size):
-        angle = 2.0 * math.pi * turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction)
-        harmonics.cosines[n] = harmonics.weights[n] * math.cos(angle)
-        harmonics.sines[n] = harmonics.weights[n] * math.sin(angle)
+        c, s = circle(turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction))
+        harmonics.cosines[n] = harmonics.weights[n] * c
+        harmonics.sines[n] = harmonics.weights[n] * s
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath={"contract"}, borrows=True)
 def rotate(harmonics, rotation):
     """Move the centre on by a rotation (2, M): `hop` or `wrap`."""
     for n in range(harmonics.ratios.size):
@@ -135,7 +152,7 @@ def rotate(harmonics, rotation):
         harmonics.sines[n] = s * rotation[0, n] + c * rotation[1, n]
 
 
-@kernel(fastmath={"contract", "reassoc"})
+@kernel(fastmath={"contract", "reassoc"}, borrows=True)
 def add_chunk(harmonics, half, out):
     """Add the noise at the centre and at `half` samples on each side of it to `out` (2 * half + 1,).
 
@@ -165,7 +182,7 @@ def add_chunk(harmonics, half, out):
         _pair(out, half, j + 4, e3, o3)
 
 
-@kernel(inline="always")
+@kernel(inline="always", borrows=True)
 def _pair(out, half, offset, even, odd):
     if offset <= half:
         out[half + offset] += even - odd

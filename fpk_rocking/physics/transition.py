@@ -25,7 +25,7 @@ class Impacts(NamedTuple):
     velocity: np.ndarray
 
 
-@kernel
+@kernel(borrows=True)
 def record(impacts, time, velocity):
     """Add an impact."""
     place = impacts.count[0]
@@ -35,7 +35,7 @@ def record(impacts, time, velocity):
     impacts.count[0] = place + 1
 
 
-@kernel
+@kernel(borrows=True)
 def uplift_time(segment, start, end):
     """First time in [start, end] at which a block at rest uplifts, |f| passing 1, and the side it goes to (0: none).
 
@@ -55,7 +55,7 @@ def uplift_time(segment, start, end):
     return end, 0
 
 
-@kernel
+@kernel(borrows=True)
 def settle(speed, side, segment, time, restitution):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
@@ -71,7 +71,7 @@ def settle(speed, side, segment, time, restitution):
     return (side if speed >= SPEED_FLOOR else 0), 0.0
 
 
-@kernel(forceinline=True)  # see next_event
+@kernel(forceinline=True, borrows=True)  # see next_event
 def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, origin=0.0):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 

@@ -1,0 +1,194 @@
+"""Symmetric periodic orbits of the forced block without noise, in closed form (derived in docs/theory).
+
+A symmetric orbit has the forcing's period 2h = 2π/Ω and one impact in each half of it; the second half is the first one
+seen from the other side. A flight that joins two such impacts obeys four linear equations; that the forcing has a
+given amplitude leaves a quadratic for the speed of the impact (cf. S. J. Hogan, Proc. R. Soc. Lond. A 425, 441-476,
+1989). A root is an orbit only if its flight meets neither x = 0 nor the cut-off in between.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from fpk_rocking import checks
+
+__all__ = ["SymmetricOrbit", "symmetric_orbits"]
+
+_NARROWEST = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class SymmetricOrbit:
+    """A symmetric orbit with one impact in each half cycle; made by `symmetric_orbits`. All is nondimensional.
+
+    Parameters
+    ----------
+    amplitude, frequency : float
+        A and Ω of the forcing -A cos(Ωτ + Ψ).
+    restitution : float
+        Velocity ratio e.
+    impact_speed : float
+        Speed just before an impact, W > 0; after it the speed is eW.
+    impact_phase : float
+        Phase Ωτ + Ψ of the forcing, in [0, 2π), at the impacts that lead to the side x > 0. Those that lead to the
+        other side have this phase plus π.
+    """
+
+    amplitude: float
+    frequency: float
+    restitution: float
+    impact_speed: float
+    impact_phase: float
+
+    def state(self, phase):
+        """State at a phase of the forcing; at an impact, the state just after it.
+
+        Parameters
+        ----------
+        phase : array_like
+            Ωτ + Ψ in radians. ``scene.forcing.phase`` gives the orbit's point of the Poincaré section τ = kT.
+
+        Returns
+        -------
+        angle, velocity : ndarray or float
+            Of the shape of `phase`.
+        """
+        turned = np.mod(np.asarray(phase, float) - self.impact_phase, 2.0 * math.pi)
+        # The remainder of a small negative number is rounded up to the modulus.
+        turned = np.where(turned < 2.0 * math.pi, turned, 0.0)
+        side = np.where(turned < math.pi, 1.0, -1.0)
+        u, w = _flight(self, np.mod(turned, math.pi) / self.frequency)
+        return (side * u)[()], (side * w)[()]
+
+    @property
+    def jacobian(self):
+        """Derivative (2, 2) of the half-cycle map at the orbit, its fixed point; the determinant is e².
+
+        The map carries (angle, velocity) from just after an impact of the orbit to just after the next, half a cycle
+        later, and looks at it from the other side.
+        """
+        e, half = self.restitution, math.pi / self.frequency
+        cosh, sinh = math.cosh(half), math.sinh(half)
+        kick = ((1.0 + e) + (1.0 - e) * self.amplitude * math.cos(self.impact_phase)) / -self.impact_speed
+        saltation = np.array([[e, 0.0], [kick, e]])
+        return -saltation @ np.array([[cosh, sinh], [sinh, cosh]])
+
+    @property
+    def multipliers(self):
+        """Eigenvalues (2,) of `jacobian`, the larger in size last; a small error grows by that one each half cycle."""
+        # From trace and determinant, which cancel less than the entries of the matrix do.
+        e, half, omega = self.restitution, math.pi / self.frequency, self.frequency
+        cosh, sinh = math.cosh(half), math.sinh(half)
+        growth = 2.0 * e * cosh + 0.5 * (cosh - 1.0) * (1.0 - e) ** 2 * (1.0 + omega * omega)
+        trace = sinh * (1.0 + e) / self.impact_speed - growth
+        root = np.sqrt(complex(0.25 * trace * trace - e * e))
+        large = 0.5 * trace + (root if trace >= 0.0 else -root)
+        return np.array([e * e / large if large else 0.0, large])
+
+    @property
+    def stable(self):
+        """Whether the orbit attracts its neighbours: both multipliers smaller than 1 in size. Never so at e = 1."""
+        return self.restitution < 1.0 and bool(np.abs(self.multipliers).max() < 1.0)
+
+
+def symmetric_orbits(amplitude, frequency, restitution, cutoff=math.pi / 2):
+    """Find all symmetric orbits with one impact in each half cycle, without noise.
+
+    Parameters
+    ----------
+    amplitude : float
+        A of the forcing -A cos(Ωτ + Ψ), nondimensional, above 0.
+    frequency : float
+        Ω, nondimensional, at least 0.01: the multipliers grow like exp(π/Ω).
+    restitution : float
+        Velocity ratio e, from 0 to 1.
+    cutoff : float
+        Angle that counts as overturning, above 0; an orbit stays below it.
+
+    Returns
+    -------
+    tuple of SymmetricOrbit
+        None, one or two, the slower impact first. The slower of two is always unstable. An orbit that touches x = 0
+        or the cut-off in flight, to within rounding, is left out.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is not a number or out of bounds.
+
+    Notes
+    -----
+    Derived in docs/theory, "Symmetric orbits".
+    """
+    a = checks.number("amplitude", amplitude, above=0.0)
+    omega = checks.number("frequency", frequency, at_least=0.01)
+    e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)
+    limit = checks.number("cutoff", cutoff, above=0.0)
+    orbits = [_orbit(a, omega, e, speed) for speed in _speeds(a, omega, e)]
+    return tuple(orbit for orbit in orbits if _admissible(orbit, limit))
+
+
+def _speeds(a, omega, e):
+    """Positive roots W of ((1-e)² t² Ω² + (1+e)²) W² - 4 (1+e) t W + 4 (t² - B² Ω²) = 0, ascending."""
+    t = math.tanh(0.5 * math.pi / omega)
+    push = a * omega / (1.0 + omega * omega)
+    square = ((1.0 - e) * t * omega) ** 2 + (1.0 + e) ** 2
+    # A quarter of the discriminant, in which t² (1+e)² has been cancelled by hand.
+    quarter = 4.0 * (push * push * square - ((1.0 - e) * t * t * omega) ** 2)
+    if quarter < 0.0:
+        return []
+    large = (2.0 * (1.0 + e) * t + math.sqrt(quarter)) / square
+    small = 4.0 * (t - push) * (t + push) / (square * large)
+    return sorted({speed for speed in (small, large) if speed > 0.0})
+
+
+def _orbit(a, omega, e, speed):
+    t = math.tanh(0.5 * math.pi / omega)
+    cosine = -0.5 * (1.0 - e) * t * speed * omega
+    sine = t - 0.5 * (1.0 + e) * speed
+    return SymmetricOrbit(a, omega, e, speed, math.atan2(sine, cosine) % (2.0 * math.pi))
+
+
+def _flight(orbit, time):
+    """Folded angle and velocity at times (n,) in [0, h] after an impact.
+
+    y = x - 1 - P obeys y'' = y and is written through its values at both ends: nothing grows, however long the flight.
+    """
+    half, omega = math.pi / orbit.frequency, orbit.frequency
+    scale = orbit.amplitude / (1.0 + omega * omega)
+    angle = omega * time + orbit.impact_phase
+    p = scale * math.cos(orbit.impact_phase)
+    first, last, whole = np.exp(-time), np.exp(time - half), -math.expm1(-2.0 * half)
+    rise, fall = -np.expm1(-2.0 * time) * last / whole, -np.expm1(2.0 * (time - half)) * first / whole
+    u = 1.0 + scale * np.cos(angle) - (1.0 + p) * fall - (1.0 - p) * rise
+    rise, fall = (1.0 + np.exp(-2.0 * time)) * last / whole, -(1.0 + np.exp(2.0 * (time - half))) * first / whole
+    w = -scale * omega * np.sin(angle) - (1.0 + p) * fall - (1.0 - p) * rise
+    return u, w
+
+
+def _admissible(orbit, cutoff):
+    """Whether 0 < u < cutoff within the flight, by bounds of |u''| on intervals halved until each is decided."""
+    half, omega = math.pi / orbit.frequency, orbit.frequency
+    scale = orbit.amplitude / (1.0 + omega * omega)
+    p = scale * math.cos(orbit.impact_phase)
+    # |y| is largest at an end, |y'| at most coth(h/2) times that.
+    ends = 1.0 + abs(p)
+    bend = ends + scale * omega**2
+    jerk = ends / math.tanh(0.5 * half) + scale * omega**3
+    # u starts with eW or, at e = 0, with its acceleration; the ends are left by half of what Taylor's bounds allow.
+    pull = -(1.0 + omega * omega) * p - 1.0
+    start = max(orbit.restitution * orbit.impact_speed / bend, 1.5 * pull / jerk)
+    if start <= 0.0:
+        return False
+    lows, highs = np.array([start]), np.array([half - orbit.impact_speed / bend])
+    while lows.size:
+        reach, middle = 0.5 * (highs - lows), 0.5 * (highs + lows)
+        u, w = _flight(orbit, middle)
+        room = np.minimum(u, cutoff - u)
+        undecided = room - np.abs(w) * reach - 0.5 * bend * reach**2 <= 1e-14 * (1.0 + scale)
+        if room.min() <= 0.0 or (undecided & (reach < _NARROWEST)).any():
+            return False
+        lows, middle, highs = lows[undecided], middle[undecided], highs[undecided]
+        lows, highs = np.concatenate([lows, middle]), np.concatenate([middle, highs])
+    return True

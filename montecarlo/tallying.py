@@ -1,0 +1,120 @@
+"""`tally`: from a scene to the counts over an ensemble of any size, in little memory and in parts."""
+
+import pathlib
+import time
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.binning import joint_edges
+from montecarlo import engines
+from montecarlo.checkpoint import Keeper, resumed
+from montecarlo.counts import LARGEST, add, empty_counts
+from montecarlo.tallies import Tally
+
+_HISTOGRAM_BYTES = 2**29
+_BATCH_STATES = 2**22
+
+
+def tally(
+    scene,
+    *,
+    cycles,
+    realizations,
+    seed=1,
+    method=None,
+    steps_per_cycle=200,
+    angle_edges=None,
+    velocity_edges=None,
+    checkpoint=None,
+    progress=None,
+):
+    """Count over an ensemble of independent realizations: survival, joint histograms and moments after each cycle.
+
+    The realizations are those of `simulate` with the same parameters, of which nothing else is kept. The counts are
+    integers, so the result does not depend on the number of threads or on where a run was stopped and resumed.
+
+    Parameters
+    ----------
+    scene, cycles, seed, method, steps_per_cycle, progress
+        As in `simulate`.
+    realizations : int
+        Size of the ensemble, 1 to 2**31 - 1.
+    angle_edges, velocity_edges : array_like, optional
+        Ascending edges of the bins kept. By default the bins of `fpk_rocking.binning.joint_edges` cut in half, which
+        comparisons and pictures need.
+    checkpoint : path, optional
+        File that keeps the state: it is written now and then, at the end, and at an exception that `progress` raises
+        or a KeyboardInterrupt. Where it exists, the run goes on from it; more realizations may then be asked for than
+        before, all else has to be the same. It is a saved `Tally` of the realizations done.
+
+    Returns
+    -------
+    Tally
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `simulate`; the edges do not ascend; the histograms would take more than 512 MiB; the checkpoint is damaged
+        or belongs to another run, and is then left as it is.
+    """
+    started = time.perf_counter()
+    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle)
+    if run.realizations > LARGEST:
+        raise ValueError(checks.refusal("realizations", run.realizations, f"a whole number from 1 to {LARGEST}"))
+    angles, velocities = joint_edges(scene)
+    edges = _edges("angle_edges", angle_edges, angles), _edges("velocity_edges", velocity_edges, velocities)
+    _check_size(run.cycles, edges)
+    counts, spent = empty_counts(scene, run.cycles, *edges), 0.0
+    if checkpoint is not None and pathlib.Path(checkpoint).exists():
+        counts, spent = resumed(checkpoint, run, counts)
+
+    def result():
+        wall_s = spent + time.perf_counter() - started
+        return Tally(scene, run.method, run.seed, run.steps_per_cycle, wall_s, counts)
+
+    done = result().realizations
+    keeper = Keeper(checkpoint, done)
+    try:
+        for batch in _batches(run, done, progress):
+            add(counts, batch, scene.period)
+            if keeper.is_due:
+                keeper.keep(result())
+    finally:
+        keeper.keep(result())
+    return result()
+
+
+def _batches(run, first, progress):
+    """Yield the batches of a run from a realization on, none of more states than are held at once."""
+    most = max(1, _BATCH_STATES // (run.cycles + 1))
+    report = None if progress is None else lambda done, _: progress(done, run.realizations)
+    for begin in range(first, run.realizations, most):
+        piece = run._replace(realizations=min(begin + most, run.realizations))
+        yield from engines.batches(piece, first=begin, progress=report)
+
+
+def _halved(edges):
+    """Return the edges and the middles between them, the edges as they are to the last bit."""
+    return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
+
+
+def _edges(name, given, default):
+    if given is None:
+        return _halved(default)
+    edges = np.asarray(given)
+    accepted = "two or more finite numbers in ascending order"
+    if edges.dtype.kind not in "fiu":
+        raise TypeError(checks.refusal(name, given, accepted))
+    if edges.ndim != 1 or edges.size < 2 or not np.isfinite(edges).all() or np.any(np.diff(edges) <= 0.0):
+        raise ValueError(checks.refusal(name, given, accepted))
+    return edges.astype(float)
+
+
+def _check_size(cycles, edges):
+    """Refuse histograms that do not fit into little memory."""
+    bins = [values.size - 1 for values in edges]
+    most = _HISTOGRAM_BYTES // (4 * bins[0] * bins[1]) - 1
+    if cycles > most:
+        accepted = f"1 to {most} with {bins[0]} x {bins[1]} bins; angle_edges and velocity_edges of your own make fewer"
+        raise ValueError(checks.refusal("cycles", cycles, accepted))

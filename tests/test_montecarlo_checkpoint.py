@@ -1,0 +1,184 @@
+"""Tallies in parts: the same bits for any threads, any batches and any stops, in little memory; foreign checkpoints."""
+
+import contextlib
+import dataclasses
+import io
+import json
+import math
+import tracemalloc
+
+import numba
+import pytest
+
+from fpk_rocking import cli
+from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
+from montecarlo import Tally, checkpoint, engines, simulate, tally, tallying
+
+MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
+SIZE = {"cycles": 6, "realizations": 3000}
+
+
+def content(result):
+    return [array.tobytes() for array in result.counts]
+
+
+def in_small_batches(monkeypatch):
+    monkeypatch.setattr(engines, "_BATCH_S", 1e-9)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return tally(MAIN, **SIZE)
+
+
+def test_same_counts_for_any_threads_and_any_batches(whole, monkeypatch):
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        assert content(tally(MAIN, **SIZE)) == content(whole)
+    finally:
+        numba.set_num_threads(threads)
+    in_small_batches(monkeypatch)
+    monkeypatch.setattr(engines, "_SMALLEST_BATCH", 101)
+    assert content(tally(MAIN, **SIZE)) == content(whole)
+
+
+def test_memory_does_not_grow_with_the_ensemble(whole, monkeypatch):
+    """Not even where the engine is so fast that a batch could hold all: 0.8 MB of states for the largest."""
+    monkeypatch.setattr(engines, "_BATCH_S", math.inf)
+    monkeypatch.setattr(tallying, "_BATCH_STATES", 3 * 300)
+    peaks = []
+    for realizations in (64, 1000, 16_000):
+        tracemalloc.start()
+        tally(MAIN, cycles=2, realizations=realizations)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < peaks[1] + 100_000
+    told = []
+    assert content(tally(MAIN, **SIZE, progress=lambda *counts: told.append(counts))) == content(whole)
+    assert told[-1] == (3000, 3000)
+    assert {total for _, total in told} == {3000}
+
+
+class Stop:
+    """A progress that stops a run after some batches."""
+
+    def __init__(self, error, batches):
+        self.error, self.left = error, batches
+
+    def __call__(self, *_):
+        self.left -= 1
+        if self.left == 0:
+            raise self.error
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
+def test_a_stopped_run_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch, error):
+    in_small_batches(monkeypatch)
+    path = tmp_path / "deeper" / "state.npz"
+    for _ in range(2):
+        with pytest.raises(error):
+            tally(MAIN, **SIZE, checkpoint=path, progress=Stop(error, 3))
+    part = Tally.load(path)
+    assert part.realizations == 6 * 64
+    dataclasses.replace(part, wall_s=1000.0).save(path)
+    told = []
+    resumed = tally(MAIN, **SIZE, checkpoint=path, progress=lambda *counts: told.append(counts))
+    assert told[0] == (7 * 64, 3000)
+    assert content(resumed) == content(whole)
+    assert content(Tally.load(path)) == content(whole)
+    assert 1000.0 < resumed.wall_s < 1100.0
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_finished_run_goes_on_with_more_realizations(whole, tmp_path):
+    path = tmp_path / "state.npz"
+    tally(MAIN, cycles=6, realizations=1000, checkpoint=path)
+    assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(whole)
+    before = path.read_bytes()
+    assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(whole)
+    assert path.read_bytes() == before
+
+
+def test_the_state_is_saved_at_once_at_the_end_and_now_and_then(tmp_path, monkeypatch):
+    in_small_batches(monkeypatch)
+    saved, write = [], Tally.save
+    monkeypatch.setattr(Tally, "save", lambda self, path: (saved.append(self.realizations), write(self, path)))
+    tally(MAIN, cycles=1, realizations=300, checkpoint=tmp_path / "first.npz")
+    assert saved == [64, 300]
+    monkeypatch.setattr(checkpoint, "_BETWEEN_S", 0.0)
+    monkeypatch.setattr(checkpoint, "_SHARE", math.inf)
+    tally(MAIN, cycles=1, realizations=300, checkpoint=tmp_path / "second.npz")
+    assert saved[2:] == [64, 128, 192, 256, 300]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"seed": 2}, "seed 1, accepted: seed 2"),
+        ({"cycles": 3}, "cycles 2, accepted: cycles 3"),
+        ({"steps_per_cycle": 100}, "steps_per_cycle 200, accepted: steps_per_cycle 100"),
+        ({"scene": dataclasses.replace(MAIN, block=Block(0.6))}, r"scene .*0\.5.*, accepted: scene .*0\.6"),
+        ({"angle_edges": [-1.0, 1.0]}, "other angle_edges, accepted: those that are asked for"),
+        ({"velocity_edges": [-1.0, 1.0]}, "other velocity_edges"),
+        ({"realizations": 99}, "realizations 100, accepted: at most the 99"),
+    ],
+)
+def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changed, message):
+    path, asked = tmp_path / "state.npz", {"scene": MAIN, "cycles": 2, "realizations": 100}
+    tally(**asked, checkpoint=path)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=rf"checkpoint: got .*state\.npz with {message}"):
+        tally(**asked | changed, checkpoint=path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("damage", ["truncated", "flipped", "text", "ensemble"])
+def test_a_damaged_checkpoint_is_refused_and_kept(tmp_path, damage):
+    path, asked = tmp_path / "state.npz", {"cycles": 2, "realizations": 100}
+    tally(MAIN, **asked, checkpoint=path)
+    content = bytearray(path.read_bytes())
+    if damage == "truncated":
+        path.write_bytes(content[: len(content) // 2])
+    elif damage == "flipped":
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+    elif damage == "text":
+        path.write_text("notes\n")
+    else:
+        simulate(MAIN, **asked).save(path)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r"checkpoint: .*state\.npz: "):
+        tally(MAIN, **asked, checkpoint=path)
+    assert path.read_bytes() == before
+
+
+def test_a_checkpoint_that_cannot_be_written_is_refused_early(tmp_path, monkeypatch):
+    in_small_batches(monkeypatch)
+    (tmp_path / "file").write_text("in the way\n")
+    told = []
+    with pytest.raises(OSError, match="file"):
+        tally(MAIN, **SIZE, checkpoint=tmp_path / "file" / "state.npz", progress=lambda *counts: told.append(counts))
+    assert told == []
+
+
+def run(*arguments):
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        status = cli.main([str(argument) for argument in arguments])
+    return status, out.getvalue()
+
+
+def test_the_command_line_tallies_and_goes_on(tmp_path):
+    scene, state = tmp_path / "scene.toml", tmp_path / "state.npz"
+    scene.write_text(MAIN.to_toml(), encoding="utf-8")
+    command = ["mc", scene, "--cycles", 2, "--tally", "--checkpoint", state, "--json"]
+    run(*command, "--realizations", 150)
+    status, out = run(*command, "--realizations", 200, "--out", tmp_path)
+    values = json.loads(out)
+    assert status == 0
+    assert values["survival"] == simulate(MAIN, cycles=2, realizations=200).survival.tolist()
+    assert {"interval", "wall_s", "realizations"} <= set(values)
+    assert content(Tally.load(state)) == content(Tally.load(tmp_path / "result.npz"))
+    status, out = run("compare", state, tmp_path / "result.npz", "--json")
+    assert (status, json.loads(out)["l1"]) == (0, [0.0, 0.0])
