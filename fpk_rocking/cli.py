@@ -120,8 +120,8 @@ def _add_ensemble(parser):
     parser.add_argument(
         "--method",
         metavar="NAME",
-        help="rk4: Runge-Kutta, or exact: event-driven, for band noise or none; white: paths under white noise, band "
-        "noise replaced by its white equivalent (default: rk4 or white, as the noise of the scene asks for)",
+        help="exact: event-driven, or rk4: Runge-Kutta, for band noise or none; white: paths under white noise, band "
+        "noise replaced by its white equivalent (default: exact or white, as the noise of the scene asks for)",
     )
     steps = "time steps a cycle (default: the engine's own)"
     parser.add_argument("--steps-per-cycle", type=int, metavar="N", help=steps)

@@ -13,7 +13,7 @@ from montecarlo import exact, rk4, white
 from montecarlo.random import stream_keys
 
 _ENGINES = {"exact": exact, "rk4": rk4, "white": white}
-_FITTING = {"band": ("rk4", "exact"), "none": ("rk4", "exact"), "white": ("white",)}
+_FITTING = {"band": ("exact", "rk4"), "none": ("exact", "rk4"), "white": ("white",)}
 _BATCH_S = 0.3
 _SMALLEST_BATCH = 64
 

@@ -27,8 +27,8 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
     seed : int
         From 0 to 2**64 - 1.
     method : str, optional
-        For band noise or none "rk4", classical Runge-Kutta steps with located impacts, or "exact", closed-form flights
-        between located impacts; "white" for white noise, exact Gaussian steps. By default the first that fits.
+        For band noise or none "exact", closed-form flights between located impacts, or "rk4", the paper's Runge-Kutta
+        steps, ten times slower; "white" for white noise, exact Gaussian steps. By default the first that fits.
     steps_per_cycle : int
         At least 8. For "rk4" the number of its steps in a cycle; "white" adapts its steps and takes none shorter than
         a 256th of a cycle over this number; "exact" takes none.

@@ -78,7 +78,11 @@ def test_progress_is_told_and_may_interrupt():
         ({"seed": -1}, ValueError, "seed: got -1, accepted: a whole number from 0 to 18446744073709551615"),
         ({"seed": "one"}, TypeError, "seed: got 'one'"),
         ({"method": "euler"}, ValueError, "method: got 'euler', accepted: 'exact', 'rk4', 'white' or None"),
-        ({"method": "white"}, ValueError, r"method: got 'white', accepted: 'rk4' or 'exact' for .*'band'; .*white_equivalent\(\)"),
+        (
+            {"method": "white"},
+            ValueError,
+            r"method: got 'white', accepted: 'exact' or 'rk4' for .*'band'; .*white_equivalent\(\)",
+        ),
     ],
 )
 def test_refusals_name_the_parameter(changed, error, message):

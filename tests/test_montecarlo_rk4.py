@@ -1,6 +1,7 @@
 """Runge-Kutta realizations against closed-form flight, exact orbits and independent survival."""
 
 import dataclasses
+import functools
 import math
 import pathlib
 
@@ -8,12 +9,14 @@ import numba
 import numpy as np
 import pytest
 
+import montecarlo
 from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import TERMS, harmonic_particular, segment_of
 from fpk_rocking.physics.transition import advance
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
-from montecarlo import simulate
 from montecarlo.statistics import survival_test
+
+simulate = functools.partial(montecarlo.simulate, method="rk4")
 
 ROOT = pathlib.Path(__file__).parents[1]
 REFERENCE = np.load(ROOT / "tests" / "data" / "main_band.npz")

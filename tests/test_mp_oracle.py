@@ -102,11 +102,14 @@ def test_a_touch_beyond_all_digits_is_not_decided():
             follow(signal, 0.5, CUTOFF, x, v - 2 * lean * mp.sin(-1), [-0.5, 0.5])
 
 
-def test_a_cutoff_that_is_crossed_within_one_step():
-    path = follow(Signal([0], [0], [2]), 0.5, 1e-3, 5e-4, 0.0, [0, 5])
+def test_a_low_cutoff_that_is_crossed_early():
+    # In the middle of the first interval that is tried the block is nearer to 0, at its end beyond the cut-off.
+    path = follow(Signal([0], [0], [2]), 0.5, 0.00125, 1e-6, 0.012, [0, 5])
     with mp.workdps(65):
-        assert abs(path.events[0].time - mp.acosh((mpf(1e-3) + 1) / (mpf(5e-4) + 1))) < mpf("1e-50")
+        time = path.events[0].time
+        assert abs((1 + mpf(1e-6)) * mp.cosh(time) + mpf(0.012) * mp.sinh(time) - 1 - mpf(0.00125)) < mpf("1e-50")
     assert [event.kind for event in path.events] == ["overturning"]
+    assert time < 0.05
 
 
 def test_uplift_by_a_force_that_barely_reaches_one():

@@ -1,0 +1,184 @@
+"""Monte Carlo: speed against error, for the three methods; writes its section of docs/benchmarks.md.
+
+python benchmarks/monte_carlo.py            # about 3 minutes
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from numba import prange
+from report import ROOT, medians, table, write_section
+
+from fpk_rocking import load_scene
+from fpk_rocking.jit import kernel
+from fpk_rocking.physics import noise
+from fpk_rocking.scene import Start
+from montecarlo import rk4, simulate
+from montecarlo.random import open_stream, stream_keys
+from montecarlo.shinozuka import draw
+
+MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml")
+CYCLES = 10
+STEPS = 200
+TARGET = 1e-6
+
+
+@kernel(parallel=True)
+def rotation_sum(keys, problem, samples, spacing, sink):
+    """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
+    for r in prange(sink.size):
+        own = noise.allocate(problem.harmonics, 1)
+        draw(open_stream(keys, r), problem, own)
+        noise.set_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
+        noise.anchor(own, 0, 0.0)
+        sink[r] = _rotated(own, samples[r])
+
+
+@kernel(fastmath={"contract", "reassoc"})
+def _rotated(own, samples):
+    cosines, sines, c, s = own.cosines, own.sines, own.hop[0], own.hop[1]
+    total = 0.0
+    for _ in range(samples):
+        value = 0.0
+        for n in range(cosines.size):
+            x, y = cosines[n], sines[n]
+            value += x
+            cosines[n] = x * c[n] - y * s[n]
+            sines[n] = y * c[n] + x * s[n]
+        total += value * value
+    return total
+
+
+@kernel(parallel=True)
+def chunked_sum(keys, problem, samples, spacing, half, sink):
+    """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
+    for r in prange(sink.size):
+        own = noise.allocate(problem.harmonics, half)
+        draw(open_stream(keys, r), problem, own)
+        noise.prepare(own, half, spacing)
+        noise.set_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
+        noise.anchor(own, 0, half * spacing)
+        room, total = np.zeros(2 * half + 1), 0.0
+        for _ in range((samples[r] + 2 * half - 1) // (2 * half)):
+            room[:] = 0.0
+            noise.add_chunk(own, half, room)
+            noise.rotate(own, own.hop)
+            total += room[0]
+        sink[r] = total
+
+
+def floor(realizations=20_000):
+    """Return the time of rk4, of the rotation sum and of the chunked sum on the samples that rk4 needs."""
+    ensemble = simulate(MAIN, cycles=CYCLES, realizations=realizations, method="rk4", steps_per_cycle=STEPS)
+    chunk = MAIN.period / STEPS * rk4.CHUNK_STEPS
+    lived = np.where(np.isnan(ensemble.overturn_time), CYCLES * MAIN.period, ensemble.overturn_time)
+    samples = (np.ceil(lived / chunk - 1e-9) * 2 * rk4.CHUNK_STEPS).astype(np.int64)
+    problem, keys, sink = rk4.problem_of(MAIN, STEPS), stream_keys(1), np.empty(realizations)
+    spacing, half = 0.5 / STEPS, rk4.CHUNK_STEPS
+    return medians(
+        {
+            "rk4, the whole engine": lambda: simulate(
+                MAIN, cycles=CYCLES, realizations=realizations, method="rk4", steps_per_cycle=STEPS
+            ),
+            "rotation sum alone": lambda: rotation_sum(keys, problem, samples, spacing, sink),
+            "the engine's own sum alone": lambda: chunked_sum(keys, problem, samples, spacing, half, sink),
+        }
+    )
+
+
+def map_errors(steps, realizations=4000):
+    """Return the median error of rk4's one-cycle map from a cloud of starts, for each number of steps."""
+    scene = dataclasses.replace(MAIN, start=Start(0.0, 0.3, ((0.25, 0.0), (0.0, 0.4))))
+    exact = simulate(scene, cycles=1, realizations=realizations, method="exact")
+    found = []
+    for n in steps:
+        run = simulate(scene, cycles=1, realizations=realizations, method="rk4", steps_per_cycle=n)
+        found.append(np.nanmedian(np.hypot(run.angle - exact.angle, run.velocity - exact.velocity)[:, 1]))
+    return np.array(found)
+
+
+def steps_at(error, steps, errors):
+    """Return the number of steps with a given median error, from the fitted power law."""
+    slope, offset = np.polyfit(np.log(steps), np.log(errors), 1)
+    return math.ceil(math.exp((math.log(error) - offset) / slope))
+
+
+def dynamics(realizations=20_000):
+    """Compare exact with rk4 at several steps: rows of steps, map error, and time over that of exact."""
+    tried = np.array([32, 48, 64, 96])
+    target = steps_at(TARGET, tried, map_errors(tried))
+    steps = [target, 100, STEPS, 800]
+
+    def run(**options):
+        return simulate(MAIN, cycles=CYCLES, realizations=realizations, **options)
+
+    calls = {"exact": lambda: run(method="exact")}
+    calls |= {f"{n}": lambda n=n: run(method="rk4", steps_per_cycle=n) for n in steps}
+    seconds = medians(calls)
+    errors = map_errors(steps)
+    rows = [["exact", "-", "1e-13 *", "1"]]
+    rows += [
+        ["rk4", n, f"{error:.1e}", f"{seconds[str(n)] / seconds['exact']:.1f}"]
+        for n, error in zip(steps, errors, strict=True)
+    ]
+    return rows, 1e6 * seconds["exact"] / realizations
+
+
+def sampling():
+    """Compare the three methods over realizations: rows of error in survival, of bins, and seconds."""
+    rows, white = [], MAIN.white_equivalent()
+    for method, scene, name in (
+        ("exact", MAIN, "main_band"),
+        ("rk4", MAIN, "main_band"),
+        ("white", white, "main_white"),
+    ):
+        reference = np.load(ROOT / "tests" / "data" / f"{name}.npz")
+        place = list(reference["cycles"]).index(4)
+        for n in (1_000, 10_000, 100_000):
+            kept = []
+
+            def run(n=n, method=method, scene=scene, kept=kept):
+                kept.append(simulate(scene, cycles=CYCLES, realizations=n, method=method, seed=1 + len(kept)))
+
+            seconds = medians({"run": run}, rounds=3)["run"]
+            survival = np.mean([np.abs(e.survival - reference["survival"][: CYCLES + 1]).max() for e in kept])
+            edges = reference["angle_edges"], reference["velocity_edges"]
+            l1 = np.mean(
+                [np.abs(e.bin_probabilities(4, *edges) - reference["probabilities"][place]).sum() for e in kept]
+            )
+            rows.append([method, f"{n:,}", f"{survival:.1e}", f"{l1:.3f}", f"{seconds:.3f}"])
+    return rows
+
+
+def main():
+    """Run all three parts and write the section."""
+    sums = floor()
+    unit = sums["rotation sum alone"]
+    rows, micro = dynamics()
+    write_section(
+        "Monte Carlo: speed against error",
+        f"""Main scene (band [0, 10], 100 harmonics), {CYCLES} cycles, both cores.
+
+**rk4 against its floor**, {STEPS} steps a cycle. The rotation sum makes the same samples of the same realizations, one
+complex rotation a harmonic and sample, and does nothing else.
+
+{table(["", "time"], [[name, f"{seconds / unit:.2f}"] for name, seconds in sums.items()])}
+
+**exact against rk4**, equal realizations. Error: median of the one-cycle map's, from starts all over the plane, in angle
+and velocity together; the first row of rk4 has the number of steps at which it is {TARGET:.0e}.
+
+{table(["method", "steps a cycle", "map error", "time"], rows)}
+
+\\* from impacts of random scenes against 50 digits, `tests/test_montecarlo_exact.py`. exact takes {micro:.1f} μs a realization here.
+
+**Sampling**, against the references in tests/data (means over four seeds; the band reference has 10⁵ realizations of its
+own, the white one 10⁷). dS is the largest error in survival over the cycles, L1 that of the bins of 0.1 after cycle 4.
+
+{table(["method", "realizations", "dS", "L1", "seconds"], sampling())}
+""",
+    )
+
+
+if __name__ == "__main__":
+    main()

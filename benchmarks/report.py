@@ -1,0 +1,62 @@
+"""What the benchmarks share: fair timing in one run, tables, and the sections of docs/benchmarks.md they write."""
+
+import pathlib
+import re
+import statistics
+import time
+
+from fpk_rocking import storage
+
+ROOT = pathlib.Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "benchmarks.md"
+HEAD = """# Benchmarks
+
+Written by the scripts in `benchmarks/` (`make bench`), a section each, on 2 cores. Times are ratios within one run, or
+stand beside their rival in the same run; a first call that compiles is never timed.
+"""
+
+
+def medians(calls, rounds=5):
+    """Time calls in turn, several rounds after a first one that is dropped, so that whatever slows one slows all.
+
+    Parameters
+    ----------
+    calls : dict of str to callable
+        Without arguments.
+    rounds : int
+        Rounds that count.
+
+    Returns
+    -------
+    dict of str to float
+        Median seconds of each call.
+    """
+    seconds = {name: [] for name in calls}
+    for call in calls.values():
+        call()
+    for _ in range(rounds):
+        for name, call in calls.items():
+            begin = time.perf_counter()
+            call()
+            seconds[name].append(time.perf_counter() - begin)
+    return {name: statistics.median(values) for name, values in seconds.items()}
+
+
+def table(head, rows):
+    """Return a Markdown table; entries are text or numbers."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+def write_section(title, body):
+    """Print a section and put it into docs/benchmarks.md, in the place of the one with the same title or at the end."""
+    section = f"## {title}\n\n{body.strip()}\n"
+    print(section, flush=True)
+    page = PAGE.read_text(encoding="utf-8") if PAGE.exists() else HEAD
+    parts = re.split(r"(?m)^(?=## )", page)
+    places = [i for i, part in enumerate(parts) if part.startswith(f"## {title}\n")]
+    if places:
+        parts[places[0]] = section
+    else:
+        parts.append(section)
+    storage.write_text(PAGE, "\n".join(part.strip() + "\n" for part in parts))
