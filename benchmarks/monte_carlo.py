@@ -165,15 +165,17 @@ complex rotation a harmonic and sample, and does nothing else.
 
 {table(["", "time"], [[name, f"{seconds / unit:.2f}"] for name, seconds in sums.items()])}
 
-**exact against rk4**, equal realizations. Error: median of the one-cycle map's, from starts all over the plane, in angle
-and velocity together; the first row of rk4 has the number of steps at which it is {TARGET:.0e}.
+**exact against rk4**, equal realizations. Map error: median over starts all over the plane, angle and velocity
+together, after one cycle; the first row of rk4 has the number of steps at which it is {TARGET:.0e}.
 
 {table(["method", "steps a cycle", "map error", "time"], rows)}
 
-\\* from impacts of random scenes against 50 digits, `tests/test_montecarlo_exact.py`. exact takes {micro:.1f} μs a realization here.
+\\* median error of impact times of random scenes over 5 cycles, against 50 digits (`tests/test_montecarlo_exact.py`).
+A realization of exact took {micro:.1f} μs in this run.
 
-**Sampling**, against the references in tests/data (means over four seeds; the band reference has 10⁵ realizations of its
-own, the white one 10⁷). dS is the largest error in survival over the cycles, L1 that of the bins of 0.1 after cycle 4.
+**Sampling**, against the references in tests/data (means over four seeds; the band reference has 10⁵ realizations of
+its own, the white one 10⁷). dS is the largest error in survival over the cycles, L1 that of the bins of 0.1 after
+cycle 4.
 
 {table(["method", "realizations", "dS", "L1", "seconds"], sampling())}
 """,

@@ -215,6 +215,10 @@ def _loaded(options) -> list:
         if getattr(options, name) is not None:
             raise ValueError(f"--{name.replace('_', '-')}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}
+    for path in options.inputs:
+        if result_kind(path) not in kinds:
+            accepted = " or ".join(map(repr, kinds))
+            raise ValueError(f"{path}: got a saved result of kind {result_kind(path)!r}, accepted: {accepted}")
     return [kinds[result_kind(path)].load(path) for path in options.inputs]
 
 

@@ -148,7 +148,9 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
 def _realize(stream, cycle, problem, angle, velocity, impacts):
     """Simulate one path: fill its rows of states, return time (nan: never) and side of overturning."""
     x, v = draw_start(stream, problem.start)
-    side = 1 if x > 0.0 or (x == 0.0 and v > 0.0) else -1
+    # A block at rest is left where the force pushes it, or its first step would begin with an impact.
+    push = v if v != 0.0 else problem.force[0, 0]
+    side = 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
     u, w = side * x, side * v
     intervals, span = problem.low.size, problem.span
     elapsed = cycle * intervals

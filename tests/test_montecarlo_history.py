@@ -36,10 +36,10 @@ def exact(scene, x, v, side, times):
     return np.array(states).T, impacts.time[:count], impacts.velocity[:count]
 
 
-@pytest.mark.parametrize("samples", [16, 7])
-def test_states_and_impacts_are_those_of_the_exact_motion(samples):
+@pytest.mark.parametrize(("method", "samples"), [("rk4", 16), ("rk4", 7), ("exact", 7)])
+def test_states_and_impacts_are_those_of_the_exact_motion(method, samples):
     """Between steps too: 7 samples do not fit 400 steps. Two cycles, before small errors have grown."""
-    run = histories(ORBIT, cycles=2, steps_per_cycle=400, samples_per_cycle=samples)
+    run = histories(ORBIT, cycles=2, method=method, steps_per_cycle=400, samples_per_cycle=samples)
     states, time, velocity = exact(ORBIT, 0.0, 0.0, 1, run.time)
     assert run.time == pytest.approx(np.arange(2 * samples + 1) * ORBIT.period / samples)
     assert run.angle[0] == pytest.approx(states[0], abs=1e-7)
@@ -50,10 +50,13 @@ def test_states_and_impacts_are_those_of_the_exact_motion(samples):
     assert time.size == 3
 
 
-@pytest.mark.parametrize(("scene", "samples"), [(MAIN, 100), (MAIN, 7), (WHITE, 16)])
-def test_realizations_are_those_of_an_ensemble(scene, samples):
-    run = histories(scene, cycles=6, realizations=80, seed=4, steps_per_cycle=100, samples_per_cycle=samples)
-    ensemble = simulate(scene, cycles=6, realizations=80, seed=4, steps_per_cycle=100)
+@pytest.mark.parametrize(
+    ("scene", "method", "samples"),
+    [(MAIN, "rk4", 100), (MAIN, "rk4", 7), (MAIN, "exact", 100), (MAIN, "exact", 7), (WHITE, "white", 16)],
+)
+def test_realizations_are_those_of_an_ensemble(scene, method, samples):
+    asked = {"cycles": 6, "realizations": 80, "seed": 4, "method": method, "steps_per_cycle": 100}
+    run, ensemble = histories(scene, samples_per_cycle=samples, **asked), simulate(scene, **asked)
     for own, other in zip(run.poincare(), (ensemble.angle, ensemble.velocity), strict=True):
         assert own.tobytes() == other.tobytes()
     assert run.overturn_time.tobytes() == ensemble.overturn_time.tobytes()
@@ -64,10 +67,10 @@ def test_realizations_are_those_of_an_ensemble(scene, samples):
     assert (run.realizations, run.cycles) == (80, 6)
 
 
-@pytest.mark.parametrize("scene", [MAIN, WHITE])
-def test_every_impact_turns_the_side(scene):
+@pytest.mark.parametrize(("scene", "method"), [(MAIN, "rk4"), (MAIN, "exact"), (WHITE, "white")])
+def test_every_impact_turns_the_side(scene, method):
     """Between two samples the side has changed as often as there were impacts, and each impact is from its side."""
-    run = histories(scene, cycles=3, realizations=50, samples_per_cycle=64)
+    run = histories(scene, cycles=3, realizations=50, method=method, samples_per_cycle=64)
     for r in range(50):
         mine = run.impact_realization == r
         time, velocity = run.impact_time[mine], run.impact_velocity[mine]
@@ -94,14 +97,15 @@ def test_no_impact_is_dropped_where_there_are_many():
     assert np.abs(run.impact_velocity[0]) == pytest.approx(math.sqrt(2e-4), rel=1e-3)
 
 
-def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise():
+@pytest.mark.parametrize("method", ["rk4", "exact"])
+def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
     """Band noise: restarted at kT from where it was, a realization repeats itself, with times from τ = 0."""
-    whole = histories(MAIN, cycles=20, realizations=60, seed=3, samples_per_cycle=1)
+    whole = histories(MAIN, cycles=20, realizations=60, seed=3, method=method, samples_per_cycle=1)
     angle, velocity = whole.poincare()
     r = np.flatnonzero(whole.overturn_side == 0)[0]
     for cycle in (1, 5, 18):
         scene = dataclasses.replace(MAIN, start=Start(angle[r, cycle], velocity[r, cycle]))
-        batch = next(engines.batches(engines.checked(scene, 1, r + 1, 3, None, 200), r, capacity=50, cycle=cycle))
+        batch = next(engines.batches(engines.checked(scene, 1, r + 1, 3, method, 200), r, capacity=50, cycle=cycle))
         assert batch.angle[0, 1] == pytest.approx(angle[r, cycle + 1], abs=1e-9)
         assert batch.velocity[0, 1] == pytest.approx(velocity[r, cycle + 1], abs=1e-9)
         begin, end = cycle * MAIN.period, (cycle + 1) * MAIN.period

@@ -122,8 +122,10 @@ class Launch:
         for time in np.geomspace(max(quiet, 1e-9 * end), 0.75 * end, 100):
             gaussian = self._flight(initial, time)
             reach = REACH * math.sqrt(gaussian.covariance[0, 0])
-            if not reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach or gaussian.mean[0] * (
-                initial.mean[0] or initial.mean[1]) < 0.0:
+            if (
+                not reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach
+                or gaussian.mean[0] * (initial.mean[0] or initial.mean[1]) < 0.0
+            ):
                 break
             quiet = time
         return quiet

@@ -36,12 +36,25 @@ def pieces(spacing):
         Row i belongs to sample i - WIDTH/2 + 1 (0: at the interval's begin, 1: at its end); coefficients in the time
         since the interval's middle.
     """
-    nodes = np.cos(np.pi * (np.arange(TERMS) + 0.5) / TERMS)
-    place = 0.5 * nodes - (np.arange(WIDTH)[:, None] - 0.5 * WIDTH + 0.5)
-    window = special.i0(_SHAPE * np.sqrt(1.0 - (2.0 * place / WIDTH) ** 2)) / special.i0(_SHAPE)
-    chebyshev = np.polynomial.chebyshev
-    rows = [chebyshev.cheb2poly(chebyshev.chebfit(nodes, values, TERMS - 1)) for values in window]
-    return np.array(rows) * (2.0 / spacing) ** np.arange(TERMS)
+    # In long double where there is one: rounding of the window is what limits the derivative otherwise.
+    order = np.arange(TERMS, dtype=np.longdouble)
+    angles = np.longdouble("3.14159265358979323846264") * (order + 0.5) / TERMS
+    nodes = np.cos(angles)
+    window = _bessel(1.0 - ((nodes - 2.0 * order[:WIDTH, None] + (WIDTH - 1.0)) / WIDTH) ** 2) / _bessel(1.0)
+    rows = window @ np.cos(order * angles[:, None]) * (2.0 / TERMS)
+    rows[:, 0] *= 0.5
+    rows = np.array([np.polynomial.chebyshev.cheb2poly(row) for row in rows])
+    return (rows * (2.0 / np.longdouble(spacing)) ** order).astype(float)
+
+
+def _bessel(square):
+    """Evaluate I0(_SHAPE sqrt(square)) by its power series, all terms of which are positive."""
+    square = np.asarray(square, np.longdouble) * np.longdouble(0.5 * _SHAPE) ** 2
+    term = total = np.ones_like(square)
+    for k in range(1, 120):
+        term = term * square / (k * k)
+        total = total + term
+    return total
 
 
 def compensation():

@@ -1,0 +1,131 @@
+"""Weak error of the white-noise paths against their shortest step, and what is left of it at the default.
+
+The shortest step, T/(256 steps_per_cycle), decides about the bias of the method, so it is measured with shortest steps
+far longer than any that `simulate` takes, and followed down.
+
+First where the truth is known: an unforced block, folded a bouncing ball with noise, which rattles at speeds of about
+2 D/(1 - e) for ever. Its energy balance (1 - e^2) M_3/2 = D, with M_3 the sum per time of the squared impact speeds, is
+off by the error of the method alone. Then survival and moments of the main and the second scene with m shortest steps a
+cycle. Where the error at the first m is significant, S(m) = S + c m^-p is fitted. The bias at the default is what is
+left of the difference at m = 256 if it falls with the first order from there on.
+
+    python benchmarks/white_order.py            # 1 to 2 minutes
+    python benchmarks/white_order.py 4000000    # paths a row
+"""
+
+import contextlib
+import itertools
+import math
+import pathlib
+import sys
+
+import numpy as np
+from scipy.optimize import curve_fit
+
+from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise, load_scene
+from montecarlo import engines, histories, white
+
+SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
+STEPS = 200
+DEFAULT = white.FINEST * STEPS
+COARSE = (64, 128, 256, 512, 1024)
+REFERENCE = 256
+CYCLES = (1, 2, 4, 10)
+NAMES = ("S", "<x>", "<v>", "<xx>", "<vv>")
+
+
+@contextlib.contextmanager
+def shortest_steps(per_cycle):
+    """Let the engine's shortest step be a cycle over `per_cycle`."""
+    finest, white.FINEST = white.FINEST, per_cycle / STEPS
+    try:
+        yield
+    finally:
+        white.FINEST = finest
+
+
+def balance(restitution, diffusion, step, paths, seed=1, duration=16.0):
+    """Return the relative error of the energy balance and its standard error, after a time of 1 for the start."""
+    scene = Scene(Block(restitution), Forcing(0.0, 2.0 * math.pi / duration), WhiteNoise(diffusion))
+    with shortest_steps(duration / step):
+        run = histories(scene, cycles=1, realizations=paths, seed=seed, samples_per_cycle=1)
+    late = run.impact_time > 1.0
+    sums = np.bincount(run.impact_realization[late], run.impact_velocity[late] ** 2, minlength=paths)
+    errors = (1.0 - restitution**2) * sums / (2.0 * diffusion * (duration - 1.0)) - 1.0
+    return errors.mean(), errors.std() / math.sqrt(paths)
+
+
+def survival_and_moments(scene, per_cycle, paths):
+    """Return survival and moments of the standing paths, and their standard errors, each (cycles + 1, 5)."""
+    sums, squares = np.zeros((2, max(CYCLES) + 1, len(NAMES)))
+    with shortest_steps(per_cycle):
+        for batch in engines.batches(engines.checked(scene, max(CYCLES), paths, per_cycle, "white", STEPS)):
+            standing = np.isfinite(batch.angle)
+            x, v = np.where(standing, batch.angle, 0.0), np.where(standing, batch.velocity, 0.0)
+            for i, values in enumerate((standing.astype(float), x, v, x * x, v * v)):
+                sums[:, i] += values.sum(axis=0)
+                squares[:, i] += np.square(values).sum(axis=0)
+    mean = sums / paths
+    return mean, np.sqrt((squares / paths - mean**2) / paths)
+
+
+def order(rows):
+    """Return the fitted order and its standard error of values (m, mean, error); nan where nothing is significant."""
+    m, values, errors = np.array(rows).T
+    if abs(values[0] - values[-1]) < 8.0 * math.hypot(errors[0], errors[-1]):
+        return math.nan, math.nan
+
+    def law(m, limit, factor, order):
+        return limit + factor * m**-order
+
+    guess = values[-1], (values[0] - values[-1]) * m[0], 1.0
+    found, spread = curve_fit(law, m, values, guess, errors, absolute_sigma=True)
+    return found[2], math.sqrt(spread[2, 2])
+
+
+def print_balance(paths):
+    """Print the error of the energy balance, and its order between the steps."""
+    print(f"energy balance of the unforced block, {paths:,} paths; h: shortest step")
+    for restitution, diffusion in ((0.5, 0.01), (0.7, 0.005)):
+        steps, found = 2.0 ** -np.arange(7, 11), []
+        for step in steps:
+            found.append(balance(restitution, diffusion, step, paths))
+            text = "{:8.4f} ± {:.4f}".format(*found[-1])
+            print(f"  e {restitution}  D {diffusion}  h/D {step / diffusion:6.3f}  {text}")
+        error, noise = np.array(found).T
+        slope, spread = np.polyfit(np.log(steps), np.log(error), 1, w=error / noise, cov="unscaled")
+        print(f"  order {slope[0]:.2f} ± {math.sqrt(spread[0, 0]):.2f}", flush=True)
+
+
+def print_scene(name, scene, paths):
+    """Print survival and moments against the shortest step, their orders, and the bias at the default."""
+    found = {m: survival_and_moments(scene, m, paths) for m in (*COARSE, DEFAULT)}
+    share, worst = REFERENCE / (DEFAULT - REFERENCE), (0.0, 0.0)
+    print(
+        f"{name}, {paths:,} paths; at {DEFAULT:,} shortest steps a cycle, then 1e4 x differences to that, order, bias"
+    )
+    for cycle, i in itertools.product(CYCLES, range(len(NAMES))):
+        rows = [(m, mean[cycle, i], error[cycle, i]) for m, (mean, error) in found.items()]
+        best, noise = rows[-1][1:]
+        if noise == 0.0:
+            continue
+        differences = {m: 1e4 * np.array([value - best, math.hypot(error, noise)]) for m, value, error in rows}
+        bias = share * differences[REFERENCE]
+        worst = max(worst, tuple(np.abs(bias)))
+        text = "".join(f"{value:8.1f} ± {error:4.1f}" for value, error in list(differences.values())[:-1])
+        fit = "   -         " if math.isnan(order(rows)[0]) else "{:5.2f} ± {:.2f} ".format(*order(rows))
+        print(f"  {NAMES[i]:>4}({cycle:2}) {best:8.4f} ± {noise:.4f} {text} {fit} {bias[0]:5.2f} ± {bias[1]:.2f}")
+    print(f"  largest bias at the default: {worst[0]:.2f} ± {worst[1]:.2f} in 1e-4", flush=True)
+
+
+def main():
+    """Print both parts."""
+    paths = int(sys.argv[1]) if len(sys.argv) > 1 else 200_000
+    print_balance(max(1000, paths // 50))
+    print(f"columns: {', '.join(map(str, COARSE))} shortest steps a cycle")
+    print_scene("second scene", load_scene(SCENES / "second.toml"), paths)
+    print_scene("main scene", load_scene(SCENES / "main.toml").white_equivalent(), paths)
+
+
+if __name__ == "__main__":
+    main()

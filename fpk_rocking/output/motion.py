@@ -1,0 +1,109 @@
+"""What single blocks and ensembles do: time histories, Poincaré points and their mean, overturning, impact speeds."""
+
+import textwrap
+
+import numpy as np
+
+from fpk_rocking.output import style
+from fpk_rocking.remarks import label_of, noise_text, remarks
+
+__all__ = ["motion_figure"]
+
+_SIZE = (10.5, 12.4)
+_NOTE_WIDTH = 115
+_TIME = "time τ, nondimensional"
+_ANGLE = "angle, in units of the critical angle"
+_VELOCITY = "velocity, nondimensional"
+_INTERVALS = "density, 95 % intervals"
+
+
+def motion_figure(path, histories, ensemble, maps, passage, speeds, title):
+    """Draw a few time histories with their impacts, and what many realizations have in common.
+
+    Parameters
+    ----------
+    path : path
+        Where to write; the suffix chooses the format.
+    histories : Histories
+        One to four realizations; all are shown.
+    ensemble : Ensemble
+        Its Poincaré points are shown after its last cycle.
+    maps : dict of str to MeanMap
+        Mean Poincaré maps, one to four, and what to call them.
+    passage, speeds : Histogram
+        Of the time of overturning and of the speed just before an impact.
+    title : str
+        Stands on top.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+    """
+    scene = ensemble.scene
+    with style.drawing() as new_figure:
+        figure = new_figure(figsize=_SIZE, layout="constrained")
+        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
+        figure.suptitle(title, fontsize=15)
+        notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}.", *remarks(ensemble)]
+        notes = "\n".join(line for note in notes for line in textwrap.wrap(note, _NOTE_WIDTH))
+        figure.supxlabel(notes, x=0.02, ha="left", color="#333333", fontsize=10, linespacing=1.5)
+        top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.15, 1.0, 0.8))
+        rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        for r, axes in enumerate(rows):
+            _history(axes, histories, r)
+        rows[0].set_title("Time histories; a dot is an impact, a cross the overturning at the cut-off", loc="left")
+        rows[-1].set_xlabel(_TIME)
+        top.supylabel(_ANGLE, fontsize=10)
+        points, means = middle.subplots(1, 2)
+        _points(points, ensemble)
+        _means(means, maps)
+        first, impacts = bottom.subplots(1, 2)
+        _bars(first, passage, "Time of overturning", _TIME)
+        first.set_ylabel(_INTERVALS)
+        _bars(impacts, speeds, "Speed just before an impact", "speed, nondimensional")
+        impacts.set_ylabel(_INTERVALS)
+        return style.save(figure, path)
+
+
+def _history(axes, histories, r):
+    cutoff = histories.scene.overturning.angle
+    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    for level in (-cutoff, cutoff):
+        axes.axhline(level, color=style.OVERTURNED, linewidth=0.8, linestyle="--", zorder=1)
+    axes.plot(histories.time, histories.angle[r], color=style.COLOURS[0], linewidth=1.2)
+    times = histories.impact_time[histories.impact_realization == r]
+    axes.plot(times, np.zeros_like(times), "o", color="black", markersize=2.8)
+    side = histories.overturn_side[r]
+    if side:
+        axes.plot(histories.overturn_time[r], side * cutoff, "x", color=style.OVERTURNED, markersize=8, mew=2)
+    axes.set(ylim=(-1.15 * cutoff, 1.15 * cutoff), xlim=(0.0, histories.time[-1]))
+    axes.set_title(f"realization {r}", loc="right", fontsize=9, color="#333333", pad=3.0)
+
+
+def _points(axes, ensemble):
+    angle, velocity = ensemble.angle[:, -1], ensemble.velocity[:, -1]
+    standing = np.count_nonzero(np.isfinite(angle))
+    axes.plot(angle, velocity, ",", color=style.COLOURS[0], alpha=0.6, rasterized=True)
+    axes.set(title=f"Poincaré points of the {standing:,} that stand after {ensemble.cycles} cycles")
+    axes.set(xlabel=_ANGLE, ylabel=_VELOCITY)
+
+
+def _means(axes, maps):
+    for (label, found), colour, marker in zip(maps.items(), style.COLOURS, "osD^", strict=False):
+        shape = {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linewidth": 0.7}
+        errors = 1.96 * found.standard_error.T
+        axes.errorbar(*found.points.T, xerr=errors[0], yerr=errors[1], color=colour, label=label, **shape)
+    start = next(iter(maps.values())).points[0]
+    axes.annotate("start", start, xytext=(8, -3), textcoords="offset points")
+    axes.set(title="Mean Poincaré maps, 95 % intervals of each averaging", xlabel=_ANGLE, ylabel=_VELOCITY)
+    axes.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+
+
+def _bars(axes, histogram, title, label):
+    middles, (low, high) = 0.5 * (histogram.edges[1:] + histogram.edges[:-1]), histogram.interval.T
+    axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
+    # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
+    bars = np.maximum([histogram.density - low, high - histogram.density], 0.0)
+    axes.errorbar(middles, histogram.density, bars, fmt="none", ecolor=style.COLOURS[0], elinewidth=1.2)
+    axes.set(title=title, xlabel=label, ylim=(0.0, None), xlim=(histogram.edges[0], histogram.edges[-1]))
