@@ -11,6 +11,7 @@ from montecarlo.histograms import first_passage, impact_speeds
 from montecarlo.history import Histories, histories
 from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
 from montecarlo.simulation import simulate
+from montecarlo.splitting import Splitting, split
 from montecarlo.statistics import bin_errors
 from montecarlo.tallies import Tally
 from montecarlo.tallying import tally
@@ -18,6 +19,7 @@ from montecarlo.tallying import tally
 __all__ = [
     "Ensemble",
     "Histories",
+    "Splitting",
     "Tally",
     "bin_errors",
     "first_passage",
@@ -26,5 +28,6 @@ __all__ = [
     "mean_poincare_map",
     "restarted_poincare_map",
     "simulate",
+    "split",
     "tally",
 ]

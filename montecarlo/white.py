@@ -145,12 +145,17 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
 
 
 @kernel
+def first_side(x, v, problem):
+    """Side of a start; at rest it is where the force pushes, or the first step would begin with an impact."""
+    push = v if v != 0.0 else problem.force[0, 0]
+    return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
+
+
+@kernel
 def _realize(stream, cycle, problem, angle, velocity, impacts):
     """Simulate one path: fill its rows of states, return time (nan: never) and side of overturning."""
     x, v = draw_start(stream, problem.start)
-    # A block at rest is left where the force pushes it, or its first step would begin with an impact.
-    push = v if v != 0.0 else problem.force[0, 0]
-    side = 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
+    side = first_side(x, v, problem)
     u, w = side * x, side * v
     intervals, span = problem.low.size, problem.span
     elapsed = cycle * intervals
