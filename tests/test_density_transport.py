@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import spsolve
 from skfem import BilinearForm
 
-from fpk_rocking.density import landing, lines
+from fpk_rocking.density import lines, paths
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.flight import TERMS
@@ -36,12 +36,13 @@ def lines_of(side):
 
 def traced(points, side, dynamics, quadrature, duration=DURATION):
     """Landing points (points, nodes, 2) and codes (points, nodes), one call of the path kernel a point."""
-    nodes, _ = landing.hermite_nodes(quadrature.long, quadrature.short)
+    nodes, _ = paths.hermite_nodes(quadrature.long, quadrature.short)
+    offsets = noise_offsets(dynamics, duration, quadrature.long, quadrature.short)
     states, codes = np.empty((len(points), len(nodes), 2)), np.empty((len(points), len(nodes)), np.int32)
     for k, (x, v) in enumerate(points):
-        landing.trace(
+        paths.trace(
             x, v, side, START, duration, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff,
-            nodes, np.empty((6, TERMS)), states[k], codes[k],
+            nodes, offsets, np.abs(offsets[:, 0]).max(), np.empty((6, TERMS)), states[k], codes[k],
         )  # fmt: skip
     return states, codes
 

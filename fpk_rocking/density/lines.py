@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import prange
 
+from fpk_rocking.density.adjoint import shift_lines_back
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.density.transport import legendre
 from fpk_rocking.jit import kernel
@@ -69,13 +70,12 @@ class FreeFlight:
         along_velocity = sinh * _line_points(angle, points) + (dv - sinh * drift)
         still, blur, fine = hermite(1), hermite(BLUR_NODES), hermite(_FINE_NODES)
         table = shapes(points, space.degree)
-        self._across = table, np.ascontiguousarray((table * weights[:, None]).T)
-        self._shear = shift_blocks(angle, along_angle, math.sqrt(small) * fine[0], fine[1], space.degree)
-        self._kick = shift_blocks(velocity, along_velocity, *still, space.degree)
-        self._blur = shift_blocks(velocity, np.zeros(1), math.sqrt(kick) * blur[0], blur[1], space.degree)
-        self._finish = shift_blocks(angle, along_angle, math.sqrt(small) * fine[0], fine[1], space.degree)
-        self._sizes = np.diff(angle), np.diff(velocity)
-        self._inner = (side > 0, side < 0)
+        self.across = table, np.ascontiguousarray((table * weights[:, None]).T)
+        self.shear = shift_blocks(angle, along_angle, math.sqrt(small) * fine[0], fine[1], space.degree)
+        self.kick = shift_blocks(velocity, along_velocity, *still, space.degree)
+        self.blur = shift_blocks(velocity, np.zeros(1), math.sqrt(kick) * blur[0], blur[1], space.degree)
+        self.sizes = np.diff(angle), np.diff(velocity)
+        self.inner = (side > 0, side < 0)
 
     def apply(self, coefficients):
         """Return the coefficients of this side after the step, and the masses that passed its four bounds.
@@ -94,13 +94,38 @@ class FreeFlight:
         velocity_ends : ndarray, shape (2,)
             What passed the velocity bound.
         """
-        angle, velocity = self._sizes
-        leave, press, norms = (False, False), (True, True), (1.0,) * len(self._across[0])
-        now, _ = shift_lines(_other_axis(coefficients), self._shear, *self._across, angle, velocity, press, norms)
-        now, kicked = shift_lines(_other_axis(now), self._kick, *self._across, velocity, angle, leave, norms)
-        now, blurred = shift_lines(now, self._blur, *self._across, velocity, angle, leave, norms)
-        now, out = shift_lines(_other_axis(now), self._finish, *self._across, angle, velocity, self._inner, norms)
+        angle, velocity = self.sizes
+        leave, press, norms = (False, False), (True, True), (1.0,) * len(self.across[0])
+        now, _ = shift_lines(_other_axis(coefficients), self.shear, *self.across, angle, velocity, press, norms)
+        now, kicked = shift_lines(_other_axis(now), self.kick, *self.across, velocity, angle, leave, norms)
+        now, blurred = shift_lines(now, self.blur, *self.across, velocity, angle, leave, norms)
+        now, out = shift_lines(_other_axis(now), self.shear, *self.across, angle, velocity, self.inner, norms)
         return _other_axis(now), out.sum(axis=0), (kicked + blurred).sum(axis=0)
+
+    def apply_adjoint(self, values, worth):
+        """Return what a function after the step is worth before it; see `adjoint`.
+
+        Parameters
+        ----------
+        values : ndarray, shape (cells of the side, velocity cells, degree + 1, degree + 1)
+            Coefficients of the function after the step.
+        worth : ndarray, shape (3,)
+            Of having passed the cut-off to the left, to the right, and the velocity bound.
+
+        Returns
+        -------
+        ndarray, of the same shape
+            Right in the cells that no event can reach.
+        """
+        left, right, lost = (float(value) for value in worth)
+        angle, velocity = self.sizes
+        ends, lost, leave, press = (left, right), (lost, lost), (False, False), (True, True)
+        norms = (1.0,) * len(self.across[0])
+        now = shift_lines_back(_other_axis(values), self.shear, *self.across, angle, self.inner, ends, norms)
+        now = shift_lines_back(_other_axis(now), self.blur, *self.across, velocity, leave, lost, norms)
+        now = shift_lines_back(now, self.kick, *self.across, velocity, leave, lost, norms)
+        now = shift_lines_back(_other_axis(now), self.shear, *self.across, angle, press, ends, norms)
+        return _other_axis(now)
 
 
 def _other_axis(coefficients):
@@ -186,15 +211,16 @@ def fill_blocks(lines, shifts, nodes, weights, points, point_weights, first, blo
                 low, high = overlap_range(lines, left + shift, right + shift)
                 for target in range(low, high + 1):
                     start, stop = max(left, lines[target] - shift), min(right, lines[target + 1] - shift)
-                    size = lines[target + 1] - lines[target]
+                    block, here_scale = blocks[s, target, source - first[s, target]], 2.0 / (right - left)
+                    there_scale = 2.0 / (lines[target + 1] - lines[target])
                     for q in range(len(points) if stop > start else 0):
                         x = start + points[q] * (stop - start)
-                        part = weights[n] * point_weights[q] * (stop - start)
-                        here = legendre(2.0 * (x - left) / (right - left) - 1.0)
-                        there = legendre(2.0 * (x + shift - lines[target]) / size - 1.0)
+                        part = 0.5 * there_scale * weights[n] * point_weights[q] * (stop - start)
+                        here = legendre(here_scale * (x - left) - 1.0)
+                        there = legendre(there_scale * (x + shift - lines[target]) - 1.0)
                         for k in range(modes):
                             for i in range(modes):
-                                blocks[s, target, source - first[s, target], k, i] += part / size * here[k] * there[i]
+                                block[k, i] += part * here[k] * there[i]
                 for end in range(2):
                     start = left if end == 0 else max(left, lines[-1] - shift)
                     stop = right if end == 1 else min(right, lines[0] - shift)

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import time
 import warnings
+from typing import NamedTuple
 
 import numpy as np
 
@@ -108,23 +109,29 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     bound = velocity_bound(white, white.noise.diffusion)
     resolution = PRESETS[max(preset for preset in PRESETS if preset <= tol)].of(white, bound)
     total = 2 * cycles
-    coarse = _evolve(white, cycles, resolution.coarser(), bound, progress and (lambda done: progress(done, total)))
-    fine = _evolve(white, cycles, resolution, bound, progress and (lambda done: progress(cycles + done, total)))
-    inside, overturned, lost, coefficients, space = fine
+    run, coarser = _Run(white, resolution, bound), resolution.coarser()
+    launch = run.launch()
+    shared = _common_step(launch.step, run.steps, coarser.steps)
+    fine = run.evolve(cycles, launch, shared, progress and (lambda done: progress(done, total)))
+    coarse = _Run(white, coarser, bound)
+    start = coarse.launch() if fine.shared is None else coarse.taken_over(fine.shared, run, shared)
+    second = coarse.evolve(cycles, start, None, progress and (lambda done: progress(cycles + done, total)))
+    space, overturned = run.space, fine.gone[:, :2]
+    lost = fine.gone[:, 2]
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
         closure=_closure(scene, white),
         tol=tol,
-        survival=inside,
+        survival=fine.inside,
         overturned=overturned,
         lost=lost,
-        error_estimate=float(np.abs(inside - coarse[0]).max()),
-        mass_defect=float(np.abs(inside + overturned.sum(axis=1) + lost - 1.0).max()),
-        negative_mass=max(space.negative_mass(density) for density in coefficients[1:]),
+        error_estimate=float(np.abs(fine.inside - second.inside).max()),
+        mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
+        negative_mass=max(space.negative_mass(density) for density in fine.coefficients[1:]),
         wall_s=time.perf_counter() - begin,
         settings=dataclasses.asdict(resolution) | {"unknowns": space.unknowns, "velocity_bound": bound},
-        coefficients=coefficients,
+        coefficients=fine.coefficients,
         space=space,
     )
     _warn_unresolved(result)
@@ -164,39 +171,81 @@ def _closure(scene, white):
     )
 
 
-def _evolve(white, cycles, resolution, bound, progress):
-    """Solve at one resolution: survival, overturned, lost, coefficients after each cycle, and their space."""
-    dynamics, steps = Dynamics.of(white), resolution.steps
-    space = Space(
-        graded_lines(white.overturning.angle, resolution.angle_cells, ANGLE_GRADING),
-        graded_lines(bound, resolution.velocity_cells, VELOCITY_GRADING),
-        resolution.degree,
-    )
-    duration = white.period / steps
-    launch = Launch(dynamics, white.start, space, duration, steps)
-    half = [
-        Step(Trace(space, k * duration, duration, dynamics, resolution.quadrature), space) for k in range(steps // 2)
-    ]
-    inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
-    coefficients = np.zeros((cycles + 1, *space.shape))
-    coefficients[0], out[0, :2] = initial_density(white.start, space, white.overturning.angle)
-    inside[0] -= out[0].sum()
-    now, gone = launch.coefficients, launch.sinks.copy()
-    # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
-    turned = False
-    for k in range(launch.step, cycles * steps + 1):
-        if k % steps == 0:
-            current = _turn(now) if turned else now
-            inside[k // steps], out[k // steps], coefficients[k // steps] = space.masses(current).sum(), gone, current
-            if progress:
-                progress(k // steps)
-        if k == cycles * steps:
-            break
-        if (k % steps >= steps // 2) != turned:
-            now, turned = _turn(now), not turned
-        now, sinks = half[k % (steps // 2)].apply(now)
-        gone += sinks[[1, 0, 2]] if turned else sinks
-    return inside, out[:, :2], out[:, 2], coefficients, space
+class _Start(NamedTuple):
+    """A density to go on from: coefficients at a step, and the masses (3,) that had left by then."""
+
+    coefficients: np.ndarray
+    step: int
+    sinks: np.ndarray
+
+
+class _Solution(NamedTuple):
+    """Survival (cycles + 1,), masses gone (cycles + 1, 3), coefficients after each cycle, and the shared `_Start`."""
+
+    inside: np.ndarray
+    gone: np.ndarray
+    coefficients: np.ndarray
+    shared: _Start | None
+
+
+class _Run:
+    """One resolution: its space, and the steps of half a cycle."""
+
+    def __init__(self, white, resolution, bound):
+        self.scene, self.dynamics, self.steps = white, Dynamics.of(white), resolution.steps
+        self.space = Space(
+            graded_lines(white.overturning.angle, resolution.angle_cells, ANGLE_GRADING),
+            graded_lines(bound, resolution.velocity_cells, VELOCITY_GRADING),
+            resolution.degree,
+        )
+        self.duration = white.period / self.steps
+        self.half = [
+            Step(Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature), self.space)
+            for k in range(self.steps // 2)
+        ]
+
+    def launch(self):
+        """Carry the start to the first step at which the mesh resolves it."""
+        launch = Launch(self.dynamics, self.scene.start, self.space, self.duration, self.steps)
+        return _Start(launch.coefficients, launch.step, launch.sinks)
+
+    def taken_over(self, start, other, step):
+        """Project what another run has reached at one of its steps."""
+        coefficients = self.space.transfer(start.coefficients, other.space)
+        return _Start(coefficients, step * self.steps // other.steps, start.sinks)
+
+    def evolve(self, cycles, start, watched, progress):
+        """Evolve over whole cycles; `watched` is a step whose state is handed on."""
+        steps, scene = self.steps, self.scene
+        inside, out, shared = np.ones(cycles + 1), np.zeros((cycles + 1, 3)), None
+        coefficients = np.zeros((cycles + 1, *self.space.shape))
+        coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
+        inside[0] -= out[0].sum()
+        now, gone = start.coefficients, start.sinks.copy()
+        # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
+        turned = False
+        for k in range(start.step, cycles * steps + 1):
+            if k == watched:
+                shared = _Start(_turn(now) if turned else now, k, gone.copy())
+            if k % steps == 0:
+                current, cycle = _turn(now) if turned else now, k // steps
+                inside[cycle], out[cycle], coefficients[cycle] = self.space.masses(current).sum(), gone, current
+                if progress:
+                    progress(cycle)
+            if k == cycles * steps:
+                break
+            if (k % steps >= steps // 2) != turned:
+                now, turned = _turn(now), not turned
+            now, sinks = self.half[k % (steps // 2)].apply(now)
+            gone += sinks[[1, 0, 2]] if turned else sinks
+        return _Solution(inside, out, coefficients, shared)
+
+
+def _common_step(first, steps, others):
+    """First step from `first` on that is a step of the other run as well, in the first half cycle; else None."""
+    every = steps // math.gcd(steps, others)
+    step = every * -(-first // every)
+    return step if 2 * step <= steps else None
 
 
 def _turn(coefficients):

@@ -97,6 +97,12 @@ class Space:
         values = density(angle[:, None, :, None], velocity[None, :, None, :])
         return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
+    def transfer(self, coefficients, source):
+        """L2 projection of a density on another space with the same extents; exact, so mass is conserved."""
+        angle = _overlap_integrals(self.angle_lines, self.degree, source.angle_lines, source.degree)
+        velocity = _overlap_integrals(self.velocity_lines, self.degree, source.velocity_lines, source.degree)
+        return np.einsum("xayb,ybwd,vcwd->xvac", angle, coefficients.transpose(0, 2, 1, 3), velocity, optimize=True)
+
     def masses(self, coefficients):
         """Mass in each cell, (angle cells, velocity cells)."""
         return coefficients[:, :, 0, 0] * self.areas
@@ -133,6 +139,23 @@ def _locate(lines, points):
     cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
     reference = (points - lines[cell]) / (lines[cell + 1] - lines[cell])
     return cell, reference, (points >= lines[0]) & (points <= lines[-1])
+
+
+def _overlap_integrals(lines, degree, source_lines, source_degree):
+    """Integrals of products of both sets of shape functions, per size of the first: (cells, modes, source ...)."""
+    nodes, weights = gauss((degree + source_degree) // 2 + 1)
+    breaks = np.union1d(lines, source_lines)
+    low, sizes = breaks[:-1], np.diff(breaks)
+    points = low[:, None] + sizes[:, None] * nodes
+    out = np.zeros((len(lines) - 1, degree + 1, len(source_lines) - 1, source_degree + 1))
+    both = []
+    for edges, order in ((lines, degree), (source_lines, source_degree)):
+        cell = np.clip(np.searchsorted(edges, low + 0.5 * sizes) - 1, 0, len(edges) - 2)
+        both.append((cell, shapes((points - edges[cell, None]) / np.diff(edges)[cell, None], order)))
+    (target, left), (origin, right) = both
+    parts = np.einsum("p,q,pqa,pqb->pab", sizes, weights, left, right) / np.diff(lines)[target, None, None]
+    np.add.at(out, (target, slice(None), origin), parts)
+    return out
 
 
 def _interval_integrals(lines, edges, degree):

@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.landing import classify, hermite_nodes, principal_axes, settle_in_cells, trace_cells
+from fpk_rocking.density.adjoint import collect
+from fpk_rocking.density.landing import classify, settle_in_cells, trace_cells
 from fpk_rocking.density.lines import FreeFlight
+from fpk_rocking.density.paths import hermite_nodes, principal_axes
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.density.transport import CHUNKS, deposit, gather
 from fpk_rocking.physics.gaussian import flight_covariance
@@ -87,7 +89,7 @@ class Trace:
         cells = np.ascontiguousarray(np.argwhere(marks))
         self.states, self.codes = trace_cells(
             cells, *lines, self.angle_points, self.velocity_points, start, duration, dynamics.harmonic,
-            dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
+            dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes, self.offsets, margin,
         )  # fmt: skip
 
 
@@ -104,8 +106,13 @@ class Step:
         points = trace.states.copy()
         cells = settle_in_cells(points, trace.codes, *self._grids, target.first_positive)
         self._landed = cells, points
-        degree = target.degree
+        degree = trace.source.degree
         self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
+        self._weights = trace.angle_weights, trace.velocity_weights
+        self._affine = (
+            trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
+            trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
+        )  # fmt: skip
         angle, velocity, modes, _ = target.shape
         self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
         self._sinks = np.empty((CHUNKS, 3))
@@ -119,7 +126,7 @@ class Step:
                 if columns
             ]
         self._chunks = self._split(cells)
-        self._norms = (1.0,) * modes
+        self._norms = (1.0,) * (degree + 1), (1.0,) * modes
 
     def apply(self, coefficients):
         """Return the coefficients after the step and the masses (3,) that went left, right and off the mesh."""
@@ -127,14 +134,9 @@ class Step:
         if self._flights:
             free = (trace.events < 0)[:, :, None, None]
             flying, deposited = np.where(free, coefficients, 0.0), np.where(free, 0.0, coefficients)
-        weights = trace.angle_weights, trace.velocity_weights
-        affine = (
-            source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
-            trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
-        )  # fmt: skip
         deposit(
-            deposited, source.areas, self._tables, weights, trace.events, self._landed, affine, *self._grids,
-            self._chunks, self._buffers, self._sinks, self._norms,
+            deposited, source.areas, self._tables, self._weights, trace.events, self._landed, self._affine,
+            *self._grids, self._chunks, self._buffers, self._sinks, *self._norms,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         gather(self._buffers, self._chunks, self.target.areas, out)
@@ -145,6 +147,35 @@ class Step:
             sinks[:2] += overturned
             sinks[2] += lost.sum()
         return out, sinks
+
+    def apply_adjoint(self, values, worth):
+        """Return what a function of the state after the step is worth, on average, before it.
+
+        Adjoint of `apply` in L2: for every density p of the source, with ``after, sinks = apply(p)``, the integral of p
+        times the result is the integral of `after` times the function, plus ``sinks @ worth``, to rounding.
+
+        Parameters
+        ----------
+        values : ndarray, shape ``target.shape``
+            Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
+        worth : array_like, shape (3,)
+            Of having overturned to the left, to the right, and of having left the mesh.
+
+        Returns
+        -------
+        ndarray, shape ``trace.source.shape``
+            Coefficients of the function before the step.
+        """
+        trace, worth = self.trace, np.asarray(worth, dtype=float)
+        out = np.empty(trace.source.shape)
+        for flight in self._flights:
+            out[flight.columns] = flight.apply_adjoint(values[flight.columns], worth)
+        cells = np.argwhere(trace.events >= 0 if self._flights else np.ones_like(trace.events))
+        collect(
+            values.reshape(-1, self._buffers.shape[2]), worth, self._tables, self._weights, trace.events,
+            self._landed, self._affine, *self._grids, np.ascontiguousarray(cells), out, *self._norms,
+        )  # fmt: skip
+        return out
 
     def _split(self, cells):
         """Columns of the source that each chunk reads, and columns of the target that it writes."""

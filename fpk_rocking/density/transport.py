@@ -18,15 +18,18 @@ CHUNKS = 8
 
 MAX_DEGREE = 5
 
+_C1, _C2, _C3, _C4, _C5 = math.sqrt(3.0), math.sqrt(5.0) / 2.0, math.sqrt(7.0) / 2.0, 3.0 / 8.0, math.sqrt(11.0) / 8.0
 
-@kernel
+
+@kernel(fastmath={"contract"}, borrows=True)
 def legendre(xi):
     """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal for the measure of the unit interval."""
-    p2 = 1.5 * xi * xi - 0.5
-    p3 = (5.0 * xi * p2 - 2.0 * xi) / 3.0
-    p4 = (7.0 * xi * p3 - 3.0 * p2) / 4.0
-    p5 = (9.0 * xi * p4 - 4.0 * p3) / 5.0
-    return 1.0, math.sqrt(3.0) * xi, math.sqrt(5.0) * p2, math.sqrt(7.0) * p3, 3.0 * p4, math.sqrt(11.0) * p5
+    square = xi * xi
+    p2 = _C2 * (3.0 * square - 1.0)
+    p3 = _C3 * xi * (5.0 * square - 3.0)
+    p4 = _C4 * ((35.0 * square - 30.0) * square + 3.0)
+    p5 = _C5 * xi * ((63.0 * square - 70.0) * square + 15.0)
+    return 1.0, _C1 * xi, p2, p3, p4, p5
 
 
 @kernel
@@ -117,14 +120,15 @@ def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, veloci
 
 @kernel
 def deposit_chunk(
-    source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink, norms
-):
+    source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink, source_norms,
+    norms,
+):  # fmt: skip
     """Deposit the columns of one chunk."""
     angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
     across = len(velocity_grid[0]) - 1
     sink[:] = 0.0
     buffer[chunk[2] * across : chunk[3] * across] = 0.0
-    rows = np.empty((len(norms), len(velocity_points)))
+    rows = np.empty((len(source_norms), len(velocity_points)))
     values = np.empty((len(angle_points), len(velocity_points)))
     for i in range(chunk[0], chunk[1]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
@@ -132,7 +136,7 @@ def deposit_chunk(
         for j in range(source.shape[1]):
             if source[i, j, 0, 0] == 0.0 and not np.any(source[i, j]):
                 continue
-            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, norms)
+            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, source_norms)
             row = events[i, j]
             if row >= 0:
                 deposit_landed(values, node_weights, landed[0][row], landed[1][row], buffer, sink, norms)
@@ -158,13 +162,14 @@ def deposit(
     chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
     buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
     sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
-    norms,  # tuple (modes,): its length tells the compiler the number of modes
+    source_norms,  # tuple (modes,) of the source: its length tells the compiler the number of modes
+    norms,  # the same of the target
 ):
     """Deposit the density of all cells with a mass into the buffers of the chunks."""
     for k in prange(len(chunks)):
         deposit_chunk(
             source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
-            chunks[k], buffers[k], sinks[k], norms,
+            chunks[k], buffers[k], sinks[k], source_norms, norms,
         )  # fmt: skip
 
 

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.landing import OVERTURNED_SIDE
 from fpk_rocking.density.mesh import window_lines
+from fpk_rocking.density.paths import OVERTURNED_SIDE
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Trace
 from fpk_rocking.jit import kernel
