@@ -1,4 +1,4 @@
-"""What the benchmarks share: fair timing in one run, tables, and the sections of docs/benchmarks.md they write."""
+"""What the benchmarks share: fair timing in one run, tables, and the sections of pages that they write."""
 
 import pathlib
 import re
@@ -48,15 +48,25 @@ def table(head, rows):
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
-def write_section(title, body):
-    """Print a section and put it into docs/benchmarks.md, in the place of the one with the same title or at the end."""
+def write_section(title, body, page=PAGE, head=HEAD):
+    """Print a section and put it into a page, in the place of the one with the same title or at the end.
+
+    Parameters
+    ----------
+    title, body : str
+        Markdown.
+    page : pathlib.Path
+        By default docs/benchmarks.md.
+    head : str
+        What a new page begins with.
+    """
     section = f"## {title}\n\n{body.strip()}\n"
     print(section, flush=True)
-    page = PAGE.read_text(encoding="utf-8") if PAGE.exists() else HEAD
-    parts = re.split(r"(?m)^(?=## )", page)
+    text = page.read_text(encoding="utf-8") if page.exists() else head
+    parts = re.split(r"(?m)^(?=## )", text)
     places = [i for i, part in enumerate(parts) if part.startswith(f"## {title}\n")]
     if places:
         parts[places[0]] = section
     else:
         parts.append(section)
-    storage.write_text(PAGE, "\n".join(part.strip() + "\n" for part in parts))
+    storage.write_text(page, "\n".join(part.strip() + "\n" for part in parts))

@@ -122,6 +122,8 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
         x, v = flat_states[n]
         i, xi = locate(angle_grid, x)
         j, eta = locate(velocity_grid, v)
+        if v == 0.0 and flat_codes[n] < 0 and j > 0 and velocity_grid[0][j] == 0.0:
+            j, eta = j - 1, 1.0
         if i == first and x == 0.0 and flat_codes[n] < 0 and i > 0:
             i, xi = i - 1, 1.0
         flat_cells[n] = LOST if i < 0 or j < 0 else i * across + j

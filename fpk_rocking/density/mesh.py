@@ -40,12 +40,12 @@ def window_lines(low, high, cells):
 def velocity_bound(scene, diffusion):
     """Velocity that is passed only by blocks bound to overturn, and by eight standard deviations of noise.
 
-    Outward it lies beyond the moving separatrix; inward it is what a block from rest can gain, plus what the start has
-    in excess of that (derived in docs/theory).
+    Outward it lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is
+    what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory).
     """
     forcing, start = scene.forcing, scene.start
     swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
-    bound = 1.0 + swing + 8.0 * math.sqrt(diffusion)
+    bound = max(1.0, scene.overturning.angle - 1.0) + swing + 8.0 * math.sqrt(diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     outward = abs(start.velocity) + 8.0 * math.sqrt(vv)
     now = swing * math.cos(forcing.phase - math.atan(forcing.frequency))

@@ -16,7 +16,7 @@ from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.density.window import NEGLIGIBLE, REACH, next_window, window_of
 from fpk_rocking.physics.gaussian import flight_covariance
 
-GROWTH = 0.4
+GROWTH = 0.2
 """A step of the windows over the time in which the noise has gathered."""
 
 EARLY = 0.02
@@ -28,7 +28,7 @@ FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
-_RATTLE, _MOST_STEPS = 0.5, 100
+_RATTLE, _MOST_STEPS = 0.25, 200
 
 
 class Gaussian:
