@@ -121,12 +121,12 @@ class Splitting:
         return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
 
 
-def split(scene, *, cycles, walkers=500, repeats=32, seed=1, steps_per_cycle=200, progress=None):
+def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=200, progress=None):
     """Estimate the probability of rare overturning under white noise, cycle by cycle, by splitting paths.
 
     Paths that come nearer to overturning than others are continued several times, from there on, and the others are
-    given up: `montecarlo.levels` has the algorithm, `montecarlo.outlook` the measure of nearness. It takes about
-    ln(1/p) times the work of `walkers` plain paths for a probability p that 1/p of them would be needed to see once.
+    given up: `montecarlo.levels` has the algorithm, `montecarlo.outlook` the measure of nearness. Where plain
+    paths need 1/p of them to see a probability p once, a repeat simulates `walkers` (1 + ln(1/p)) or so at most.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def split(scene, *, cycles, walkers=500, repeats=32, seed=1, steps_per_cycle=200
     cycles : int
         Forcing cycles, at least 1; what is rare is overturning by the last of them.
     walkers : int
-        At least 10. More walkers bring the repeats closer together, faster than more repeats narrow their mean.
+        At least 10. Where the repeats are skewed, more walkers help and more repeats hardly.
     repeats : int
         Independent repeats, at least 2; 20 or more for a standard error worth its name.
     seed : int

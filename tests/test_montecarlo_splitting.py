@@ -112,9 +112,12 @@ def test_agrees_with_a_plain_ensemble(scene, cycles, which):
 
 
 @pytest.mark.slow
-def test_independent_runs_agree_at_1e_8():
-    """20 cycles, two seeds and numbers of walkers; false alarm 6e-5."""
-    runs = [split(scene_of(0.0055, 6.0, 0.6, 6.0), cycles=20, walkers=n, repeats=48, seed=n) for n in (400, 1000)]
+@pytest.mark.parametrize(
+    ("scene", "cycles"), [(scene_of(0.0055, 6.0, 0.6, 6.0), 20), (scene_of(3.6e-4, 3.0, 0.5, 2.7), 5)]
+)
+def test_independent_runs_agree_at_1e_8(scene, cycles):
+    """Two seeds and numbers of walkers; false alarm 6e-5 each."""
+    runs = [split(scene, cycles=cycles, walkers=n, seed=n) for n in (600, 1500)]
     for run in runs:
         assert not run.skewed
         assert 3e-9 < run.probability[-1] < 3e-8
