@@ -10,7 +10,7 @@ import pytest
 from mp_scenes import compare, follow_scene, random_scenes
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import histories, simulate
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
@@ -57,6 +57,18 @@ def test_runge_kutta_converges_to_it_with_order_4():
     order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order == pytest.approx(4.0, abs=0.15)
     assert errors[-1] < 1e-9
+
+
+@pytest.mark.parametrize("frequency", [1.5, 5.0])
+def test_no_dip_between_grid_points_is_missed(frequency):
+    """Strong forcing throws blocks back within an interval: with bounds that fail, some 30 would lose an impact."""
+    start = Start(0.2, 0.0, ((0.09, 0.0), (0.0, 4.0)))
+    scene = Scene(Block(0.6), Forcing(15.0, frequency, 0.3), NoNoise(), start, Overturning(6.0))
+    exact = simulate(scene, cycles=1, realizations=4000, method="exact")
+    rk4 = simulate(scene, cycles=1, realizations=4000, method="rk4", steps_per_cycle=2000)
+    assert exact.angle == pytest.approx(rk4.angle, abs=1e-5, nan_ok=True)
+    assert exact.velocity == pytest.approx(rk4.velocity, abs=1e-5, nan_ok=True)
+    assert exact.overturn_time == pytest.approx(rk4.overturn_time, abs=1e-5, nan_ok=True)
 
 
 @pytest.mark.parametrize("harmonics", [1, 7, 1000])
