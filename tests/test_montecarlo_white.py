@@ -174,3 +174,12 @@ def test_refuses_what_white_noise_cannot_be():
     with pytest.raises(ValueError, match=r"noise\.diffusion: got 0\.0, accepted: a number > 0 .* NoNoise"):
         simulate(scene_of(diffusion=0.0), cycles=1, realizations=1)
     assert simulate(scene_of(restitution=1.001 * CRITICAL_RESTITUTION), cycles=1, realizations=2).realizations == 2
+
+
+@pytest.mark.parametrize("phase", [0.0, math.pi])
+def test_a_block_at_rest_begins_on_the_side_of_the_push(phase):
+    """Under |f(0)| = 4.6 and noise that is too weak to matter the first impact ends the first swing."""
+    scene = Scene(Block(0.5), Forcing(4.6, 2.7, phase), WhiteNoise(1e-9))
+    run = histories(scene, cycles=1, realizations=20, samples_per_cycle=64)
+    assert (np.sign(run.angle[:, 1]) == -math.cos(phase)).all()
+    assert run.impact_time.min() > 1.0
