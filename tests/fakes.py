@@ -69,6 +69,12 @@ class FakeDensity:
         left = (angle.mean(axis=1) < 0.0)[:, None, None, None]
         return np.where(left, self.on_side(0, *grid), self.on_side(1, *grid))
 
+    def bin_probabilities(self, angle_edges, velocity_edges):
+        return exact_bins(self.scene, self.cycle, angle_edges, velocity_edges)
+
+    def nonnegative(self):
+        return self
+
 
 @dataclasses.dataclass(frozen=True)
 class FakeEvolution:
@@ -101,7 +107,7 @@ class FakeEvolution:
     def bin_probabilities(self, cycle, angle_edges, velocity_edges):
         if cycle == 0:
             return np.histogram2d([0.0], [0.0], [angle_edges, velocity_edges])[0]
-        return exact_bins(self.scene, cycle, angle_edges, velocity_edges)
+        return self.at(cycle).bin_probabilities(angle_edges, velocity_edges)
 
     def save(self, path):
         storage.write_result(path, "evolution", self.scene, {}, {"cycles": self.cycles})

@@ -1,118 +1,21 @@
-"""Files and pictures: read back by other programs, and complete or not there."""
+"""Pictures, tables and summaries: what they show, and complete or not there."""
 
-import dataclasses
 import math
 import subprocess
 import sys
-import xml.etree.ElementTree as ET
 
 import fakes
 import matplotlib.image
-import meshio
 import numpy as np
 import pytest
-import pyvista
 
-from fpk_rocking import BandNoise, Block, Forcing, Scene, Start
+from fpk_rocking import BandNoise, Block, Forcing, Scene
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, opengl, progress, style, summary, surfaces, tables, vtk
+from fpk_rocking.output import curves, opengl, progress, style, summary, surfaces, tables
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 DENSITY = fakes.FakeEvolution(MAIN)
 ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
-
-
-def areas(points, quads):
-    """Half the cross product of the diagonals: positive where the corners run anticlockwise."""
-    first, second = (points[quads[:, end], :2] - points[quads[:, start], :2] for start, end in ((0, 2), (1, 3)))
-    return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-
-
-def test_density_file_read_by_meshio(tmp_path):
-    vtk.write_series(tmp_path, "jpdf", DENSITY, [4])
-    mesh = meshio.read(tmp_path / "jpdf_0004.vtu")
-    quads, law = mesh.cells_dict["quad"], DENSITY.at(4)
-    # 8 x 10 elements of degree 3: 3 x 3 pieces each, 4 x 4 points of its own.
-    assert (len(quads), len(mesh.points)) == (80 * 9, 80 * 16)
-    area = areas(mesh.points, quads)
-    assert area.min() > 0.0
-    # Cell means integrate to what the mesh covers of the survival, exactly; velocities end at 4.
-    covered = DENSITY.bin_probabilities(4, [-2.0, 2.0], [-4.0, 4.0]).sum()
-    assert mesh.cell_data_dict["density"]["quad"] @ area == pytest.approx(covered, rel=1e-12)
-    assert mesh.cell_data_dict["probability"]["quad"].sum() == pytest.approx(covered, rel=1e-12)
-    by_element = mesh.cell_data_dict["element_density"]["quad"].reshape(80, 9)
-    probability = mesh.cell_data_dict["probability"]["quad"].reshape(80, 9).sum(axis=1)
-    expected = probability / area.reshape(80, 9).sum(axis=1)
-    np.testing.assert_allclose(by_element, np.repeat(expected[:, None], 9, axis=1), rtol=1e-9)
-    away = mesh.points[:, 0] != 0.0
-    x, v, z = mesh.points[away].T
-    np.testing.assert_allclose(mesh.point_data["density"][away], law(x, v), rtol=1e-12)
-    assert np.all(z == 0.0)
-    fields = {name: float(value[0]) for name, value in mesh.field_data.items()}
-    assert fields["cycle"] == 4.0
-    assert fields["tau"] == 4.0 * MAIN.period
-    assert fields["survival"] == DENSITY.survival[4]
-    assert (fields["overturned_left"], fields["overturned_right"]) == tuple(DENSITY.overturned[4])
-
-
-def test_both_sides_of_upright_are_kept(tmp_path):
-    vtk.write_series(tmp_path, "jpdf", DENSITY, [1])
-    mesh, law = meshio.read(tmp_path / "jpdf_0001.vtu"), DENSITY.at(1)
-    corners = mesh.points[mesh.cells_dict["quad"]]
-    used = np.unique(mesh.cells_dict["quad"])
-    assert used.size == len(mesh.points)
-    for side, inside in enumerate((corners[:, :, 0].mean(axis=1) < 0.0, corners[:, :, 0].mean(axis=1) > 0.0)):
-        mine = mesh.cells_dict["quad"][inside].ravel()
-        upright = mine[mesh.points[mine, 0] == 0.0]
-        expected = law.on_side(side, 0.0, mesh.points[upright, 1])
-        np.testing.assert_allclose(mesh.point_data["density"][upright], expected, rtol=1e-12)
-
-
-def test_series_read_by_pyvista(tmp_path):
-    listing = vtk.write_series(tmp_path, "jpdf", DENSITY, [0, 1, 10])
-    entries = [entry.attrib for entry in ET.parse(listing).iter("DataSet")]
-    assert [entry["file"] for entry in entries] == ["jpdf_0000.vtu", "jpdf_0001.vtu", "jpdf_0010.vtu"]
-    reader = pyvista.get_reader(listing)
-    assert reader.time_values == [0.0, MAIN.period, 10.0 * MAIN.period]
-    reader.set_active_time_value(10.0 * MAIN.period)
-    mesh = reader.read()[0]
-    sized = mesh.compute_cell_sizes(length=False, volume=False)
-    covered = DENSITY.bin_probabilities(10, [-2.0, 2.0], [-4.0, 4.0]).sum()
-    assert sized.cell_data["Area"] @ sized.cell_data["density"] == pytest.approx(covered, rel=1e-12)
-    assert mesh.field_data["cycle"][0] == 10.0
-
-
-def test_point_start_is_one_vertex_of_probability_one(tmp_path):
-    scene = dataclasses.replace(MAIN, start=Start(0.2, -0.1))
-    vtk.write_series(tmp_path, "jpdf", fakes.FakeEvolution(scene), [0])
-    mesh = meshio.read(tmp_path / "jpdf_0000.vtu")
-    (vertex,) = mesh.cells_dict["vertex"].ravel()
-    assert mesh.points[vertex].tolist() == [0.2, -0.1, 0.0]
-    assert mesh.cell_data_dict["probability"]["vertex"].tolist() == [1.0]
-    assert mesh.cell_data_dict["probability"]["quad"].sum() == 0.0
-
-
-def test_histogram_of_an_ensemble(tmp_path):
-    vtk.write_series(tmp_path, "jpdf_rk4", ENSEMBLE, [2])
-    mesh = meshio.read(tmp_path / "jpdf_rk4_0002.vtu")
-    quads = mesh.cells_dict["quad"]
-    heights = mesh.cell_data_dict["density"]["quad"]
-    assert heights @ areas(mesh.points, quads) == pytest.approx(ENSEMBLE.survival[2], rel=1e-12)
-    np.testing.assert_allclose(mesh.point_data["density"][quads], np.repeat(heights[:, None], 4, axis=1), rtol=1e-12)
-
-
-def test_interrupted_series_leaves_whole_files_and_no_listing(tmp_path, monkeypatch):
-    write = meshio.Mesh.write
-
-    def interrupted(mesh, path, **options):
-        write(mesh, path, **options)
-        if "0002" in path.name:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(meshio.Mesh, "write", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        vtk.write_series(tmp_path, "jpdf", DENSITY, [1, 2, 4])
-    assert [path.name for path in tmp_path.iterdir()] == ["jpdf_0001.vtu"]
 
 
 @pytest.fixture

@@ -92,7 +92,7 @@ class Evolution:
             raise ValueError("cycle: got 0, accepted: 1 or later; this start is a point, which has no density")
         return Density(self.space, self.coefficients[cycle])
 
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges, *, nonnegative=False):
         """Probability of not having overturned and being in each bin.
 
         Parameters
@@ -101,11 +101,19 @@ class Evolution:
             From 0 to ``cycles``.
         angle_edges, velocity_edges : array_like
             Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
+        nonnegative : bool
+            Whether to return those of the view `Density.nonnegative` instead of the density as it was computed, in
+            whose bins the negative parts show. ``negative_mass`` is that of the density either way.
 
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
             Sums to the survival where the bins cover the plane.
+
+        Raises
+        ------
+        ValueError
+            There is no such cycle, the edges do not ascend, or the density has no non-negative view.
         """
         self._check(cycle)
         edges = []
@@ -117,7 +125,7 @@ class Evolution:
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        return self.space.bin_integrals(self.coefficients[cycle], *edges)
+        return Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
 
     def _check(self, cycle):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle <= self.cycles:

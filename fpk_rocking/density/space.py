@@ -88,6 +88,14 @@ class Space:
         mesh = MeshQuad.init_tensor(self.angle_lines, self.velocity_lines)
         return Basis(mesh, ElementQuadLegendre(self.degree), intorder=2 * self.degree if order is None else order)
 
+    def refined(self, pieces):
+        """Space of the same degree with every cell cut into equal pieces, so many a side."""
+        lines = (
+            np.append(np.linspace(lines[:-1], lines[1:], pieces, endpoint=False, axis=1), lines[-1])
+            for lines in (self.angle_lines, self.velocity_lines)
+        )
+        return Space(*lines, self.degree)
+
     def project(self, density, points):
         """L2 projection of a function (angle, velocity) -> density with `points` Gauss points an axis and cell."""
         nodes, weights = gauss(points)

@@ -6,6 +6,11 @@ the cell is a part of: point values of a discontinuous solution are much rougher
 left to the viewer to warp. No two elements share points, so both sides of x = 0, and of every other line where the
 density jumps, are there. Field data: ``cycle``, ``tau``, ``survival``, ``overturned_left``, ``overturned_right``,
 ``cut_off``.
+
+These are values as computed. A density may be slightly negative in places; its files also have ``negative_mass``, the
+largest over its cycles, and, each beside the field whose name it bears, ``density_nonnegative_view`` and
+``probability_nonnegative_view``: those of `Density.nonnegative`, for viewers and filters that cannot do with negative
+densities. They are nan where there is no such view.
 """
 
 import pathlib
@@ -17,6 +22,8 @@ from fpk_rocking.binning import joint_edges
 from fpk_rocking.storage import replaced_atomically, write_text
 
 __all__ = ["write_series"]
+
+_VIEW = "_nonnegative_view"
 
 
 def write_series(folder, name, result, cycles) -> pathlib.Path:
@@ -55,11 +62,11 @@ def write_series(folder, name, result, cycles) -> pathlib.Path:
 
 
 def _mesh(result, cycle):
+    sampled = hasattr(result, "realizations")
     if cycle == 0 and result.scene.start.covariance is None:
-        return _atom(result.scene)
-    if hasattr(result, "realizations"):
-        return _histogram(result, cycle)
-    return _subdivided(result, cycle)
+        mesh = _atom(result.scene)
+        return mesh if sampled else _with_view(mesh, mesh)
+    return _histogram(result, cycle) if sampled else _subdivided(result, cycle)
 
 
 def _subdivided(evolution, cycle):
@@ -69,10 +76,43 @@ def _subdivided(evolution, cycle):
     lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in law.mesh_lines]
     # The solver's own bin integrals on the pieces give their exact means; a mean of corner values would not.
     edges = [np.append(values[:, :-1].ravel(), values[-1, -1]) for values in lines]
-    probability = np.asarray(evolution.bin_probabilities(cycle, *edges))
-    n_angle, n_velocity = (len(values) for values in lines)
-    by_cell = probability.reshape(n_angle, pieces, n_velocity, pieces).swapaxes(1, 2)
-    return _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), by_cell)
+    shape = (len(lines[0]), pieces, len(lines[1]), pieces)
+
+    def by_cell(probability):
+        return np.asarray(probability).reshape(shape).swapaxes(1, 2)
+
+    probability = by_cell(evolution.bin_probabilities(cycle, *edges))
+    mesh = _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
+    try:
+        view = law.nonnegative()
+    except ValueError:
+        values, probability = np.full((*probability.shape[:2], pieces + 1, pieces + 1), np.nan), probability * np.nan
+    else:
+        values, probability = _values(law, view, pieces), by_cell(view.bin_probabilities(*edges))
+    return _with_view(mesh, _lattices(*lines, values, probability))
+
+
+def _values(law, view, pieces):
+    """Values of a view at the points of the elements of a density; the view's own elements are their pieces."""
+    if view is law:
+        return np.asarray(law.cell_values(pieces + 1))
+    corners = np.asarray(view.cell_values(2))
+    n_angle, n_velocity = (count // pieces for count in corners.shape[:2])
+    corners = corners.reshape(n_angle, pieces, n_velocity, pieces, 2, 2).swapaxes(1, 2)
+    values = np.empty((n_angle, n_velocity, pieces + 1, pieces + 1))
+    # The view is continuous within an element, so that any piece at a point has its value.
+    for i, along in enumerate((slice(None, -1), slice(1, None))):
+        for j, across in enumerate((slice(None, -1), slice(1, None))):
+            values[:, :, along, across] = corners[..., i, j]
+    return values
+
+
+def _with_view(mesh, view):
+    """Add the fields of a view on the same points and cells under names of their own."""
+    mesh.point_data["density" + _VIEW] = view.point_data["density"]
+    for name in ("density", "probability"):
+        mesh.cell_data[name + _VIEW] = view.cell_data[name]
+    return mesh
 
 
 def _histogram(ensemble, cycle):
@@ -127,7 +167,8 @@ def _mesh_of(points, cells, values, cell_data):
 
 def _fields(result, cycle) -> dict[str, float]:
     left, right = result.overturned[cycle]
-    return {
+    own = {} if hasattr(result, "realizations") else {"negative_mass": result.negative_mass}
+    return own | {
         "cycle": cycle,
         "tau": cycle * result.scene.period,
         "survival": result.survival[cycle],

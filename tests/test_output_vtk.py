@@ -1,0 +1,185 @@
+"""VTK series: read back by other programs, complete or not there, with a non-negative view beside the raw density."""
+
+import dataclasses
+import math
+import xml.etree.ElementTree as ET
+
+import fakes
+import meshio
+import numpy as np
+import pytest
+import pyvista
+
+from fpk_rocking import BandNoise, Block, Forcing, Scene, Start
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.space import Space
+from fpk_rocking.output import vtk
+
+MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+DENSITY = fakes.FakeEvolution(MAIN)
+ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
+VIEW = "_nonnegative_view"
+
+
+@dataclasses.dataclass(frozen=True)
+class SignedEvolution(fakes.FakeEvolution):
+    """After a cycle a density on a mesh of the solver's own kind, with negative parts."""
+
+    negative_mass: float = 0.05
+    total: float = 1.0
+
+    def at(self, cycle):
+        space = Space(np.linspace(-1.5, 1.5, 5), np.linspace(-2.0, 2.0, 4), 3)
+        coefficients = np.random.default_rng(cycle).normal(0.0, 0.02, space.shape)
+        coefficients[..., 0, 0] = self.total / 12.0
+        coefficients[1, 1, 0, 0] = -0.01
+        return Density(space, coefficients)
+
+
+def areas(points, quads):
+    """Half the cross product of the diagonals: positive where the corners run anticlockwise."""
+    first, second = (points[quads[:, end], :2] - points[quads[:, start], :2] for start, end in ((0, 2), (1, 3)))
+    return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+
+def test_density_file_read_by_meshio(tmp_path):
+    vtk.write_series(tmp_path, "jpdf", DENSITY, [4])
+    mesh = meshio.read(tmp_path / "jpdf_0004.vtu")
+    quads, law = mesh.cells_dict["quad"], DENSITY.at(4)
+    # 8 x 10 elements of degree 3: 3 x 3 pieces each, 4 x 4 points of its own.
+    assert (len(quads), len(mesh.points)) == (80 * 9, 80 * 16)
+    area = areas(mesh.points, quads)
+    assert area.min() > 0.0
+    # Cell means integrate to what the mesh covers of the survival, exactly; velocities end at 4.
+    covered = DENSITY.bin_probabilities(4, [-2.0, 2.0], [-4.0, 4.0]).sum()
+    assert mesh.cell_data_dict["density"]["quad"] @ area == pytest.approx(covered, rel=1e-12)
+    assert mesh.cell_data_dict["probability"]["quad"].sum() == pytest.approx(covered, rel=1e-12)
+    by_element = mesh.cell_data_dict["element_density"]["quad"].reshape(80, 9)
+    probability = mesh.cell_data_dict["probability"]["quad"].reshape(80, 9).sum(axis=1)
+    expected = probability / area.reshape(80, 9).sum(axis=1)
+    np.testing.assert_allclose(by_element, np.repeat(expected[:, None], 9, axis=1), rtol=1e-9)
+    away = mesh.points[:, 0] != 0.0
+    x, v, z = mesh.points[away].T
+    np.testing.assert_allclose(mesh.point_data["density"][away], law(x, v), rtol=1e-12)
+    assert np.all(z == 0.0)
+    fields = {name: float(value[0]) for name, value in mesh.field_data.items()}
+    assert fields["cycle"] == 4.0
+    assert fields["tau"] == 4.0 * MAIN.period
+    assert fields["survival"] == DENSITY.survival[4]
+    assert (fields["overturned_left"], fields["overturned_right"]) == tuple(DENSITY.overturned[4])
+
+
+def test_both_sides_of_upright_are_kept(tmp_path):
+    vtk.write_series(tmp_path, "jpdf", DENSITY, [1])
+    mesh, law = meshio.read(tmp_path / "jpdf_0001.vtu"), DENSITY.at(1)
+    corners = mesh.points[mesh.cells_dict["quad"]]
+    used = np.unique(mesh.cells_dict["quad"])
+    assert used.size == len(mesh.points)
+    for side, inside in enumerate((corners[:, :, 0].mean(axis=1) < 0.0, corners[:, :, 0].mean(axis=1) > 0.0)):
+        mine = mesh.cells_dict["quad"][inside].ravel()
+        upright = mine[mesh.points[mine, 0] == 0.0]
+        expected = law.on_side(side, 0.0, mesh.points[upright, 1])
+        np.testing.assert_allclose(mesh.point_data["density"][upright], expected, rtol=1e-12)
+
+
+def test_series_read_by_pyvista(tmp_path):
+    listing = vtk.write_series(tmp_path, "jpdf", DENSITY, [0, 1, 10])
+    entries = [entry.attrib for entry in ET.parse(listing).iter("DataSet")]
+    assert [entry["file"] for entry in entries] == ["jpdf_0000.vtu", "jpdf_0001.vtu", "jpdf_0010.vtu"]
+    reader = pyvista.get_reader(listing)
+    assert reader.time_values == [0.0, MAIN.period, 10.0 * MAIN.period]
+    reader.set_active_time_value(10.0 * MAIN.period)
+    mesh = reader.read()[0]
+    sized = mesh.compute_cell_sizes(length=False, volume=False)
+    covered = DENSITY.bin_probabilities(10, [-2.0, 2.0], [-4.0, 4.0]).sum()
+    assert sized.cell_data["Area"] @ sized.cell_data["density"] == pytest.approx(covered, rel=1e-12)
+    assert mesh.field_data["cycle"][0] == 10.0
+
+
+def test_point_start_is_one_vertex_of_probability_one(tmp_path):
+    scene = dataclasses.replace(MAIN, start=Start(0.2, -0.1))
+    vtk.write_series(tmp_path, "jpdf", fakes.FakeEvolution(scene), [0])
+    mesh = meshio.read(tmp_path / "jpdf_0000.vtu")
+    (vertex,) = mesh.cells_dict["vertex"].ravel()
+    assert mesh.points[vertex].tolist() == [0.2, -0.1, 0.0]
+    assert mesh.cell_data_dict["probability"]["vertex"].tolist() == [1.0]
+    assert mesh.cell_data_dict["probability"]["quad"].sum() == 0.0
+
+
+def test_histogram_of_an_ensemble(tmp_path):
+    vtk.write_series(tmp_path, "jpdf_rk4", ENSEMBLE, [2])
+    mesh = meshio.read(tmp_path / "jpdf_rk4_0002.vtu")
+    quads = mesh.cells_dict["quad"]
+    heights = mesh.cell_data_dict["density"]["quad"]
+    assert heights @ areas(mesh.points, quads) == pytest.approx(ENSEMBLE.survival[2], rel=1e-12)
+    np.testing.assert_allclose(mesh.point_data["density"][quads], np.repeat(heights[:, None], 4, axis=1), rtol=1e-12)
+
+
+def test_a_density_has_a_view_beside_it_that_is_not_negative(tmp_path):
+    result = SignedEvolution(MAIN)
+    vtk.write_series(tmp_path, "jpdf", result, [0, 3])
+    mesh, law = meshio.read(tmp_path / "jpdf_0003.vtu"), result.at(3)
+    quads, view = mesh.cells_dict["quad"], law.nonnegative()
+    raw, seen = mesh.point_data["density"], mesh.point_data["density" + VIEW]
+    np.testing.assert_array_equal(raw, law.cell_values(4).ravel())
+    assert raw.min() < -1e-3
+    assert seen.min() >= 0.0
+    # A hair inside the element whose point it is, for the density jumps between elements.
+    middles = np.repeat(mesh.points.reshape(12, 16, 3).mean(axis=1), 16, axis=0)
+    inside = mesh.points + 1e-9 * (middles - mesh.points)
+    np.testing.assert_allclose(seen, view(inside[:, 0], inside[:, 1]), atol=1e-7)
+    cells = {name: mesh.cell_data_dict[name]["quad"] for name in mesh.cell_data_dict}
+    assert cells["probability"].min() < -1e-5
+    assert cells["probability" + VIEW].min() >= 0.0
+    assert cells["probability" + VIEW].sum() == pytest.approx(law.moment(0, 0), rel=1e-13)
+    area = areas(mesh.points, quads)
+    np.testing.assert_allclose(cells["density" + VIEW] * area, cells["probability" + VIEW], rtol=1e-9, atol=1e-16)
+    middle = mesh.points[quads].mean(axis=1)
+    half = 0.5 * np.abs(mesh.points[quads[:, 2]] - mesh.points[quads[:, 0]])
+    for place in (0, 40, 77):
+        (x, v, _), (dx, dv, _) = middle[place], half[place]
+        expected = view.bin_probabilities([x - dx, x + dx], [v - dv, v + dv])[0, 0]
+        assert cells["probability" + VIEW][place] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert mesh.field_data["negative_mass"] == 0.05
+    start = meshio.read(tmp_path / "jpdf_0000.vtu")
+    assert start.point_data.keys() == mesh.point_data.keys()
+    assert start.cell_data.keys() == mesh.cell_data.keys()
+    assert start.cell_data_dict["probability" + VIEW]["vertex"].tolist() == [1.0]
+
+
+def test_a_density_that_is_not_negative_is_its_own_view_and_an_ensemble_has_none(tmp_path):
+    vtk.write_series(tmp_path, "jpdf", DENSITY, [4])
+    vtk.write_series(tmp_path, "jpdf_rk4", ENSEMBLE, [0, 2])
+    mesh = meshio.read(tmp_path / "jpdf_0004.vtu")
+    assert np.array_equal(mesh.point_data["density" + VIEW], mesh.point_data["density"])
+    for name in ("density", "probability"):
+        seen, raw = (mesh.cell_data_dict[key]["quad"] for key in (name + VIEW, name))
+        np.testing.assert_allclose(seen, raw, rtol=1e-15)
+    for cycle in (0, 2):
+        mesh = meshio.read(tmp_path / f"jpdf_rk4_000{cycle}.vtu")
+        assert set(mesh.point_data) == {"density"}
+        assert set(mesh.cell_data) == {"density", "probability", "element_density"}
+        assert "negative_mass" not in mesh.field_data
+
+
+def test_a_density_without_a_view_is_written_all_the_same(tmp_path):
+    vtk.write_series(tmp_path, "jpdf", SignedEvolution(MAIN, total=-1.0), [3])
+    mesh = meshio.read(tmp_path / "jpdf_0003.vtu")
+    assert np.isfinite(mesh.point_data["density"]).all()
+    assert np.isnan(mesh.point_data["density" + VIEW]).all()
+    assert np.isnan(mesh.cell_data_dict["probability" + VIEW]["quad"]).all()
+    assert np.isnan(mesh.cell_data_dict["density" + VIEW]["quad"]).all()
+
+
+def test_interrupted_series_leaves_whole_files_and_no_listing(tmp_path, monkeypatch):
+    write = meshio.Mesh.write
+
+    def interrupted(mesh, path, **options):
+        write(mesh, path, **options)
+        if "0002" in path.name:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(meshio.Mesh, "write", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        vtk.write_series(tmp_path, "jpdf", DENSITY, [1, 2, 4])
+    assert [path.name for path in tmp_path.iterdir()] == ["jpdf_0001.vtu"]
