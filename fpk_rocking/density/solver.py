@@ -7,6 +7,7 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from fpk_rocking import checks
 from fpk_rocking.density.evolution import Evolution
@@ -199,10 +200,15 @@ class _Run:
             resolution.degree,
         )
         self.duration = white.period / self.steps
+        nothing = np.zeros(self.space.shape[:2], dtype=bool)
         self.half = [
-            Step(Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature), self.space)
+            Step(
+                Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature, nothing),
+                self.space,
+            )
             for k in range(self.steps // 2)
         ]
+        self.negligible = 1e-11
 
     def launch(self):
         """Carry the start to the first step at which the mesh resolves it."""
@@ -236,7 +242,12 @@ class _Run:
                 break
             if (k % steps >= steps // 2) != turned:
                 now, turned = _turn(now), not turned
-            now, sinks = self.half[k % (steps // 2)].apply(now)
+            step = self.half[k % (steps // 2)]
+            occupied = np.abs(now).max(axis=(2, 3)) * self.space.areas > self.negligible
+            if np.any(occupied & ~step.trace.covered):
+                self.rebuilds = getattr(self, "rebuilds", 0) + 1
+                step.cover(binary_dilation(occupied, iterations=2))
+            now, sinks = step.apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
         return _Solution(inside, out, coefficients, shared)
 

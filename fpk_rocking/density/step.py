@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.adjoint import collect
+from fpk_rocking.density.adjoint import collect, fly_back
 from fpk_rocking.density.landing import classify, settle_in_cells, trace_cells
 from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.paths import hermite_nodes, principal_axes
@@ -70,82 +70,105 @@ class Quadrature:
 
 
 class Trace:
-    """The paths of one step from all Gauss points of a space, before it is known on which mesh they land."""
+    """The paths of one step from the Gauss points of the cells that it covers, before it is known where they land.
 
-    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature):
-        self.source = source
+    Attributes
+    ----------
+    marks, covered : ndarray of bool, shape (angle cells, velocity cells)
+        The cells that an event can reach, and those whose mass the step moves.
+    events : ndarray of int, shape (angle cells, velocity cells)
+        Row in `states` and `codes` of a covered cell that an event can reach, else -1.
+    """
+
+    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=None):
+        self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
         (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
         (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
-        nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
+        self._nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
         axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
-        self.offsets = nodes @ np.reshape(axes, (2, 2))
+        self.offsets = self._nodes @ np.reshape(axes, (2, 2))
         self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
-        self.dynamics, self.duration = dynamics, duration
+        self._margin = np.abs(self.offsets[:, 0]).max()
         lines = source.angle_lines, source.velocity_lines
-        margin = np.abs(self.offsets[:, 0]).max()
-        marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, margin)
-        self.events = np.full(marks.shape, -1, dtype=np.int32)
-        self.events[marks] = np.arange(np.count_nonzero(marks))
-        cells = np.ascontiguousarray(np.argwhere(marks))
-        self.states, self.codes = trace_cells(
-            cells, *lines, self.angle_points, self.velocity_points, start, duration, dynamics.harmonic,
-            dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes, self.offsets, margin,
+        self.marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, self._margin)
+        self.covered = np.zeros_like(self.marks)
+        self.events = np.full(self.marks.shape, -1, dtype=np.int32)
+        shape = 0, quadrature.angle, quadrature.velocity, len(self._nodes)
+        self.states, self.codes = np.empty((*shape, 2)), np.empty(shape, dtype=np.int32)
+        self.cover(np.ones_like(self.marks) if cells is None else cells)
+
+    def cover(self, cells):
+        """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
+        source, dynamics = self.source, self.dynamics
+        new = np.argwhere(self.marks & cells & ~self.covered)
+        self.covered |= cells
+        states, codes = trace_cells(
+            new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self.start,
+            self.duration, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes,
+            self.offsets, self._margin,
         )  # fmt: skip
+        self.events[new[:, 0], new[:, 1]] = len(self.codes) + np.arange(len(new))
+        self.states, self.codes = np.concatenate([self.states, states]), np.concatenate([self.codes, codes])
+        return states, codes
 
 
 class Step:
     """The linear map of densities over one step, from the coefficients of one space to those of another.
 
     Mass is conserved to rounding: what does not land on the target is returned, overturned (to the left, to the
-    right) or beyond the mesh.
+    right) or lost, which is beyond the mesh or out of cells that the step does not cover.
     """
 
     def __init__(self, trace: Trace, target: Space):
         self.trace, self.target = trace, target
         self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
-        points = trace.states.copy()
-        cells = settle_in_cells(points, trace.codes, *self._grids, target.first_positive)
-        self._landed = cells, points
-        degree = trace.source.degree
+        degree, (angle, velocity, modes, _) = trace.source.degree, target.shape
         self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
         self._weights = trace.angle_weights, trace.velocity_weights
         self._affine = (
             trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
             trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
         )  # fmt: skip
-        angle, velocity, modes, _ = target.shape
         self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
         self._sinks = np.empty((CHUNKS, 3))
-        self._flights = []
-        if target is trace.source:
-            self._flights = [
-                FreeFlight(
-                    target, side, (trace.cosh, trace.sinh, trace.shifts[side]), trace.dynamics.diffusion, trace.duration
-                )
-                for side, columns in ((1, target.shape[0] - target.first_positive), (-1, target.first_positive))
-                if columns
-            ]
-        self._chunks = self._split(cells)
         self._norms = (1.0,) * (degree + 1), (1.0,) * modes
+        self._landed = self._settled(trace.states, trace.codes)
+        self._prepare()
+
+    def cover(self, cells):
+        """Add cells (angle cells, velocity cells) to those whose mass the step moves."""
+        landed = self._settled(*self.trace.cover(cells))
+        self._landed = tuple(np.concatenate(pair) for pair in zip(self._landed, landed, strict=True))
+        self._prepare()
+
+    def _settled(self, states, codes):
+        points = states.copy()
+        return settle_in_cells(points, codes, *self._grids, self.target.first_positive), points
+
+    def _prepare(self):
+        """Divide the covered cells: free ones fly where source and target are one mesh, all others are deposited."""
+        trace = self.trace
+        self._flight, self._deposited = None, trace.covered
+        if self.target is trace.source:
+            affine = trace.cosh, trace.sinh, trace.shifts
+            free = trace.covered & ~trace.marks
+            self._deposited = trace.covered & trace.marks
+            self._flight = FreeFlight(self.target, free, affine, trace.dynamics.diffusion, trace.duration)
+        self._chunks = self._split()
 
     def apply(self, coefficients):
-        """Return the coefficients after the step and the masses (3,) that went left, right and off the mesh."""
-        trace, source, deposited = self.trace, self.trace.source, coefficients
-        if self._flights:
-            free = (trace.events < 0)[:, :, None, None]
-            flying, deposited = np.where(free, coefficients, 0.0), np.where(free, 0.0, coefficients)
+        """Return the coefficients after the step and the masses (3,) that went left, right and were lost."""
+        trace, source = self.trace, self.trace.source
         deposit(
-            deposited, source.areas, self._tables, self._weights, trace.events, self._landed, self._affine,
-            *self._grids, self._chunks, self._buffers, self._sinks, *self._norms,
+            coefficients, self._deposited, source.areas, self._tables, self._weights, trace.events, self._landed,
+            self._affine, *self._grids, self._chunks, self._buffers, self._sinks, *self._norms,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         gather(self._buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
-        for flight in self._flights:
-            part, overturned, lost = flight.apply(flying[flight.columns])
-            out[flight.columns] += part
-            sinks[:2] += overturned
-            sinks[2] += lost.sum()
+        if self._flight:
+            sinks += self._flight.apply(coefficients, out)
+        sinks[2] += source.masses(coefficients)[~trace.covered].sum()
         return out, sinks
 
     def apply_adjoint(self, values, worth):
@@ -159,7 +182,7 @@ class Step:
         values : ndarray, shape ``target.shape``
             Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
         worth : array_like, shape (3,)
-            Of having overturned to the left, to the right, and of having left the mesh.
+            Of having overturned to the left, to the right, and of being lost.
 
         Returns
         -------
@@ -167,29 +190,31 @@ class Step:
             Coefficients of the function before the step.
         """
         trace, worth = self.trace, np.asarray(worth, dtype=float)
-        out = np.empty(trace.source.shape)
-        for flight in self._flights:
-            out[flight.columns] = flight.apply_adjoint(values[flight.columns], worth)
-        cells = np.argwhere(trace.events >= 0 if self._flights else np.ones_like(trace.events))
+        out = np.zeros(trace.source.shape)
+        if self._flight:
+            fly_back(self._flight, values, worth, out)
         collect(
             values.reshape(-1, self._buffers.shape[2]), worth, self._tables, self._weights, trace.events,
-            self._landed, self._affine, *self._grids, np.ascontiguousarray(cells), out, *self._norms,
+            self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._norms,
         )  # fmt: skip
+        out[~trace.covered, 0, 0] = worth[2]
         return out
 
-    def _split(self, cells):
+    def _split(self):
         """Columns of the source that each chunk reads, and columns of the target that it writes."""
         trace, (limit, across, *_) = self.trace, self.target.shape
-        lines = trace.source.angle_lines
-        edges = np.linspace(0, trace.source.shape[0], CHUNKS + 1).astype(np.int64)
+        lines, cells = trace.source.angle_lines, self._landed[0]
+        load = np.cumsum(self._deposited.sum(axis=1) + 1e-9)
+        edges = np.searchsorted(load, load[-1] * np.arange(1, CHUNKS) / CHUNKS)
+        edges = np.concatenate([[0], edges, [len(load)]])
         chunks = np.zeros((CHUNKS, 4), dtype=np.int64)
         for k, (low, high) in enumerate(itertools.pairwise(edges)):
             rows = trace.events[low:high]
             landed = cells[rows[rows >= 0]]
             landed = landed[landed >= 0] // across
             bounds = [landed.min(), landed.max()] if landed.size else []
-            for i in range(low, high) if not self._flights else ():
-                free = np.flatnonzero(trace.events[i] < 0)
+            for i in range(low, high):
+                free = np.flatnonzero(self._deposited[i] & ~trace.marks[i])
                 if free.size:
                     side = 1 if lines[i] + lines[i + 1] > 0.0 else -1
                     v = trace.source.velocity_lines[[free[0], free[-1] + 1]]
