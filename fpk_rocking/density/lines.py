@@ -22,7 +22,8 @@ from fpk_rocking.jit import kernel
 BLUR_NODES = 15
 """Gauss-Hermite nodes of the velocity's blur: they end at 6.4 standard deviations, beyond which nothing is sent."""
 
-_FINE_NODES = 3
+_FINE_NODES = 2
+"""Of the angle's blurs, which are far narrower than a cell: variance and third moment are exact."""
 
 _FAST = {"contract", "reassoc", "nsz"}
 
@@ -88,6 +89,11 @@ class FreeFlight:
         self.shear = prepare_shift(space.angle_lines, sides, drifts, fine, fine_weights, degree, _union(first, third))
         self.kick = prepare_shift(space.velocity_lines, whole, kicks, still, one, degree, second)
         self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, blur, blur_weights, degree, every)
+
+    @property
+    def memory(self):
+        """Bytes of the prepared shifts."""
+        return sum(part.nbytes for shift in (self.shear, self.kick, self.blur) for part in shift)
 
     def apply(self, coefficients, out):
         """Add the density after the step to `out`, and return the masses that passed the bounds.

@@ -78,7 +78,7 @@ def prepare_shift(lines, bounds, shifts, nodes, weights, degree, source):
     blocks = np.zeros((int(count.sum()), degree + 1, degree + 1))
     ends = np.zeros((int(beyond.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
     shift = Shift(origin, first, count, start, blocks, beyond, ends)
-    fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift)
+    fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, (1.0,) * (degree + 1))
     values = shapes(points, degree)
     moments = values * point_weights[:, None]
     to_values(moments, values, blocks)
@@ -148,9 +148,9 @@ def add_integral(start, stop, left, right, weight, points, point_weights, out):
 
 
 @kernel
-def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block):
+def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, norms):
     """Add the integrals of products of shape functions of a source and a target cell over a part of the source."""
-    here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(block)
+    here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(norms)
     for q in range(len(points)):
         x = start + points[q] * (stop - start)
         part = 0.5 * there_scale * weight * point_weights[q] * (stop - start)
@@ -162,8 +162,11 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 
 @kernel(parallel=True)
-def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift):
-    """Integrate products of shape functions over all overlaps, exactly, into the blocks and ends of a shift."""
+def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, norms):
+    """Integrate products of shape functions over all overlaps, exactly, into the blocks and ends of a shift.
+
+    `norms`, a tuple (modes,), tells the compiler the number of modes.
+    """
     origin, first, count, start, blocks, beyond, ends = shift
     for r in prange(len(source)):
         floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
@@ -179,7 +182,7 @@ def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, so
                             place = start[origin[r] + target, q] + cell - first[origin[r] + target, q]
                             add_product(
                                 begin, stop, left, right, lines[target], lines[target + 1], move, weights[n], points,
-                                point_weights, blocks[place],
+                                point_weights, blocks[place], norms,
                             )  # fmt: skip
                     if beyond[r, 0] >= 0:
                         stop = min(right, floor - move)

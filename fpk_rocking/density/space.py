@@ -64,6 +64,11 @@ class Space:
     degree: int
 
     @property
+    def lines(self):
+        """Mesh lines (angle, velocity)."""
+        return self.angle_lines, self.velocity_lines
+
+    @property
     def shape(self):
         """Shape of the coefficients of one density."""
         return len(self.angle_lines) - 1, len(self.velocity_lines) - 1, self.degree + 1, self.degree + 1

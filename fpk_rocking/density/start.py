@@ -13,14 +13,8 @@ import numpy as np
 from fpk_rocking.density.landing import classify
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.density.window import NEGLIGIBLE, REACH, next_window, window_of
+from fpk_rocking.density.window import NEGLIGIBLE, Windows, next_window, window_of
 from fpk_rocking.physics.gaussian import flight_covariance
-
-GROWTH = 0.2
-"""A step of the windows over the time in which the noise has gathered."""
-
-EARLY = 0.02
-"""First time on a window over the time t* at which drift takes over from noise."""
 
 FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 """Sampling of a step between windows, and of a longer one in which nothing can happen."""
@@ -85,14 +79,14 @@ class Launch:
         What overturned to the left and right, and what left the windows, on the way.
     """
 
-    def __init__(self, dynamics: Dynamics, start, space: Space, duration, steps):
-        self.dynamics, self.space = dynamics, space
+    def __init__(self, dynamics: Dynamics, start, space: Space, duration, steps, windows: Windows):
+        self.dynamics, self.space, self.windows = dynamics, space, windows
         initial = Gaussian.of(start)
         self.step = self._first_resolved(initial, duration, steps)
         end = self.step * duration
         time = self._quiet_time(initial, end)
         gaussian = self._flight(initial, time)
-        window = window_of(gaussian.mean, gaussian.covariance, dynamics.cutoff)
+        window = window_of(windows, gaussian.mean, gaussian.covariance, dynamics.cutoff)
         self.sinks = np.array([*gaussian.tails(dynamics.cutoff), 0.0])
         gathered = initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
         self._follow(window, window.project(gaussian, FINE.angle), time, end, gathered)
@@ -117,11 +111,11 @@ class Launch:
     def _quiet_time(self, initial, end):
         """Last time before `end` until which the density is a Gaussian that nothing has disturbed."""
         if not initial.mean.any() and not initial.covariance.any():
-            return min(EARLY * _drift_time(self.dynamics), 0.5 * end)
+            return min(self.windows.early * _drift_time(self.dynamics), 0.5 * end)
         quiet = 0.0 if initial.covariance.any() else 1e-9 * end
         for time in np.geomspace(max(quiet, 1e-9 * end), 0.75 * end, 100):
             gaussian = self._flight(initial, time)
-            reach = REACH * math.sqrt(gaussian.covariance[0, 0])
+            reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
             if (
                 not reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach
                 or gaussian.mean[0] * (initial.mean[0] or initial.mean[1]) < 0.0
@@ -134,7 +128,7 @@ class Launch:
         """Carry a density from window to window, and to the main mesh at `end`."""
         dynamics = self.dynamics
         while time < end:
-            duration = min(GROWTH * (time + gathered), self._longest(time, end), end - time)
+            duration = min(self.windows.growth * (time + gathered), self._longest(time, end), end - time)
             free = self._free_time(window, coefficients, time, end - time)
             quiet = free >= duration
             duration = max(free, duration)
@@ -142,7 +136,7 @@ class Launch:
                 duration = end - time
             trace = Trace(window, time, duration, dynamics, WIDE if quiet else FINE)
             time += duration
-            target = self.space if time >= end else next_window(trace, coefficients, dynamics.cutoff)
+            target = self.space if time >= end else next_window(self.windows, trace, coefficients, dynamics.cutoff)
             coefficients, sinks = Step(trace, target).apply(coefficients)
             self.sinks += sinks
             window = target
@@ -157,7 +151,7 @@ class Launch:
         """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
         dynamics, masses = self.dynamics, np.abs(window.masses(coefficients))
         for duration in longest * 0.5 ** np.arange(7):
-            reach = REACH * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
+            reach = self.windows.reach * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
             events = classify(
                 window.angle_lines, window.velocity_lines, time, duration, dynamics.harmonic, dynamics.cutoff, reach
             )

@@ -72,15 +72,28 @@ class Quadrature:
 class Trace:
     """The paths of one step from the Gauss points of the cells that it covers, before it is known where they land.
 
+    Parameters
+    ----------
+    source : Space
+        Where the paths start.
+    start, duration : float
+        The step, nondimensional times.
+    dynamics : Dynamics
+    quadrature : Quadrature
+    whole : bool
+        Cover all cells now and keep the ends of their paths; else none is covered yet.
+
     Attributes
     ----------
     marks, covered : ndarray of bool, shape (angle cells, velocity cells)
         The cells that an event can reach, and those whose mass the step moves.
     events : ndarray of int, shape (angle cells, velocity cells)
-        Row in `states` and `codes` of a covered cell that an event can reach, else -1.
+        Number of a covered cell that an event can reach, in the order in which they were traced; else -1.
+    states, codes : ndarray
+        Ends of the paths of a whole trace, see `trace_cells`.
     """
 
-    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=None):
+    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, whole=True):
         self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
         (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
         (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
@@ -93,23 +106,19 @@ class Trace:
         self.marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, self._margin)
         self.covered = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
-        shape = 0, quadrature.angle, quadrature.velocity, len(self._nodes)
-        self.states, self.codes = np.empty((*shape, 2)), np.empty(shape, dtype=np.int32)
-        self.cover(np.ones_like(self.marks) if cells is None else cells)
+        self.states, self.codes = self.cover(np.full_like(self.marks, whole))
 
     def cover(self, cells):
         """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
         source, dynamics = self.source, self.dynamics
         new = np.argwhere(self.marks & cells & ~self.covered)
         self.covered |= cells
-        states, codes = trace_cells(
+        self.events[new[:, 0], new[:, 1]] = self.events.max() + 1 + np.arange(len(new))
+        return trace_cells(
             new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self.start,
             self.duration, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes,
             self.offsets, self._margin,
         )  # fmt: skip
-        self.events[new[:, 0], new[:, 1]] = len(self.codes) + np.arange(len(new))
-        self.states, self.codes = np.concatenate([self.states, states]), np.concatenate([self.codes, codes])
-        return states, codes
 
 
 class Step:
@@ -117,19 +126,27 @@ class Step:
 
     Mass is conserved to rounding: what does not land on the target is returned, overturned (to the left, to the
     right) or lost, which is beyond the mesh or out of cells that the step does not cover.
+
+    Parameters
+    ----------
+    trace : Trace
+    target : Space
+        Where the paths end.
+    buffers : ndarray, optional
+        From `deposit_buffers`, to be shared by the steps of one run.
     """
 
-    def __init__(self, trace: Trace, target: Space):
+    def __init__(self, trace: Trace, target: Space, buffers=None):
         self.trace, self.target = trace, target
         self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
-        degree, (angle, velocity, modes, _) = trace.source.degree, target.shape
+        degree, modes = trace.source.degree, target.degree + 1
         self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
         self._weights = trace.angle_weights, trace.velocity_weights
         self._affine = (
             trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
             trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
         )  # fmt: skip
-        self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
+        self.buffers = deposit_buffers(target) if buffers is None else buffers
         self._sinks = np.empty((CHUNKS, 3))
         self._norms = (1.0,) * (degree + 1), (1.0,) * modes
         self._landed = self._settled(trace.states, trace.codes)
@@ -140,6 +157,11 @@ class Step:
         landed = self._settled(*self.trace.cover(cells))
         self._landed = tuple(np.concatenate(pair) for pair in zip(self._landed, landed, strict=True))
         self._prepare()
+
+    @property
+    def memory(self):
+        """Bytes that the step holds, shared buffers left out."""
+        return sum(part.nbytes for part in self._landed) + (self._flight.memory if self._flight else 0)
 
     def _settled(self, states, codes):
         points = states.copy()
@@ -161,10 +183,10 @@ class Step:
         trace, source = self.trace, self.trace.source
         deposit(
             coefficients, self._deposited, source.areas, self._tables, self._weights, trace.events, self._landed,
-            self._affine, *self._grids, self._chunks, self._buffers, self._sinks, *self._norms,
+            self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._norms,
         )  # fmt: skip
         out = np.empty(self.target.shape)
-        gather(self._buffers, self._chunks, self.target.areas, out)
+        gather(self.buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
         if self._flight:
             sinks += self._flight.apply(coefficients, out)
@@ -194,7 +216,7 @@ class Step:
         if self._flight:
             fly_back(self._flight, values, worth, out)
         collect(
-            values.reshape(-1, self._buffers.shape[2]), worth, self._tables, self._weights, trace.events,
+            values.reshape(-1, self.buffers.shape[2]), worth, self._tables, self._weights, trace.events,
             self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._norms,
         )  # fmt: skip
         out[~trace.covered, 0, 0] = worth[2]
@@ -223,6 +245,12 @@ class Step:
                     bounds += list(np.clip(np.searchsorted(self.target.angle_lines, reach) - 1, 0, limit - 1))
             chunks[k] = low, high, min(bounds, default=0), max(bounds, default=-1) + 1
         return chunks
+
+
+def deposit_buffers(target: Space):
+    """Make room for what the chunks of a step deposit."""
+    angle, velocity, modes, _ = target.shape
+    return np.empty((CHUNKS, angle * velocity, modes * modes))
 
 
 def _grid(lines):
