@@ -46,12 +46,13 @@ class Resolution:
         return self.angle_cells * self.velocity_cells * ((self.degree + 1) ** 2 * 20 + points * self.steps)
 
 
-_QUICK, _FINE, _FINEST = Windows(14, 6.0, 0.4, 0.05), Windows(20, 8.0, 0.2, 0.02), Windows(28, 8.0, 0.1, 0.02)
+_ROUGH, _GOOD = Windows(12, 5.0, 0.5, 0.1), Windows(14, 6.0, 0.4, 0.05)
+_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.02), Windows(28, 8.0, 0.1, 0.02)
 
 LADDER = (
-    Resolution(22, 40, 3, Quadrature(5, 5, 5, 2), 10, _QUICK),
-    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12, _QUICK),
-    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16, _FINE),
+    Resolution(22, 40, 3, Quadrature(5, 5, 5, 2), 10, _ROUGH),
+    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12, _ROUGH),
+    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16, _GOOD),
     Resolution(60, 100, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
     Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),

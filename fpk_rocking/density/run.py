@@ -92,7 +92,7 @@ class Run:
         """Evolve from the start over whole cycles."""
         steps, scene = self.steps, self.scene
         inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
-        coefficients, bins = np.zeros((cycles + 1, *self.space.shape)), np.zeros((cycles + 1, *BINS))
+        coefficients = np.zeros((cycles + 1, *self.space.shape))
         coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
         inside[0] -= out[0].sum()
         edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
@@ -104,7 +104,6 @@ class Run:
             if k % steps == 0:
                 current, cycle = turn(now) if turned else now, k // steps
                 inside[cycle], out[cycle], coefficients[cycle] = self.space.masses(current).sum(), gone, current
-                bins[cycle] = self.space.bin_integrals(current, *edges)
                 if progress:
                     progress()
             if k == cycles * steps:
@@ -113,6 +112,8 @@ class Run:
                 now, turned = turn(now), not turned
             now, sinks = self._covering(k % (steps // 2), now).apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
+        # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
+        bins = np.array([self.space.bin_integrals(density, *edges) for density in coefficients])
         return Solution(inside, out, coefficients, bins)
 
     def _covering(self, k, coefficients):

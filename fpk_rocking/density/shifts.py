@@ -4,6 +4,7 @@ A row holds the lines through the Gauss points of one row of cells; functions on
 own Gauss points. Only what a row's occupied cells need is prepared.
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,7 @@ class Shift(NamedTuple):
     ends: np.ndarray
 
 
+@functools.cache
 def hermite(count):
     """Gauss-Hermite nodes in standard deviations and weights, (count,) each."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(count)
@@ -82,7 +84,7 @@ def prepare_shift(lines, bounds, shifts, nodes, weights, degree, source):
     values = shapes(points, degree)
     moments = values * point_weights[:, None]
     to_values(moments, values, blocks)
-    return shift._replace(ends=ends @ moments.T)
+    return shift._replace(ends=np.einsum("rlck,mk->rlcm", ends, moments))
 
 
 @kernel

@@ -21,8 +21,9 @@ def shapes(points, degree):
     return values.reshape(*points.shape, degree + 1)
 
 
+@functools.cache
 def gauss(count):
-    """Gauss points and weights (count,) on [0, 1]."""
+    """Gauss points and weights (count,) on [0, 1]; not to be written to."""
     points, weights = legendre.leggauss(count)
     return 0.5 * (points + 1.0), 0.5 * weights
 

@@ -87,9 +87,11 @@ class Launch:
         time = self._quiet_time(initial, end)
         gaussian = self._flight(initial, time)
         window = window_of(windows, gaussian.mean, gaussian.covariance, dynamics.cutoff)
-        self.sinks = np.array([*gaussian.tails(dynamics.cutoff), 0.0])
+        coefficients = window.project(gaussian, FINE.angle)
+        tails = gaussian.tails(dynamics.cutoff)
+        self.sinks = np.array([*tails, 1.0 - sum(tails) - window.masses(coefficients).sum()])
         gathered = initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
-        self._follow(window, window.project(gaussian, FINE.angle), time, end, gathered)
+        self._follow(window, coefficients, time, end, gathered)
 
     def _flight(self, initial, time):
         side = 1 if initial.mean[0] > 0.0 or (initial.mean[0] == 0.0 and initial.mean[1] > 0.0) else -1

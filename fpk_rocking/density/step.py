@@ -225,26 +225,36 @@ class Step:
     def _split(self):
         """Columns of the source that each chunk reads, and columns of the target that it writes."""
         trace, (limit, across, *_) = self.trace, self.target.shape
-        lines, cells = trace.source.angle_lines, self._landed[0]
+        (low, high), lines = self._reach(), self.target.angle_lines
+        first = np.where(low < high, np.clip(np.searchsorted(lines, low) - 1, 0, limit - 1), limit)
+        last = np.where(low < high, np.clip(np.searchsorted(lines, high) - 1, 0, limit - 1), -1)
+        landed = self._landed[0] // across
+        rows = np.nonzero(trace.events >= 0)[0]
+        order = trace.events[trace.events >= 0]
+        np.maximum.at(last, rows, landed.max(axis=(1, 2, 3))[order])
+        np.minimum.at(first, rows, np.where(landed < 0, limit, landed).min(axis=(1, 2, 3))[order])
         load = np.cumsum(self._deposited.sum(axis=1) + 1e-9)
         edges = np.searchsorted(load, load[-1] * np.arange(1, CHUNKS) / CHUNKS)
         edges = np.concatenate([[0], edges, [len(load)]])
         chunks = np.zeros((CHUNKS, 4), dtype=np.int64)
-        for k, (low, high) in enumerate(itertools.pairwise(edges)):
-            rows = trace.events[low:high]
-            landed = cells[rows[rows >= 0]]
-            landed = landed[landed >= 0] // across
-            bounds = [landed.min(), landed.max()] if landed.size else []
-            for i in range(low, high):
-                free = np.flatnonzero(self._deposited[i] & ~trace.marks[i])
-                if free.size:
-                    side = 1 if lines[i] + lines[i + 1] > 0.0 else -1
-                    v = trace.source.velocity_lines[[free[0], free[-1] + 1]]
-                    x = trace.shifts[side, 0] + trace.cosh * lines[[i, i + 1]] + trace.sinh * v
-                    reach = x + np.array([trace.offsets[:, 0].min(), trace.offsets[:, 0].max()])
-                    bounds += list(np.clip(np.searchsorted(self.target.angle_lines, reach) - 1, 0, limit - 1))
-            chunks[k] = low, high, min(bounds, default=0), max(bounds, default=-1) + 1
+        for k, (begin, end) in enumerate(itertools.pairwise(edges)):
+            reached = min(first[begin:end], default=limit), max(last[begin:end], default=-1) + 1
+            chunks[k] = begin, end, *(reached if reached[0] < reached[1] else (0, 0))
         return chunks
+
+    def _reach(self):
+        """Lowest and highest angle, (columns,) each, that the free cells to be deposited send a node to."""
+        trace, lines = self.trace, self.trace.source.angle_lines
+        free = self._deposited & ~trace.marks
+        hulls = np.stack([free.argmax(axis=1), free.shape[1] - free[:, ::-1].argmax(axis=1)])
+        shift = trace.shifts[np.where(lines[1:] + lines[:-1] > 0.0, 1, -1), 0]
+        low, high = (
+            shift + trace.cosh * edge + trace.sinh * trace.source.velocity_lines[hull] + extreme
+            for edge, hull, extreme in zip(
+                (lines[:-1], lines[1:]), hulls, (trace.offsets[:, 0].min(), trace.offsets[:, 0].max()), strict=True
+            )
+        )
+        return np.where(free.any(axis=1), [low, high], 0.0)
 
 
 def deposit_buffers(target: Space):
