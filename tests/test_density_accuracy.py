@@ -15,6 +15,7 @@ from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space, gauss
 from fpk_rocking.density.start import Gaussian, Launch
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.window import Windows
 from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -191,7 +192,7 @@ def test_launch_layer_is_that_of_an_independent_simulation():
     scene = load_scene("cases/scenes/second.toml")
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
-    launch = Launch(dynamics, scene.start, space, step, 16)
+    launch = Launch(dynamics, scene.start, space, step, 16, Windows(20, 8.0, 0.2, 0.02))
     coefficients = launch.coefficients
     assert launch.step <= 5
     for k in range(launch.step, 5):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lines
+from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.start import Launch, initial_density
 from fpk_rocking.density.step import Dynamics, Step, Trace, deposit_buffers
@@ -55,8 +55,8 @@ class Run:
         self.scene, self.dynamics, self.resolution = white, Dynamics.of(white), resolution
         self.steps, self.negligible = resolution.steps, negligible
         self.space = Space(
-            graded_lines(white.overturning.angle, resolution.angle_cells, ANGLE_GRADING),
-            graded_lines(bound, resolution.velocity_cells, VELOCITY_GRADING),
+            graded_lines(white.overturning.angle, resolution.angle_cells, resolution.angle_grading),
+            graded_lines(bound, resolution.velocity_cells, resolution.velocity_grading),
             resolution.degree,
         )
         self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
