@@ -10,6 +10,9 @@ from fpk_rocking.density.window import Windows
 
 _MAIN_DIFFUSION = 0.00628
 
+THINNEST = 0.04
+"""Least speed of rattling at rest that a mesh is made for."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Resolution:
@@ -65,14 +68,16 @@ class Resolution:
 
 
 def rattling_speed(scene):
-    """Speed 2 D / (1 - e) at which a block rattles that the forcing never lifts off; infinite where it does, or e = 1.
+    """Speed 2 D / (1 - e) at which a block rattles that the forcing never lifts off.
 
-    From the energy balance of a bouncing ball with noise (theory, section 8): its scale in angle is v^2 / 2.
+    From the energy balance of a bouncing ball with noise (theory, section 8): its scale in angle is v^2 / 2. Infinite
+    where the block is lifted off, where nothing slows it (e = 1), and where the layer is too thin to be resolved.
     """
     restitution = scene.block.restitution
     if scene.forcing.amplitude > 1.0 or restitution == 1.0:
         return math.inf
-    return 2.0 * scene.noise.diffusion / (1.0 - restitution)
+    speed = 2.0 * scene.noise.diffusion / (1.0 - restitution)
+    return speed if speed > THINNEST else math.inf
 
 
 def longest_step(scene):
@@ -92,10 +97,11 @@ def _grading(half_width, cells, smallest, usual):
     return max(usual, math.log(half_width / smallest) / math.log(cells // 2)) if smallest < half_width else usual
 
 
-_ROUGH, _GOOD = Windows(12, 5.0, 0.5, 0.1), Windows(14, 6.0, 0.4, 0.05)
-_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.02), Windows(28, 8.0, 0.1, 0.02)
+_ROUGH, _GOOD = Windows(12, 5.0, 0.5, 0.01), Windows(14, 6.0, 0.4, 0.01)
+_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.005), Windows(28, 8.0, 0.1, 0.002)
 
 LADDER = (
+    Resolution(16, 28, 3, Quadrature(5, 5, 5, 2), 8, _ROUGH),
     Resolution(22, 40, 3, Quadrature(5, 5, 5, 2), 10, _ROUGH),
     Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12, _ROUGH),
     Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16, _GOOD),
@@ -103,10 +109,7 @@ LADDER = (
     Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
 )
-"""Each about 1.4 times as fine as the one before: the difference of two neighbours is the error estimate."""
+"""Each about 1.4 times as fine as the one before: what neighbours differ by tells the error."""
 
-FIRST = {1e-2: 1, 1e-3: 2, 1e-4: 3}
-"""The rung on which to begin, by tolerance."""
-
-MOST_STEPS = 400
-"""Steps a cycle beyond which a scene is not solved."""
+ENOUGH = {1e-2: 2, 1e-3: 3, 1e-4: 4}
+"""The rung that is usually fine enough, by tolerance; never one of the first two."""

@@ -7,7 +7,7 @@ from scipy.ndimage import binary_dilation
 
 from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space
-from fpk_rocking.density.start import Launch, initial_density
+from fpk_rocking.density.start import Departure, first_resolved, initial_density
 from fpk_rocking.density.step import Dynamics, Step, Trace, deposit_buffers
 
 BINS = 32, 64
@@ -88,19 +88,19 @@ class Run:
         marks = self.occupied[before] | self.occupied[after]
         return meets[0].astype(np.int32) @ marks @ meets[1].T > 0
 
-    def evolve(self, cycles, progress=None):
-        """Evolve from the start over whole cycles."""
+    def evolve(self, cycles, departure: Departure, progress=None):
+        """Evolve over whole cycles, from where the mesh takes over from the windows of a start."""
         steps, scene = self.steps, self.scene
         inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
         coefficients = np.zeros((cycles + 1, *self.space.shape))
         coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
         inside[0] -= out[0].sum()
         edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
-        launch = Launch(self.dynamics, scene.start, self.space, self.duration, steps, self.resolution.windows)
-        now, gone = launch.coefficients, launch.sinks.copy()
+        first = first_resolved(departure, self.space, steps)
+        now, gone = departure.land(first * self.duration, self.space)
         # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
         turned = False
-        for k in range(launch.step, cycles * steps + 1):
+        for k in range(first, cycles * steps + 1):
             if k % steps == 0:
                 current, cycle = turn(now) if turned else now, k // steps
                 inside[cycle], out[cycle], coefficients[cycle] = self.space.masses(current).sum(), gone, current

@@ -10,8 +10,9 @@ import numpy as np
 from fpk_rocking import checks
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.mesh import velocity_bound
-from fpk_rocking.density.resolution import FIRST, LADDER
+from fpk_rocking.density.resolution import ENOUGH, LADDER
 from fpk_rocking.density.run import Run
+from fpk_rocking.density.start import Departure
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import Scene
 
@@ -68,7 +69,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     cycles = checks.count("cycles", cycles)
-    tol = checks.number("tol", tol, at_least=min(FIRST))
+    tol = checks.number("tol", tol, at_least=min(ENOUGH))
     white = scene.white_equivalent()
     _refuse_unsolvable(white)
     run, fine, errors = _refined(white, cycles, tol, _Progress(progress, cycles))
@@ -95,34 +96,51 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
 
 
 def _refined(white, cycles, tol, progress):
-    """Climb the ladder until two neighbours agree: the last run, its solution, and the errors in survival and bins."""
+    """Climb the ladder until the errors are within the tolerance: the last run, its solution, and both errors."""
     bound = velocity_bound(white, white.noise.diffusion)
-    rung = FIRST[max(known for known in FIRST if known <= tol)]
-    coarse = Run(white, LADDER[rung - 1].of(white, bound), bound, NEGLIGIBLE * tol)
-    known = coarse.evolve(cycles, progress.next())
-    while True:
-        run = Run(white, LADDER[rung].of(white, bound), bound, NEGLIGIBLE * tol, coarse)
-        fine = run.evolve(cycles, progress.next())
-        error = float(np.abs(fine.inside - known.inside).max())
-        bins_error = float(np.abs(fine.bins - known.bins)[1:].sum(axis=(1, 2)).max())
-        rung += 1
-        if (error <= tol and bins_error <= bins_tolerance(tol)) or rung == len(LADDER):
+    enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
+    run, fine, differences, departures = None, None, [], {}
+    for rung in range(enough - 2, len(LADDER)):
+        resolution, coarse = LADDER[rung].of(white, bound), fine
+        if rung > enough and run.memory * resolution.work / run.resolution.work > MEMORY:
             break
-        finer = LADDER[rung].of(white, bound)
-        if run.memory * finer.work / run.resolution.work > MEMORY:
-            break
-        coarse, known = run, fine._replace(coefficients=None)
-    return run, fine, (error, bins_error)
+        run = Run(white, resolution, bound, NEGLIGIBLE * tol, run)
+        windows = resolution.windows
+        if windows not in departures:
+            departures[windows] = Departure(run.dynamics, white.start, windows, white.period)
+        fine = run.evolve(cycles, departures[windows], progress.next())
+        if coarse:
+            differences.append(
+                (
+                    float(np.abs(fine.inside - coarse.inside).max()),
+                    float(np.abs(fine.bins - coarse.bins)[1:].sum(axis=(1, 2)).max()),
+                )
+            )
+        if rung >= enough:
+            errors = estimated_error([survival for survival, _ in differences]), differences[-1][1]
+            if errors[0] <= tol and errors[1] <= bins_tolerance(tol):
+                break
+    return run, fine, errors
+
+
+def estimated_error(differences):
+    """Error in survival of the last of three or more solutions, from the differences of neighbours.
+
+    The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
+    tells, up to two and a half times as much.
+    """
+    before, last = differences[-2:]
+    return max(last, min(0.3 * before, 2.5 * last))
 
 
 class _Progress:
-    """Counts the cycles of all solutions; two are needed, and one more whenever they do not agree."""
+    """Counts the cycles of all solutions; three are needed, and one more whenever they do not agree."""
 
     def __init__(self, report, cycles):
         self.report, self.cycles, self.done, self.total = report, cycles, 0, cycles
 
     def next(self):
-        self.total = max(self.done + self.cycles, 2 * self.cycles)
+        self.total = max(self.done + self.cycles, 3 * self.cycles)
         return self._count
 
     def _count(self):
