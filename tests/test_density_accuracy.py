@@ -13,8 +13,9 @@ from fpk_rocking.density.density import Density
 from fpk_rocking.density.lines import blur_variances
 from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space, gauss
-from fpk_rocking.density.start import Gaussian, Launch
+from fpk_rocking.density.start import Departure, Gaussian, first_resolved
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.window import Windows
 from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -155,7 +156,7 @@ def test_nothing_is_unaccounted_for(skewed):
     assert skewed.survival[1:] == pytest.approx([skewed.at(k).moment(0, 0) for k in (1, 2)], abs=1e-13)
     assert np.all(np.diff(skewed.survival) < -0.01)
     assert np.all(np.diff(skewed.overturned, axis=0) > 0.0)
-    assert np.abs(skewed.lost).max() < 1e-9
+    assert np.abs(skewed.lost).max() < 1e-6
     assert skewed.negative_mass == pytest.approx(
         max(skewed.space.negative_mass(coefficients) for coefficients in skewed.coefficients), rel=1e-12
     )
@@ -191,29 +192,33 @@ def test_launch_layer_is_that_of_an_independent_simulation():
     scene = load_scene("cases/scenes/second.toml")
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
-    launch = Launch(dynamics, scene.start, space, step, 16)
-    coefficients = launch.coefficients
-    assert launch.step <= 5
-    for k in range(launch.step, 5):
+    departure = Departure(dynamics, scene.start, Windows(20, 8.0, 0.2, 0.005), scene.period)
+    first = first_resolved(departure, space, 16)
+    coefficients, gone = departure.land(first * step, space)
+    assert first <= 5
+    for k in range(first, 5):
         coefficients, _ = Step(Trace(space, k * step, step, dynamics, QUADRATURE), space).apply(coefficients)
     density = Density(space, coefficients)
     _, unimpeded = affine(dynamics, 0.0, 5 * step, 1)
     assert density.mean - unimpeded == pytest.approx([0.0017874, 0.0028889], rel=0.01)
     ratios = density.covariance / flight_noise(dynamics, 5 * step)
     assert ratios == pytest.approx(np.array([[0.98735, 0.99072], [0.99072, 0.99456]]), abs=5e-4)
-    assert np.abs(launch.sinks).max() < 1e-9
+    assert np.abs(gone).max() < 1e-9
 
 
 QUIET = {
-    "point": (None, 1e-11),
-    "narrow": (((1e-5, 2e-6), (2e-6, 4e-6)), 1e-11),
+    "point": (None, 2e-5),
+    "narrow": (((1e-5, 2e-6), (2e-6, 4e-6)), 2e-5),
     "wide": (((1e-2, 1e-3), (1e-3, 2e-2)), 1e-4),
 }
 
 
 @pytest.mark.parametrize(("covariance", "error"), QUIET.values(), ids=QUIET.keys())
 def test_start_that_meets_nothing_keeps_gaussian_moments(covariance, error):
-    """A cycle without events, from a point, a Gaussian that the mesh cannot resolve and one that it can."""
+    """A cycle without events, from a point, a Gaussian that the mesh cannot resolve and one that it can.
+
+    The first two begin on windows, which cut the density off at five standard deviations: that is counted as lost.
+    """
     scene = scene_of(0.8, start=Start(0.8, 0.15, covariance), diffusion=0.003, cutoff=2.5, frequency=8.0)
     evolution = solve_fpk(scene, cycles=1, tol=1e-2)
     matrix, shift = affine(Dynamics.of(scene), 0.0, scene.period, 1)
@@ -222,7 +227,8 @@ def test_start_that_meets_nothing_keeps_gaussian_moments(covariance, error):
     )
     assert evolution.at(1).mean == pytest.approx(matrix @ [0.8, 0.15] + shift, abs=error)
     assert evolution.at(1).covariance == pytest.approx(truth, rel=error)
-    assert evolution.survival[1] == pytest.approx(1.0, abs=1e-11)
+    assert evolution.survival[1] + evolution.lost[1] == pytest.approx(1.0, abs=1e-12)
+    assert evolution.lost[1] < 1e-6
     assert evolution.mass_defect < 1e-12
 
 

@@ -128,18 +128,44 @@ def test_the_tested_step_holds_every_kind_of_event(trace):
 @pytest.mark.parametrize("side", [1, -1])
 def test_shifts_are_projections_of_the_moved_lines(trace, coefficients, side):
     """With coefficients in all cells of a side much passes every end: nothing passes x = 0, and mass is balanced."""
-    affinity = trace.cosh, trace.sinh, trace.shifts[side]
-    before = coefficients[SIDES[side]]
-    out, angle_ends, velocity_ends = lines.FreeFlight(SOURCE, side, affinity, DYNAMICS.diffusion, DURATION).apply(
-        before
+    affinity, columns = (trace.cosh, trace.sinh, trace.shifts), SIDES[side]
+    free, out = np.zeros(SOURCE.shape[:2], dtype=bool), np.zeros(SOURCE.shape)
+    free[columns] = True
+    overturned_left, overturned_right, lost = lines.FreeFlight(
+        SOURCE, free, affinity, DYNAMICS.diffusion, DURATION
+    ).apply(coefficients, out)
+    expected, angle_ends, velocity_ends = free_flight(
+        coefficients[columns], lines_of(side), DYNAMICS, START, DURATION, side
     )
-    expected, *expected_ends = free_flight(before, lines_of(side), DYNAMICS, START, DURATION, side)
-    assert np.abs(out - expected).max() < 1e-12 * np.abs(expected).max()
-    assert [angle_ends, velocity_ends] == pytest.approx(np.array(expected_ends), abs=1e-13)
+    assert np.abs(out[columns] - expected).max() < 1e-12 * np.abs(expected).max()
+    assert not out[SIDES[-side]].any()
+    assert [overturned_left, overturned_right] == pytest.approx(angle_ends, abs=1e-13)
+    assert lost == pytest.approx(velocity_ends.sum(), abs=1e-13)
     assert angle_ends[(1 - side) // 2] == 0.0
     assert np.abs([angle_ends[(1 + side) // 2], *velocity_ends]).min() > 1e-4
-    difference = np.sum((before - out)[:, :, 0, 0] * SOURCE.areas[SIDES[side]])
+    difference = np.sum((coefficients[columns] - out[columns])[:, :, 0, 0] * SOURCE.areas[columns])
     assert difference == pytest.approx(angle_ends.sum() + velocity_ends.sum(), abs=1e-13)
+
+
+def test_a_step_that_covers_part_of_the_plane_moves_that_part(trace, coefficients):
+    """What is outside is lost; covering more later is the same as covering it from the start."""
+    cells = np.random.default_rng(2).random(SOURCE.shape[:2]) < 0.4
+    more = cells | (np.random.default_rng(3).random(cells.shape) < 0.3)
+    step = Step(Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, whole=False), SOURCE)
+    whole = Step(trace, SOURCE)
+    for covered in (cells, more):
+        step.cover(covered)
+        inside = np.where(covered[:, :, None, None], coefficients, 0.0)
+        expected, sinks = whole.apply(inside)
+        out, others = step.apply(coefficients)
+        sinks[2] += SOURCE.masses(coefficients - inside).sum()
+        assert np.abs(out - expected).max() < 1e-13 * np.abs(expected).max()
+        assert others == pytest.approx(sinks, abs=1e-14)
+        worth = np.array([0.3, -0.7, 0.2])
+        before = step.apply_adjoint(coefficients, worth)
+        assert np.sum(before * coefficients * SOURCE.areas[..., None, None]) == pytest.approx(
+            np.sum(out * coefficients * SOURCE.areas[..., None, None]) + others @ worth, rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("target", [SOURCE, TARGET])

@@ -14,11 +14,14 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.density.landing import LOST, locate
+from fpk_rocking.density.lines import transform
 from fpk_rocking.density.transport import legendre
 from fpk_rocking.jit import kernel
 
+_FAST = {"contract", "reassoc", "nsz"}
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+
+@kernel(fastmath=_FAST)
 def row_value(cell, a, across, norms):
     """One row of the coefficients of a cell, times the shape functions across."""
     modes = len(norms)
@@ -35,7 +38,7 @@ def row_value(cell, a, across, norms):
     return total
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath=_FAST)
 def value_at(cell, xi, eta, norms):
     """Value of a function at a reference point of one cell: the transpose of `transport.add`."""
     modes = len(norms)
@@ -52,7 +55,7 @@ def value_at(cell, xi, eta, norms):
     return total
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath=_FAST)
 def collect_landed(function, worth, node_weights, cells, points, values, norms):
     """Mean worth over the nodes of every Gauss point of one cell whose nodes were traced."""
     for p in range(values.shape[0]):
@@ -67,7 +70,7 @@ def collect_landed(function, worth, node_weights, cells, points, values, norms):
             values[p, q] = total
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath=_FAST)
 def collect_free(function, worth, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, norms):
     """Mean worth over the nodes of every Gauss point of one cell that moves in affine flight."""
     cosh, sinh, shift = affine
@@ -139,71 +142,133 @@ def collect(
         project_points(values, tables, weights, rows, out[i, j], source_norms)
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def move_line_back(values, first, count, blocks, sizes, moved, norms):
-    """Transpose of `lines.move_line` in L2, times the sizes of the cells; adds to `moved` (cells, modes)."""
-    modes = len(norms)
-    for c in range(len(values)):
-        for w in range(count[c]):
-            for k in range(modes):
-                total = 0.0
-                for i in range(modes):
-                    total += blocks[c, w, k, i] * values[c, i]
-                moved[first[c] + w, k] += total * sizes[c]
+@kernel(fastmath=_FAST)
+def shift_row_back(r, values, source, target, shift, moved, norms):
+    """Transpose of `lines.shift_row`, added to `moved` (cells, lines, modes)."""
+    origin, first, count, start, blocks, _, _ = shift
+    modes, shared = len(norms), first.shape[1] == 1
+    base = origin[min(r, len(origin) - 1)]
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            for s in range(low, high):
+                for k in range(modes):
+                    total = 0.0
+                    for i in range(modes):
+                        total += blocks[block, k, i] * values[c, q, i]
+                    moved[s, q, k] += total
+                block += 1
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def add_ends(values, ends, pressed, worth, moved, norms):
-    """Add what passes the ends of a line: it is worth the value at an end that is pressed, else what is given."""
-    for end in range(2):
-        beyond = worth[end]
-        if pressed[end]:
-            edge = legendre(2.0 * end - 1.0)
-            beyond = 0.0
+@kernel(fastmath=_FAST)
+def worth_beyond(r, end, beyond, source, shift, moved):
+    """Transpose of `lines.mass_beyond`: what lies beyond an end of row r is worth `beyond` (lines,)."""
+    place = shift.beyond[min(r, len(shift.beyond) - 1), end]
+    if place < 0:
+        return
+    ends = shift.ends[place]
+    for q in range(len(beyond)):
+        line = ends[0 if len(ends) == 1 else q]
+        for c in range(source[0], source[1]):
+            for k in range(len(beyond)):
+                moved[c, q, k] += beyond[q] * line[c, k]
+
+
+@kernel(fastmath=_FAST)
+def pressed_worth(end, values, target, edges, sizes, beyond):
+    """Transpose of `lines.set_down`."""
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(beyond)):
+        beyond[q] = 0.0
+        for i in range(len(beyond)):
+            beyond[q] += values[cell, q, i] * edges[end, i] / sizes[cell]
+
+
+@kernel
+def return_row(t, values, target, out, norms):
+    """Transpose of `lines.turn_row`: read row t (cells, lines, modes) from where the other direction left it."""
+    for c in range(target[0], target[1]):
+        for q in range(len(norms)):
             for i in range(len(norms)):
-                beyond += values[end * (len(values) - 1), i] * edge[i]
-        for c in range(len(values)):
-            for k in range(len(norms)):
-                moved[c, k] += beyond * ends[end, c, k]
-
-
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def shift_cell_back(t, data, shift, nodal, modal, sizes, pressed, worth, out, norms):
-    """Move the lines that run through one row of cells backwards; see `shift_lines_back`."""
-    first, count, blocks, ends = shift
-    cells, modes = data.shape[0], len(norms)
-    values, moved = np.zeros((cells, modes)), np.empty((cells, modes))
-    for q in range(modes):
-        line = 0 if len(first) == 1 else t * modes + q
-        values[:], moved[:] = 0.0, 0.0
-        for c in range(cells):
-            for u in range(modes):
-                for k in range(modes):
-                    values[c, k] += nodal[q, u] * data[c, u, k]
-        move_line_back(values, first[line], count[line], blocks[line], sizes, moved, norms)
-        add_ends(values, ends[line], pressed, worth, moved, norms)
-        for c in range(cells):
-            for u in range(modes):
-                for k in range(modes):
-                    out[c, u, k] += modal[u, q] / sizes[c] * moved[c, k]
+                out[c, q, i] = values[c, t, i, q]
 
 
 @kernel(parallel=True)
-def shift_lines_back(data, shift, nodal, modal, sizes, pressed, worth, norms):
-    """Transpose of `lines.shift_lines` in L2, whose arguments these are.
+def land_rows_back(function, order, sources, targets, shift, tables, edges, sizes, worth, out, norms):
+    """Transpose of `lines.land_rows`: from coefficients, times the areas of their cells, to values."""
+    (across, limit), modes = out.shape[:2], len(norms)
+    for n in prange(len(order)):
+        r = order[n]
+        side, j, source, target = r // across, r % across, sources[r], targets[r]
+        values, beyond = np.zeros((limit, modes, modes)), np.zeros(modes)
+        for c in range(target[0], target[1]):
+            transform(function[c, j] * (sizes[0][c] * sizes[1][j]), tables[1].T, tables[1].T, values[c], norms)
+        shift_row_back(r, values, source, target, shift, out[j], norms)
+        for end in range(2):
+            if end == side:
+                beyond[:] = worth[side] * tables[2] * sizes[1][j]
+            else:
+                pressed_worth(end, values, target, edges, sizes[0], beyond)
+            worth_beyond(r, end, beyond, source, shift, out[j])
+
+
+@kernel(parallel=True)
+def kick_rows_back(values, order, sources, kicked, blurred, kick, blur, tables, sizes, lost, out, norms):
+    """Transpose of `lines.kick_rows`."""
+    across, modes = values.shape[0], len(norms)
+    for n in prange(len(order)):
+        c = order[n]
+        now, moved = np.zeros((across, modes, modes)), np.zeros((across, modes, modes))
+        beyond = lost * tables[2] * sizes[0][c]
+        return_row(c, values, blurred[c], now, norms)
+        shift_row_back(c, now, kicked[c], blurred[c], blur, moved, norms)
+        for end in range(2):
+            worth_beyond(c, end, beyond, kicked[c], blur, moved)
+        shift_row_back(c, moved, sources[c], kicked[c], kick, out[c], norms)
+        for end in range(2):
+            worth_beyond(c, end, beyond, sources[c], kick, out[c])
+
+
+@kernel(parallel=True)
+def drift_rows_back(values, free, order, sources, targets, shift, tables, edges, sizes, out, norms):
+    """Transpose of `lines.drift_rows`: coefficients of the free cells, per area of their cells."""
+    (limit, across), modes = free.shape, len(norms)
+    for n in prange(len(order)):
+        r = order[n]
+        j, source, target = r % across, sources[r], targets[r]
+        now, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
+        beyond = np.zeros(modes)
+        return_row(j, values, target, now, norms)
+        shift_row_back(r, now, source, target, shift, moved, norms)
+        for end in range(2):
+            pressed_worth(end, now, target, edges, sizes[0], beyond)
+            worth_beyond(r, end, beyond, source, shift, moved)
+        for c in range(source[0], source[1]):
+            if free[c, j]:
+                transform(moved[c] / (sizes[0][c] * sizes[1][j]), tables[0].T, tables[0].T, out[c, j], norms)
+
+
+def fly_back(flight, function, worth, out):
+    """Transpose of `lines.FreeFlight.apply` in L2: coefficients of a function after the step to those before it.
 
     Parameters
     ----------
-    data : ndarray, shape (cells across, cells along, modes across, modes along)
-        Coefficients of a function after the shift.
-    worth : tuple of float
-        Of what passed the lower and the upper end and was not pressed.
-
-    Returns
-    -------
-    ndarray, shape of `data`
+    flight : FreeFlight
+        The flight; it moves the free cells, and only their coefficients in `out` are written.
+    function, out : ndarray, shape of a density
+        Coefficients after the step, and before it.
+    worth : ndarray, shape (3,)
+        Of having passed the cut-off to the left and to the right, and the velocity bound.
     """
-    out = np.zeros(data.shape)
-    for t in prange(data.shape[0]):
-        shift_cell_back(t, data[t], shift, nodal, modal, sizes, pressed, worth, out[t], norms)
-    return out
+    limit, across, modes, _ = function.shape
+    norms, (first, second, third) = (1.0,) * modes, flight.ranges
+    turned, values = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
+    fixed = flight.tables, flight.edges, flight.sizes
+    land_rows_back(function, flight.orders[2], *third, flight.shear, *fixed, worth[:2], turned, norms)
+    kick_rows_back(
+        turned, flight.orders[1], *second, flight.kick, flight.blur, flight.tables, flight.sizes, worth[2], values, norms
+    )
+    drift_rows_back(values, flight.free, flight.orders[0], *first, flight.shear, *fixed, out, norms)

@@ -11,7 +11,7 @@ from fpk_rocking.scene import Scene
 from fpk_rocking.storage import read_result, write_result
 
 _KIND = "evolution"
-_SCALARS = ("diffusion", "closure", "tol", "error_estimate", "mass_defect", "negative_mass", "wall_s", "settings")
+_SCALARS = ("diffusion", "closure", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s", "settings")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -36,6 +36,8 @@ class Evolution:
         Mass that left through the velocity bound by kT.
     error_estimate : float
         Largest difference in survival from a coarser solution of the same scene: an estimate of the error.
+    bins_error_estimate : float
+        The same of the binned density, L1 over 32 x 64 bins between the bounds of the mesh.
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
     negative_mass : float
@@ -58,6 +60,7 @@ class Evolution:
     overturned: np.ndarray
     lost: np.ndarray
     error_estimate: float
+    bins_error_estimate: float
     mass_defect: float
     negative_mass: float
     wall_s: float

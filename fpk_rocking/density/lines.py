@@ -5,6 +5,9 @@ M = X V X with X = [[1, tanh(t/2)], [0, 1]] and V = [[1, 0], [sinh t, 1]]. A she
 whole, so each is an L2 projection in one dimension, done exactly, and cannot amplify. White noise is a small blur of
 the angle with the first and the last shear and one of the velocity after the second: together they have the covariance
 of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
+
+A density in flight is held by its values at the Gauss points of the cells; its rows are the cells that share an
+interval of the velocity, one row for each side of x = 0, or an interval of the angle.
 """
 
 import math
@@ -12,21 +15,17 @@ import math
 import numpy as np
 from numba import prange
 
-from fpk_rocking.density.adjoint import shift_lines_back
+from fpk_rocking.density.shifts import hermite, landing_range, prepare_shift
 from fpk_rocking.density.space import Space, gauss, shapes
-from fpk_rocking.density.transport import legendre
 from fpk_rocking.jit import kernel
 
 BLUR_NODES = 15
 """Gauss-Hermite nodes of the velocity's blur: they end at 6.4 standard deviations, beyond which nothing is sent."""
 
-_FINE_NODES = 3
+_FINE_NODES = 2
+"""Of the angle's blurs, which are far narrower than a cell: variance and third moment are exact."""
 
-
-def hermite(count):
-    """Gauss-Hermite nodes in standard deviations and weights, (count,) each."""
-    nodes, weights = np.polynomial.hermite_e.hermegauss(count)
-    return nodes, weights / weights.sum()
+_FAST = {"contract", "reassoc", "nsz"}
 
 
 def blur_variances(diffusion, duration):
@@ -42,258 +41,281 @@ def blur_variances(diffusion, duration):
 
 
 class FreeFlight:
-    """Map of densities over one step for the cells of one side that no event can reach.
+    """Map of densities over one step for the cells that no event can reach.
 
     Parameters
     ----------
     space : Space
         Source and target.
-    side : int
-        +1 or -1.
+    free : ndarray of bool, shape (angle cells, velocity cells)
+        The cells to fly from.
     affine : tuple
-        cosh and sinh of the duration, and the shift (2,) of this side.
+        cosh and sinh of the duration, and shifts (3, 2) with the side as first index.
     diffusion, duration : float
         D and the length of the step.
     """
 
-    def __init__(self, space: Space, side, affine, diffusion, duration):
-        _, sinh, (dx, dv) = affine
-        first = space.first_positive
-        self.columns = slice(first, None) if side > 0 else slice(0, first)
-        angle = space.angle_lines[first:] if side > 0 else space.angle_lines[: first + 1]
-        velocity = space.velocity_lines
+    def __init__(self, space: Space, free, affine, diffusion, duration):
+        _, sinh, shifts = affine
+        self.space, self.free = space, free
+        (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
         points, weights = gauss(space.degree + 1)
-        shear = math.tanh(0.5 * duration)
-        drift = 0.5 * (dx - shear * dv)
-        kick, small = blur_variances(diffusion, duration)
-        along_angle = shear * _line_points(velocity, points) + drift
-        along_velocity = sinh * _line_points(angle, points) + (dv - sinh * drift)
-        still, blur, fine = hermite(1), hermite(BLUR_NODES), hermite(_FINE_NODES)
         table = shapes(points, space.degree)
-        self.across = table, np.ascontiguousarray((table * weights[:, None]).T)
-        self.shear = shift_blocks(angle, along_angle, math.sqrt(small) * fine[0], fine[1], space.degree)
-        self.kick = shift_blocks(velocity, along_velocity, *still, space.degree)
-        self.blur = shift_blocks(velocity, np.zeros(1), math.sqrt(kick) * blur[0], blur[1], space.degree)
-        self.sizes = np.diff(angle), np.diff(velocity)
-        self.inner = (side > 0, side < 0)
+        self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
+        self.edges = shapes(np.array([0.0, 1.0]), space.degree) @ table.T
+        self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
+        shear = math.tanh(0.5 * duration)
+        large, small = blur_variances(diffusion, duration)
+        (fine, fine_weights), (blur, blur_weights), (still, one) = hermite(_FINE_NODES), hermite(BLUR_NODES), hermite(1)
+        fine, blur = math.sqrt(small) * fine, math.sqrt(large) * blur
+        drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
+        along = shear * _line_points(space.velocity_lines, points)
+        drifts = np.concatenate([along + drift[-1], along + drift[1]])
+        kick = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
+        kicks = sinh * _line_points(space.angle_lines, points) + np.repeat(kick, (middle, limit - middle))[:, None]
+        sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
+        whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
 
-    def apply(self, coefficients):
-        """Return the coefficients of this side after the step, and the masses that passed its four bounds.
+        first = _hulls(_angle_rows(free, middle))
+        drifted = landing_range(space.angle_lines, sides, drifts, fine, first)
+        second = _hulls(_by_velocity(_covered(drifted, limit)).T)
+        kicked = landing_range(space.velocity_lines, whole, kicks, still, second)
+        blurred = landing_range(space.velocity_lines, whole, nothing, blur, kicked)
+        third = _hulls(_angle_rows(_covered(blurred, across), middle))
+        landed = landing_range(space.angle_lines, sides, drifts, fine, third)
+        self.ranges = (first, drifted), (second, kicked, blurred), (third, landed)
+        self.orders = _order(first), _order(second), _order(third)
+        degree, every = space.degree, _hulls(_covered(kicked, across).any(axis=0)[None])
+        self.shear = prepare_shift(space.angle_lines, sides, drifts, fine, fine_weights, degree, _union(first, third))
+        self.kick = prepare_shift(space.velocity_lines, whole, kicks, still, one, degree, second)
+        self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, blur, blur_weights, degree, every)
+
+    @property
+    def memory(self):
+        """Bytes of the prepared shifts."""
+        return sum(part.nbytes for shift in (self.shear, self.kick, self.blur) for part in shift)
+
+    def apply(self, coefficients, out):
+        """Add the density after the step to `out`, and return the masses that passed the bounds.
 
         Parameters
         ----------
-        coefficients : ndarray, shape (cells of the side, velocity cells, degree + 1, degree + 1)
-            Before the step, 0 in the cells that an event can reach.
+        coefficients : ndarray, shape ``space.shape``
+            Before the step; only the free cells are read.
+        out : ndarray, shape ``space.shape``
+            Coefficients of what else there is after the step.
 
         Returns
         -------
-        coefficients : ndarray, of the same shape
-        angle_ends : ndarray, shape (2,)
-            What passed the cut-off, at the lower and the upper end. Nothing passes x = 0: what a projection would put
-            there is set down at it.
-        velocity_ends : ndarray, shape (2,)
-            What passed the velocity bound.
+        ndarray, shape (3,)
+            What passed the cut-off to the left and to the right, and the velocity bound. Nothing passes x = 0: what a
+            projection would put there is set down at it.
         """
-        angle, velocity = self.sizes
-        leave, press, norms = (False, False), (True, True), (1.0,) * len(self.across[0])
-        now, _ = shift_lines(_other_axis(coefficients), self.shear, *self.across, angle, velocity, press, norms)
-        now, kicked = shift_lines(_other_axis(now), self.kick, *self.across, velocity, angle, leave, norms)
-        now, blurred = shift_lines(now, self.blur, *self.across, velocity, angle, leave, norms)
-        now, out = shift_lines(_other_axis(now), self.shear, *self.across, angle, velocity, self.inner, norms)
-        return _other_axis(now), out.sum(axis=0), (kicked + blurred).sum(axis=0)
-
-    def apply_adjoint(self, values, worth):
-        """Return what a function after the step is worth before it; see `adjoint`.
-
-        Parameters
-        ----------
-        values : ndarray, shape (cells of the side, velocity cells, degree + 1, degree + 1)
-            Coefficients of the function after the step.
-        worth : ndarray, shape (3,)
-            Of having passed the cut-off to the left, to the right, and the velocity bound.
-
-        Returns
-        -------
-        ndarray, of the same shape
-            Right in the cells that no event can reach.
-        """
-        left, right, lost = (float(value) for value in worth)
-        angle, velocity = self.sizes
-        ends, lost, leave, press = (left, right), (lost, lost), (False, False), (True, True)
-        norms = (1.0,) * len(self.across[0])
-        now = shift_lines_back(_other_axis(values), self.shear, *self.across, angle, self.inner, ends, norms)
-        now = shift_lines_back(_other_axis(now), self.blur, *self.across, velocity, leave, lost, norms)
-        now = shift_lines_back(now, self.kick, *self.across, velocity, leave, lost, norms)
-        now = shift_lines_back(_other_axis(now), self.shear, *self.across, angle, press, ends, norms)
-        return _other_axis(now)
-
-
-def _other_axis(coefficients):
-    """Exchange the roles of angle and velocity."""
-    return np.ascontiguousarray(coefficients.transpose(1, 0, 3, 2))
+        limit, across, modes, _ = coefficients.shape
+        norms = (1.0,) * modes
+        drifted, blurred = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
+        drift_rows(
+            coefficients, self.free, self.orders[0], *self.ranges[0], self.shear, self.tables, self.edges, self.sizes,
+            drifted, norms,
+        )  # fmt: skip
+        lost = kick_rows(
+            drifted, self.orders[1], *self.ranges[1], self.kick, self.blur, self.tables, self.sizes, blurred, norms
+        )
+        left = land_rows(
+            blurred, self.orders[2], *self.ranges[2], self.shear, self.tables, self.edges, self.sizes, out, norms
+        )
+        return np.array([left[0].sum(), left[1].sum(), lost.sum()])
 
 
 def _line_points(lines, points):
-    return (lines[:-1, None] + np.diff(lines)[:, None] * points).ravel()
+    """Gauss points (cells, points) of all cells of a line."""
+    return lines[:-1, None] + np.diff(lines)[:, None] * points
 
 
-@kernel
-def overlap_range(lines, low, high):
-    """First and last cell that meet an interval inside the mesh."""
-    cells = len(lines) - 1
-    first = min(max(np.searchsorted(lines, low, side="right") - 1, 0), cells - 1)
-    last = min(max(np.searchsorted(lines, high, side="left") - 1, 0), cells - 1)
-    return first, last
+def _angle_rows(cells, middle):
+    """Rows along the angle (2 * velocity cells, angle cells), those with x < 0 first, of marked cells."""
+    rows = np.concatenate([cells.T, cells.T])
+    rows[: cells.shape[1], middle:] = False
+    rows[cells.shape[1] :, :middle] = False
+    return rows
 
 
-def shift_blocks(lines, shifts, nodes, weights, degree):
-    """Matrices of the L2 projection after moving the functions on a line, averaged over nodes added to the shift.
-
-    Parameters
-    ----------
-    lines : ndarray, shape (cells + 1,)
-        Mesh lines that cut each line.
-    shifts : ndarray, shape (lines,)
-        How far each line moves; a single one serves all lines.
-    nodes, weights : ndarray, shape (n,)
-        Distribution of further movement.
-    degree : int
-        Polynomial degree.
-
-    Returns
-    -------
-    first, count : ndarray of int, shape (lines, cells)
-        Source cells of each target cell.
-    blocks : ndarray, shape (lines, cells, width, degree + 1, degree + 1)
-        Source mode before target mode.
-    ends : ndarray, shape (lines, 2, cells, degree + 1)
-        Mass that each mode sends below and above the mesh.
-    """
-    first, count = source_cells(lines, shifts, nodes)
-    modes = degree + 1
-    blocks = np.zeros((len(shifts), len(lines) - 1, int(count.max()), modes, modes))
-    ends = np.zeros((len(shifts), 2, len(lines) - 1, modes))
-    fill_blocks(lines, shifts, nodes, weights, *gauss(modes), first, blocks, ends)
-    return first, count, blocks, ends
+def _by_velocity(rows):
+    """Join the two rows of each interval of the velocity: (velocity cells, angle cells)."""
+    left, right = np.split(rows, 2)
+    return left | right
 
 
-@kernel
-def source_cells(lines, shifts, nodes):
-    """First source cell and number of source cells, (lines, cells), of every target cell."""
-    first = np.empty((len(shifts), len(lines) - 1), np.int32)
-    count = np.empty_like(first)
-    for s in range(len(shifts)):
-        for c in range(len(lines) - 1):
-            low, _ = overlap_range(lines, lines[c] - shifts[s] - nodes[-1], lines[c + 1])
-            _, high = overlap_range(lines, lines[0], lines[c + 1] - shifts[s] - nodes[0])
-            first[s, c], count[s, c] = low, high - low + 1
-    return first, count
+def _hulls(rows):
+    """First marked cell of each row and the one after the last, (rows, 2); 0, 0 where there is none."""
+    hulls = np.stack([rows.argmax(axis=1), rows.shape[1] - rows[:, ::-1].argmax(axis=1)], axis=1)
+    return np.where(rows.any(axis=1)[:, None], hulls, 0)
 
 
-@kernel
-def add_integral(start, stop, left, right, weight, points, point_weights, out):
-    """Add the integrals of the shape functions of the cell [left, right] over a part of it, if there is one."""
-    for q in range(len(points) if stop > start else 0):
-        here = legendre(2.0 * (start + points[q] * (stop - start) - left) / (right - left) - 1.0)
-        for k in range(len(out)):
-            out[k] += weight * point_weights[q] * (stop - start) * here[k]
+def _covered(ranges, cells):
+    """Mark the cells of ranges: (rows, cells)."""
+    places = np.arange(cells)
+    return (places >= ranges[:, :1]) & (places < ranges[:, 1:])
 
 
-@kernel(parallel=True)
-def fill_blocks(lines, shifts, nodes, weights, points, point_weights, first, blocks, ends):
-    """Integrate products of shape functions over all overlaps, exactly; see `shift_blocks`."""
-    cells, modes = len(lines) - 1, blocks.shape[3]
-    for s in prange(len(shifts)):
-        for n in range(len(nodes)):
-            shift = shifts[s] + nodes[n]
-            for source in range(cells):
-                left, right = lines[source], lines[source + 1]
-                low, high = overlap_range(lines, left + shift, right + shift)
-                for target in range(low, high + 1):
-                    start, stop = max(left, lines[target] - shift), min(right, lines[target + 1] - shift)
-                    block, here_scale = blocks[s, target, source - first[s, target]], 2.0 / (right - left)
-                    there_scale = 2.0 / (lines[target + 1] - lines[target])
-                    for q in range(len(points) if stop > start else 0):
-                        x = start + points[q] * (stop - start)
-                        part = 0.5 * there_scale * weights[n] * point_weights[q] * (stop - start)
-                        here = legendre(here_scale * (x - left) - 1.0)
-                        there = legendre(there_scale * (x + shift - lines[target]) - 1.0)
-                        for k in range(modes):
-                            for i in range(modes):
-                                block[k, i] += part * here[k] * there[i]
-                for end in range(2):
-                    start = left if end == 0 else max(left, lines[-1] - shift)
-                    stop = right if end == 1 else min(right, lines[0] - shift)
-                    add_integral(start, stop, left, right, weights[n], points, point_weights, ends[s, end, source])
+def _union(first, second):
+    """Hull of two ranges in each row."""
+    empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
+    both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
+    return np.where(empty[0], second, np.where(empty[1], first, both))
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def move_line(values, first, count, blocks, moved, norms):
-    """Apply the blocks of one line to its values (cells, modes)."""
-    modes = len(norms)
-    moved[:] = 0.0
-    for c in range(len(values)):
-        for w in range(count[c]):
-            for k in range(modes):
-                value = values[first[c] + w, k]
-                for i in range(modes):
-                    moved[c, i] += blocks[c, w, k, i] * value
+def _order(ranges):
+    """Rows with something in them, dealt out so that equal parts of the list hold like rows."""
+    rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
+    return np.concatenate([rows[::2], rows[1::2]])
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def shift_cell(t, data, shift, nodal, modal, sizes, width, pressed, out, left, norms):
-    """Move the lines that run through one row of cells; see `shift_lines`."""
-    first, count, blocks, ends = shift
-    cells, modes = data.shape[0], len(norms)
-    values, moved = np.zeros((cells, modes)), np.empty((cells, modes))
-    for q in range(modes):
-        line = 0 if len(first) == 1 else t * modes + q
-        values[:] = 0.0
-        for c in range(cells):
-            for u in range(modes):
+@kernel(fastmath=_FAST)
+def shift_row(r, values, source, target, shift, moved, norms):
+    """Move the lines of row r: values (cells, lines, modes) of its source cells to those of its target cells."""
+    origin, first, count, start, blocks, _, _ = shift
+    modes, shared = len(norms), first.shape[1] == 1
+    base = origin[min(r, len(origin) - 1)]
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            # Scalars, not an array: a store could alias what is read, and then nothing is vectorized.
+            a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for s in range(low, high):
                 for k in range(modes):
-                    values[c, k] += nodal[q, u] * data[c, u, k]
-        move_line(values, first[line], count[line], blocks[line], moved, norms)
-        for end in range(2):
-            mass = (ends[line, end] * values).sum()
-            if pressed[end]:
-                edge = legendre(2.0 * end - 1.0)
-                for i in range(modes):
-                    moved[end * (cells - 1), i] += mass / sizes[end * (cells - 1)] * edge[i]
-            else:
-                left[end] += mass * modal[0, q] * width
-        for c in range(cells):
-            for u in range(modes):
-                for i in range(modes):
-                    out[c, u, i] += modal[u, q] * moved[c, i]
+                    value = values[s, q, k]
+                    a0 += blocks[block, k, 0] * value
+                    a1 += blocks[block, k, 1] * value
+                    if modes > 2:
+                        a2 += blocks[block, k, 2] * value
+                    if modes > 3:
+                        a3 += blocks[block, k, 3] * value
+                    if modes > 4:
+                        a4 += blocks[block, k, 4] * value
+                    if modes > 5:
+                        a5 += blocks[block, k, 5] * value
+                block += 1
+            moved[c, q, 0] = a0
+            moved[c, q, 1] = a1
+            if modes > 2:
+                moved[c, q, 2] = a2
+            if modes > 3:
+                moved[c, q, 3] = a3
+            if modes > 4:
+                moved[c, q, 4] = a4
+            if modes > 5:
+                moved[c, q, 5] = a5
+
+
+@kernel(fastmath=_FAST)
+def mass_beyond(r, end, values, source, shift, masses):
+    """Masses of the lines of row r that pass an end, per size of their cells across; whether there are any."""
+    place = shift.beyond[min(r, len(shift.beyond) - 1), end]
+    if place < 0:
+        return False
+    ends = shift.ends[place]
+    for q in range(len(masses)):
+        line = ends[0 if len(ends) == 1 else q]
+        masses[q] = 0.0
+        for c in range(source[0], source[1]):
+            for k in range(len(masses)):
+                masses[q] += line[c, k] * values[c, q, k]
+    return True
+
+
+@kernel(fastmath=_FAST)
+def set_down(end, masses, target, edges, sizes, moved):
+    """Set down at an end of a row what passed it."""
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(masses)):
+        for i in range(len(masses)):
+            moved[cell, q, i] += masses[q] / sizes[cell] * edges[end, i]
+
+
+@kernel(fastmath=_FAST)
+def turn_row(t, moved, target, out, norms):
+    """Write row t (cells, lines, modes) where the rows of the other direction find it."""
+    for c in range(target[0], target[1]):
+        for q in range(len(norms)):
+            for i in range(len(norms)):
+                out[c, t, i, q] = moved[c, q, i]
+
+
+@kernel(fastmath=_FAST)
+def transform(cell, first, second, out, norms):
+    """Apply tables to both axes of a cell and exchange them: out[j, i] = sum of second[j, b] first[i, a] cell[a, b]."""
+    modes = len(norms)
+    for j in range(modes):
+        for i in range(modes):
+            out[j, i] = 0.0
+    for i in range(modes):
+        for b in range(modes):
+            part = 0.0
+            for a in range(modes):
+                part += first[i, a] * cell[a, b]
+            for j in range(modes):
+                out[j, i] += second[j, b] * part
 
 
 @kernel(parallel=True)
-def shift_lines(data, shift, nodal, modal, sizes, across, pressed, norms):
-    """Move all lines of a density.
+def drift_rows(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, norms):
+    """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity); nothing leaves."""
+    (limit, across), modes = free.shape, len(norms)
+    for n in prange(len(order)):
+        r = order[n]
+        j, source, target = r % across, sources[r], targets[r]
+        values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
+        for c in range(source[0], source[1]):
+            if free[c, j]:
+                transform(coefficients[c, j], tables[0], tables[0], values[c], norms)
+        shift_row(r, values, source, target, shift, moved, norms)
+        for end in range(2):
+            if mass_beyond(r, end, values, source, shift, masses):
+                set_down(end, masses, target, edges, sizes[0], moved)
+        turn_row(j, moved, target, out, norms)
 
-    Parameters
-    ----------
-    data : ndarray, shape (cells across, cells along, modes across, modes along)
-        Coefficients.
-    shift : tuple
-        From `shift_blocks`; lines are the Gauss points of the cells across.
-    nodal, modal : ndarray, shape (modes, modes)
-        From modes to values at Gauss points, and back.
-    sizes, across : ndarray
-        Cell sizes along and across the lines.
-    pressed : tuple of bool
-        Whether what passes the lower, the upper end is set down at that end instead of leaving.
-    norms : tuple, length modes
-        Its length tells the compiler the number of modes.
 
-    Returns
-    -------
-    out : ndarray, shape of `data`
-    left : ndarray, shape (cells across, 2)
-        Mass that passed the lower and the upper end.
-    """
-    out, left = np.zeros(data.shape), np.zeros((len(across), 2))
-    for t in prange(len(across)):
-        shift_cell(t, data[t], shift, nodal, modal, sizes, across[t], pressed, out[t], left[t], norms)
-    return out, left
+@kernel(parallel=True)
+def kick_rows(values, order, sources, kicked, blurred, kick, blur, tables, sizes, out, norms):
+    """Shear of the velocity and its blur: values to (velocity cells, angle cells, velocity, angle); masses that left."""
+    across, modes, left = values.shape[1], len(norms), np.zeros(len(sources))
+    for n in prange(len(order)):
+        c = order[n]
+        now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
+        shift_row(c, values[c], sources[c], kicked[c], kick, now, norms)
+        shift_row(c, now, kicked[c], blurred[c], blur, moved, norms)
+        for end in range(2):
+            if mass_beyond(c, end, values[c], sources[c], kick, masses):
+                left[c] += (masses * tables[2]).sum() * sizes[0][c]
+            if mass_beyond(c, end, now, kicked[c], blur, masses):
+                left[c] += (masses * tables[2]).sum() * sizes[0][c]
+        turn_row(c, moved, blurred[c], out, norms)
+    return left
+
+
+@kernel(parallel=True)
+def land_rows(values, order, sources, targets, shift, tables, edges, sizes, out, norms):
+    """Last shear: from values to coefficients, added; masses (2, velocity cells) that passed the cut-off."""
+    (across, limit), modes = values.shape[:2], len(norms)
+    left = np.zeros((2, across))
+    for n in prange(len(order)):
+        r = order[n]
+        side, j, source, target = r // across, r % across, sources[r], targets[r]
+        moved, masses, cell = np.zeros((limit, modes, modes)), np.zeros(modes), np.zeros((modes, modes))
+        shift_row(r, values[j], source, target, shift, moved, norms)
+        for end in range(2):
+            if mass_beyond(r, end, values[j], source, shift, masses):
+                if end == side:
+                    left[side, j] += (masses * tables[2]).sum() * sizes[1][j]
+                else:
+                    set_down(end, masses, target, edges, sizes[0], moved)
+        for c in range(target[0], target[1]):
+            transform(moved[c], tables[1], tables[1], cell, norms)
+            for a in range(modes):
+                for b in range(modes):
+                    out[c, j, a, b] += cell[a, b]
+    return left

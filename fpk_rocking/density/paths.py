@@ -8,6 +8,7 @@ an expansion about that path, to third order, unless the impact is slow. Where n
 the affine flight's.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -34,6 +35,7 @@ OVERTURNED_SIDE = 2
 _FAST, _SMOOTH = 2.0, 5.0
 
 
+@functools.cache
 def hermite_nodes(long, short):
     """Gauss-Hermite nodes (n, 2) along the long and the short axis in standard deviations, and weights (n,)."""
     (x, u), (y, w) = np.polynomial.hermite_e.hermegauss(long), np.polynomial.hermite_e.hermegauss(short)

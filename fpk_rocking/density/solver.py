@@ -1,78 +1,44 @@
-"""`solve_fpk`: the Fokker-Planck equation of a scene, from its start over whole forcing cycles."""
+"""`solve_fpk`: the Fokker-Planck equation of a scene, from its start over whole forcing cycles, to a tolerance."""
 
 import dataclasses
 import math
 import time
 import warnings
-from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking import checks
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lines, velocity_bound
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.start import Launch, initial_density
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking.density.resolution import ENOUGH, LADDER
+from fpk_rocking.density.run import Run
+from fpk_rocking.density.start import Departure
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import Scene
-
-
-@dataclasses.dataclass(frozen=True)
-class Resolution:
-    """Fineness of a solution, for the diffusion, the strip and the cycle of the main scene; `of` adapts it to others.
-
-    Parameters
-    ----------
-    angle_cells, velocity_cells, degree : int
-        Mesh and polynomial degree.
-    quadrature : Quadrature
-        Sampling of a step.
-    steps : int
-        Steps a cycle, even.
-    """
-
-    angle_cells: int
-    velocity_cells: int
-    degree: int
-    quadrature: Quadrature
-    steps: int
-
-    def of(self, scene, bound):
-        """Return the resolution for a scene: cells in proportion to the extents and to D^(-1/4), steps to the cycle."""
-        finer = (0.00628 / scene.noise.diffusion) ** 0.25
-        angle = self.angle_cells * max(finer, 0.5) * scene.overturning.angle / (math.pi / 2)
-        velocity = self.velocity_cells * max(finer, 0.5) * bound / 3.24
-        steps = max(self.steps * scene.period / 2.33, 0.5 * self.steps)
-        even = (2 * math.ceil(0.5 * value - 1e-9) for value in (angle, velocity, steps))
-        angle, velocity, steps = even
-        return dataclasses.replace(self, angle_cells=angle, velocity_cells=velocity, steps=steps)
-
-    def coarser(self):
-        """Return the resolution of the solution that the error is estimated against."""
-        return dataclasses.replace(
-            self,
-            angle_cells=2 * round(0.35 * self.angle_cells),
-            velocity_cells=2 * round(0.35 * self.velocity_cells),
-            steps=2 * math.ceil(0.375 * self.steps),
-        )
-
 
 UNRESOLVED = 0.05
 """Negative mass above which a density counts as not resolved."""
 
-PRESETS = {
-    1e-2: Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12),
-    1e-3: Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16),
-    1e-4: Resolution(60, 100, 4, Quadrature(10, 10, 7, 2), 20),
-}
-"""Resolution by tolerance: the loosest entry that is not looser than what was asked for is used."""
+NEGLIGIBLE = 1e-7
+"""Mass over `tol` that a cell must have held to be covered."""
+
+MEMORY = 1.5e9
+"""Bytes that a finer solution may be expected to need."""
+
+
+def bins_tolerance(tol):
+    """Return the error (L1) in the binned density that goes with an error `tol` in survival.
+
+    The bins are 32 x 64 equal ones between the cut-offs and the velocity bounds: .1 x .1 in the main scene.
+    """
+    return math.sqrt(tol) / 3.0
 
 
 def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     """Evolve the joint density of angle and velocity of a rocking block.
 
-    Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so.
+    Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so. The solution
+    is refined until its difference from the one before is below the tolerance, or memory ends it.
 
     Parameters
     ----------
@@ -81,9 +47,9 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     cycles : int
         Forcing cycles to evolve.
     tol : float
-        Wanted error in survival, from 1e-4 up; it chooses among three resolutions (docs/numerics.md).
+        Wanted error in survival, from 1e-4 up; the binned density is wanted to `bins_tolerance`.
     progress : callable, optional
-        Called as ``progress(done, total)`` after each cycle of the solution and of its error estimate.
+        Called as ``progress(done, total)`` after each cycle of each solution; `total` grows when one is added.
 
     Returns
     -------
@@ -92,58 +58,111 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     Warns
     -----
     RuntimeWarning
-        The mesh does not resolve the density: the negative mass is above `UNRESOLVED`, or the error estimate is above
-        ten times `tol`.
+        The finest solution that memory allows is not within the tolerance by its own estimate.
 
     Raises
     ------
     TypeError, ValueError
-        A parameter is not acceptable; no noise, and a restitution below `CRITICAL_RESTITUTION`, are refused.
+        A parameter is not acceptable; no noise, and a restitution below `CRITICAL_RESTITUTION`, are refused, as is a
+        scene whose density the finest mesh does not resolve.
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     cycles = checks.count("cycles", cycles)
-    tol = checks.number("tol", tol, at_least=min(PRESETS))
+    tol = checks.number("tol", tol, at_least=min(ENOUGH))
     white = scene.white_equivalent()
     _refuse_unsolvable(white)
-    bound = velocity_bound(white, white.noise.diffusion)
-    resolution = PRESETS[max(preset for preset in PRESETS if preset <= tol)].of(white, bound)
-    total = 2 * cycles
-    run, coarser = _Run(white, resolution, bound), resolution.coarser()
-    launch = run.launch()
-    shared = _common_step(launch.step, run.steps, coarser.steps)
-    fine = run.evolve(cycles, launch, shared, progress and (lambda done: progress(done, total)))
-    coarse = _Run(white, coarser, bound)
-    start = coarse.launch() if fine.shared is None else coarse.taken_over(fine.shared, run, shared)
-    second = coarse.evolve(cycles, start, None, progress and (lambda done: progress(cycles + done, total)))
-    space, overturned = run.space, fine.gone[:, :2]
-    lost = fine.gone[:, 2]
+    run, fine, errors = _refined(white, cycles, tol, _Progress(progress, cycles))
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
         closure=_closure(scene, white),
         tol=tol,
         survival=fine.inside,
-        overturned=overturned,
-        lost=lost,
-        error_estimate=float(np.abs(fine.inside - second.inside).max()),
+        overturned=fine.gone[:, :2],
+        lost=fine.gone[:, 2],
+        error_estimate=errors[0],
+        bins_error_estimate=errors[1],
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
-        negative_mass=max(space.negative_mass(density) for density in fine.coefficients[1:]),
+        negative_mass=max(run.space.negative_mass(density) for density in fine.coefficients[1:]),
         wall_s=time.perf_counter() - begin,
-        settings=dataclasses.asdict(resolution) | {"unknowns": space.unknowns, "velocity_bound": bound},
+        settings=dataclasses.asdict(run.resolution)
+        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
         coefficients=fine.coefficients,
-        space=space,
+        space=run.space,
     )
-    _warn_unresolved(result)
+    _judge(result)
     return result
 
 
-def _warn_unresolved(result):
-    if result.negative_mass > UNRESOLVED or result.error_estimate > 10.0 * result.tol:
+def _refined(white, cycles, tol, progress):
+    """Climb the ladder until the errors are within the tolerance: the last run, its solution, and both errors."""
+    bound = velocity_bound(white, white.noise.diffusion)
+    enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
+    run, fine, differences, departures = None, None, [], {}
+    for rung in range(enough - 2, len(LADDER)):
+        resolution, coarse = LADDER[rung].of(white, bound), fine
+        if rung > enough and run.memory * resolution.work / run.resolution.work > MEMORY:
+            break
+        run = Run(white, resolution, bound, NEGLIGIBLE * tol, run)
+        windows = resolution.windows
+        if windows not in departures:
+            departures[windows] = Departure(run.dynamics, white.start, windows, white.period)
+        fine = run.evolve(cycles, departures[windows], progress.next())
+        if coarse:
+            differences.append(
+                (
+                    float(np.abs(fine.inside - coarse.inside).max()),
+                    float(np.abs(fine.bins - coarse.bins)[1:].sum(axis=(1, 2)).max()),
+                )
+            )
+        if rung >= enough:
+            errors = estimated_error([survival for survival, _ in differences]), differences[-1][1]
+            if errors[0] <= tol and errors[1] <= bins_tolerance(tol):
+                break
+    return run, fine, errors
+
+
+def estimated_error(differences):
+    """Error in survival of the last of three or more solutions, from the differences of neighbours.
+
+    The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
+    tells, up to two and a half times as much.
+    """
+    before, last = differences[-2:]
+    return max(last, min(0.3 * before, 2.5 * last))
+
+
+class _Progress:
+    """Counts the cycles of all solutions; three are needed, and one more whenever they do not agree."""
+
+    def __init__(self, report, cycles):
+        self.report, self.cycles, self.done, self.total = report, cycles, 0, cycles
+
+    def next(self):
+        self.total = max(self.done + self.cycles, 3 * self.cycles)
+        return self._count
+
+    def _count(self):
+        self.done += 1
+        if self.report:
+            self.report(self.done, self.total)
+
+
+def _judge(result):
+    """Refuse what is not resolved, and warn of what is not within the tolerance."""
+    if result.negative_mass > UNRESOLVED:
+        accepted = (
+            f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass is "
+            f"{result.negative_mass:.1e}: the noise is too weak, or the block rattles at rest (use simulate())"
+        )
+        raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))
+    wanted = bins_tolerance(result.tol)
+    if result.error_estimate > result.tol or result.bins_error_estimate > wanted:
         warnings.warn(
-            f"the mesh does not resolve this density (negative mass {result.negative_mass:.1e}, error estimate "
-            f"{result.error_estimate:.1e} for tol {result.tol:g}): the noise is weak, or it rattles at rest; try a "
-            "smaller tol, or simulate()",
+            f"not within the tolerance: estimated error {result.error_estimate:.1e} in survival (tol {result.tol:g}) "
+            f"and {result.bins_error_estimate:.1e} in the binned density ({wanted:.1e}) on the finest mesh for this "
+            "scene; take a larger tol, or compare with simulate()",
             RuntimeWarning,
             stacklevel=3,
         )
@@ -169,86 +188,3 @@ def _closure(scene, white):
         f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as white noise of equal "
         f"Melnikov variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo."
     )
-
-
-class _Start(NamedTuple):
-    """A density to go on from: coefficients at a step, and the masses (3,) that had left by then."""
-
-    coefficients: np.ndarray
-    step: int
-    sinks: np.ndarray
-
-
-class _Solution(NamedTuple):
-    """Survival (cycles + 1,), masses gone (cycles + 1, 3), coefficients after each cycle, and the shared `_Start`."""
-
-    inside: np.ndarray
-    gone: np.ndarray
-    coefficients: np.ndarray
-    shared: _Start | None
-
-
-class _Run:
-    """One resolution: its space, and the steps of half a cycle."""
-
-    def __init__(self, white, resolution, bound):
-        self.scene, self.dynamics, self.steps = white, Dynamics.of(white), resolution.steps
-        self.space = Space(
-            graded_lines(white.overturning.angle, resolution.angle_cells, ANGLE_GRADING),
-            graded_lines(bound, resolution.velocity_cells, VELOCITY_GRADING),
-            resolution.degree,
-        )
-        self.duration = white.period / self.steps
-        self.half = [
-            Step(Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature), self.space)
-            for k in range(self.steps // 2)
-        ]
-
-    def launch(self):
-        """Carry the start to the first step at which the mesh resolves it."""
-        launch = Launch(self.dynamics, self.scene.start, self.space, self.duration, self.steps)
-        return _Start(launch.coefficients, launch.step, launch.sinks)
-
-    def taken_over(self, start, other, step):
-        """Project what another run has reached at one of its steps."""
-        coefficients = self.space.transfer(start.coefficients, other.space)
-        return _Start(coefficients, step * self.steps // other.steps, start.sinks)
-
-    def evolve(self, cycles, start, watched, progress):
-        """Evolve over whole cycles; `watched` is a step whose state is handed on."""
-        steps, scene = self.steps, self.scene
-        inside, out, shared = np.ones(cycles + 1), np.zeros((cycles + 1, 3)), None
-        coefficients = np.zeros((cycles + 1, *self.space.shape))
-        coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
-        inside[0] -= out[0].sum()
-        now, gone = start.coefficients, start.sinks.copy()
-        # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
-        turned = False
-        for k in range(start.step, cycles * steps + 1):
-            if k == watched:
-                shared = _Start(_turn(now) if turned else now, k, gone.copy())
-            if k % steps == 0:
-                current, cycle = _turn(now) if turned else now, k // steps
-                inside[cycle], out[cycle], coefficients[cycle] = self.space.masses(current).sum(), gone, current
-                if progress:
-                    progress(cycle)
-            if k == cycles * steps:
-                break
-            if (k % steps >= steps // 2) != turned:
-                now, turned = _turn(now), not turned
-            now, sinks = self.half[k % (steps // 2)].apply(now)
-            gone += sinks[[1, 0, 2]] if turned else sinks
-        return _Solution(inside, out, coefficients, shared)
-
-
-def _common_step(first, steps, others):
-    """First step from `first` on that is a step of the other run as well, in the first half cycle; else None."""
-    every = steps // math.gcd(steps, others)
-    step = every * -(-first // every)
-    return step if 2 * step <= steps else None
-
-
-def _turn(coefficients):
-    """Turn a density about the origin, (x, v) -> (-x, -v), on a mesh that is symmetric about it."""
-    signs = (-1.0) ** np.arange(coefficients.shape[-1])
-    return np.ascontiguousarray(coefficients[::-1, ::-1]) * np.outer(signs, signs)

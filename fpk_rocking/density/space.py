@@ -21,8 +21,9 @@ def shapes(points, degree):
     return values.reshape(*points.shape, degree + 1)
 
 
+@functools.cache
 def gauss(count):
-    """Gauss points and weights (count,) on [0, 1]."""
+    """Gauss points and weights (count,) on [0, 1]; not to be written to."""
     points, weights = legendre.leggauss(count)
     return 0.5 * (points + 1.0), 0.5 * weights
 
@@ -62,6 +63,11 @@ class Space:
     angle_lines: np.ndarray
     velocity_lines: np.ndarray
     degree: int
+
+    @property
+    def lines(self):
+        """Mesh lines (angle, velocity)."""
+        return self.angle_lines, self.velocity_lines
 
     @property
     def shape(self):

@@ -7,20 +7,15 @@ only then lifts off; under |f| <= 1 it keeps rattling. There the windows take st
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.density.landing import classify
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.density.window import NEGLIGIBLE, REACH, next_window, window_of
+from fpk_rocking.density.window import NEGLIGIBLE, Windows, next_window, window_of
 from fpk_rocking.physics.gaussian import flight_covariance
-
-GROWTH = 0.2
-"""A step of the windows over the time in which the noise has gathered."""
-
-EARLY = 0.02
-"""First time on a window over the time t* at which drift takes over from noise."""
 
 FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 """Sampling of a step between windows, and of a longer one in which nothing can happen."""
@@ -28,7 +23,7 @@ FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
-_RATTLE, _MOST_STEPS = 0.25, 200
+_RATTLE, _MOST_STEPS = 0.25, 800
 
 
 class Gaussian:
@@ -72,56 +67,88 @@ def initial_density(start, space, cutoff):
     return space.project(gaussian, 2 * space.degree + 2), gaussian.tails(cutoff)
 
 
-class Launch:
-    """The density at the first step boundary where the main mesh resolves it.
+class Carried(NamedTuple):
+    """A density on a window: its time, the window, the coefficients, and what has gone (3,) on the way."""
 
-    Attributes
+    time: float
+    window: Space
+    coefficients: np.ndarray
+    gone: np.ndarray
+
+
+class Departure:
+    """A start carried from window to window, as far as anyone asks; the ways to several meshes share it.
+
+    Parameters
     ----------
-    coefficients : ndarray
-        On the main mesh.
-    step : int
-        Its time in steps.
-    sinks : ndarray, shape (3,)
-        What overturned to the left and right, and what left the windows, on the way.
+    dynamics : Dynamics
+    start : Start
+        Of the scene.
+    windows : Windows
+        Their fineness.
+    period : float
+        Of the forcing: nothing is carried further.
     """
 
-    def __init__(self, dynamics: Dynamics, start, space: Space, duration, steps):
-        self.dynamics, self.space = dynamics, space
-        initial = Gaussian.of(start)
-        self.step = self._first_resolved(initial, duration, steps)
-        end = self.step * duration
-        time = self._quiet_time(initial, end)
-        gaussian = self._flight(initial, time)
-        window = window_of(gaussian.mean, gaussian.covariance, dynamics.cutoff)
-        self.sinks = np.array([*gaussian.tails(dynamics.cutoff), 0.0])
-        gathered = initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
-        self._follow(window, window.project(gaussian, FINE.angle), time, end, gathered)
+    def __init__(self, dynamics: Dynamics, start, windows: Windows, period):
+        self.dynamics, self.windows, self.period = dynamics, windows, period
+        self._initial = Gaussian.of(start)
+        self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
+        self._quiet = self._quiet_time()
+        self._carried, self._next = [self._undisturbed(self._quiet)], None
 
-    def _flight(self, initial, time):
+    def flight(self, time):
+        """Gaussian that an undisturbed flight leads to."""
+        initial = self._initial
         side = 1 if initial.mean[0] > 0.0 or (initial.mean[0] == 0.0 and initial.mean[1] > 0.0) else -1
         if not initial.mean.any():
             side = 1 if self.dynamics.force(0.0) > 0.0 else -1
         return initial.after(self.dynamics, 0.0, time, side) if time > 0.0 else initial
 
-    def _first_resolved(self, initial, duration, steps):
-        """First step boundary, one cycle at most, at which the mesh resolves an undisturbed Gaussian."""
-        for step in range(1, steps):
-            gaussian = self._flight(initial, step * duration)
-            xx, xv, vv = gaussian.covariance[0, 0], gaussian.covariance[0, 1], gaussian.covariance[1, 1]
-            angle = RESOLVED * _cell_size(self.space.angle_lines, gaussian.mean[0])
-            velocity = RESOLVED * _cell_size(self.space.velocity_lines, gaussian.mean[1])
-            if xx - xv * xv / vv >= angle * angle and vv - xv * xv / xx >= velocity * velocity:
-                return step
-        return steps
+    def land(self, end, target: Space):
+        """Density at a time on a mesh: coefficients, and the masses (3,) that have gone."""
+        now = self._before(end)
+        duration = end - now.time
+        quiet = self._free_time(now, duration) >= duration
+        trace = Trace(now.window, now.time, duration, self.dynamics, WIDE if quiet else FINE)
+        coefficients, sinks = Step(trace, target).apply(now.coefficients)
+        return coefficients, now.gone + sinks
 
-    def _quiet_time(self, initial, end):
-        """Last time before `end` until which the density is a Gaussian that nothing has disturbed."""
+    def _before(self, end):
+        """Last density on a window from which one step leads to a time."""
+        if end <= self._quiet / 0.75:
+            return self._undisturbed(min(self._quiet, 0.75 * end))
+        while self._carried[-1].time < end:
+            self._carried.append(self._further(self._carried[-1]))
+        return next(now for now in reversed(self._carried) if now.time < end)
+
+    def _further(self, now):
+        """Carry a density by one step, as long as its spread and what may happen to it allow."""
+        duration = min(self.windows.growth * (now.time + self._gathered), self._longest(now.time), self.period / 32)
+        free = self._free_time(now, self.period - now.time)
+        quiet = free >= duration
+        duration = max(free, duration)
+        trace = Trace(now.window, now.time, duration, self.dynamics, WIDE if quiet else FINE)
+        target = next_window(self.windows, trace, now.coefficients, self.dynamics.cutoff)
+        coefficients, sinks = Step(trace, target).apply(now.coefficients)
+        return Carried(now.time + duration, target, coefficients, now.gone + sinks)
+
+    def _undisturbed(self, time):
+        gaussian, cutoff = self.flight(time), self.dynamics.cutoff
+        window = window_of(self.windows, gaussian.mean, gaussian.covariance, cutoff)
+        coefficients, tails = window.project(gaussian, FINE.angle), gaussian.tails(cutoff)
+        gone = np.array([*tails, 1.0 - sum(tails) - window.masses(coefficients).sum()])
+        return Carried(time, window, coefficients, gone)
+
+    def _quiet_time(self):
+        """Last time until which the density is a Gaussian that nothing has disturbed."""
+        initial, least = self._initial, 1e-9 * self.period
         if not initial.mean.any() and not initial.covariance.any():
-            return min(EARLY * _drift_time(self.dynamics), 0.5 * end)
-        quiet = 0.0 if initial.covariance.any() else 1e-9 * end
-        for time in np.geomspace(max(quiet, 1e-9 * end), 0.75 * end, 100):
-            gaussian = self._flight(initial, time)
-            reach = REACH * math.sqrt(gaussian.covariance[0, 0])
+            return self.windows.early * _drift_time(self.dynamics)
+        quiet = 0.0 if initial.covariance.any() else least
+        for time in np.geomspace(least, 0.75 * self.period, 100):
+            gaussian = self.flight(time)
+            reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
             if (
                 not reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach
                 or gaussian.mean[0] * (initial.mean[0] or initial.mean[1]) < 0.0
@@ -130,40 +157,33 @@ class Launch:
             quiet = time
         return quiet
 
-    def _follow(self, window, coefficients, time, end, gathered):
-        """Carry a density from window to window, and to the main mesh at `end`."""
-        dynamics = self.dynamics
-        while time < end:
-            duration = min(GROWTH * (time + gathered), self._longest(time, end), end - time)
-            free = self._free_time(window, coefficients, time, end - time)
-            quiet = free >= duration
-            duration = max(free, duration)
-            if end - time - duration < 0.1 * duration:
-                duration = end - time
-            trace = Trace(window, time, duration, dynamics, WIDE if quiet else FINE)
-            time += duration
-            target = self.space if time >= end else next_window(trace, coefficients, dynamics.cutoff)
-            coefficients, sinks = Step(trace, target).apply(coefficients)
-            self.sinks += sinks
-            window = target
-        self.coefficients = coefficients
-
-    def _longest(self, time, end):
+    def _longest(self, time):
         """Longest step next to x = 0: under |f| < 1 the noise must still lift the block off within it."""
         gap = 1.0 - abs(self.dynamics.force(time))
-        return max(_RATTLE * self.dynamics.diffusion / gap**2, end / _MOST_STEPS) if gap > 0.0 else math.inf
+        return max(_RATTLE * self.dynamics.diffusion / gap**2, self.period / _MOST_STEPS) if gap > 0.0 else math.inf
 
-    def _free_time(self, window, coefficients, time, longest):
+    def _free_time(self, now, longest):
         """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
-        dynamics, masses = self.dynamics, np.abs(window.masses(coefficients))
+        dynamics, window, masses = self.dynamics, now.window, np.abs(now.window.masses(now.coefficients))
         for duration in longest * 0.5 ** np.arange(7):
-            reach = REACH * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
-            events = classify(
-                window.angle_lines, window.velocity_lines, time, duration, dynamics.harmonic, dynamics.cutoff, reach
-            )
+            reach = self.windows.reach * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
+            events = classify(*window.lines, now.time, duration, dynamics.harmonic, dynamics.cutoff, reach)
             if masses[events].sum() < NEGLIGIBLE:
                 return duration
         return 0.0
+
+
+def first_resolved(departure: Departure, space: Space, steps):
+    """First step boundary, one cycle at most, at which a mesh resolves an undisturbed Gaussian."""
+    for step in range(1, steps):
+        gaussian = departure.flight(step * departure.period / steps)
+        xx, xv, vv = gaussian.covariance[0, 0], gaussian.covariance[0, 1], gaussian.covariance[1, 1]
+        angle, velocity = (
+            RESOLVED * _cell_size(lines, mean) for lines, mean in zip(space.lines, gaussian.mean, strict=True)
+        )
+        if xx - xv * xv / vv >= angle * angle and vv - xv * xv / xx >= velocity * velocity:
+            return step
+    return steps
 
 
 def _drift_time(dynamics: Dynamics):

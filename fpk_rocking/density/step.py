@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.adjoint import collect
+from fpk_rocking.density.adjoint import collect, fly_back
 from fpk_rocking.density.landing import classify, settle_in_cells, trace_cells
 from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.paths import hermite_nodes, principal_axes
@@ -70,26 +70,54 @@ class Quadrature:
 
 
 class Trace:
-    """The paths of one step from all Gauss points of a space, before it is known on which mesh they land."""
+    """The paths of one step from the Gauss points of the cells that it covers, before it is known where they land.
 
-    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature):
-        self.source = source
+    Parameters
+    ----------
+    source : Space
+        Where the paths start.
+    start, duration : float
+        The step, nondimensional times.
+    dynamics : Dynamics
+    quadrature : Quadrature
+    whole : bool
+        Cover all cells now and keep the ends of their paths; else none is covered yet.
+
+    Attributes
+    ----------
+    marks, covered : ndarray of bool, shape (angle cells, velocity cells)
+        The cells that an event can reach, and those whose mass the step moves.
+    events : ndarray of int, shape (angle cells, velocity cells)
+        Number of a covered cell that an event can reach, in the order in which they were traced; else -1.
+    states, codes : ndarray
+        Ends of the paths of a whole trace, see `trace_cells`.
+    """
+
+    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, whole=True):
+        self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
         (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
         (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
-        nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
+        self._nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
         axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
-        self.offsets = nodes @ np.reshape(axes, (2, 2))
+        self.offsets = self._nodes @ np.reshape(axes, (2, 2))
         self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
-        self.dynamics, self.duration = dynamics, duration
+        self._margin = np.abs(self.offsets[:, 0]).max()
         lines = source.angle_lines, source.velocity_lines
-        margin = np.abs(self.offsets[:, 0]).max()
-        marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, margin)
-        self.events = np.full(marks.shape, -1, dtype=np.int32)
-        self.events[marks] = np.arange(np.count_nonzero(marks))
-        cells = np.ascontiguousarray(np.argwhere(marks))
-        self.states, self.codes = trace_cells(
-            cells, *lines, self.angle_points, self.velocity_points, start, duration, dynamics.harmonic,
-            dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes, self.offsets, margin,
+        self.marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, self._margin)
+        self.covered = np.zeros_like(self.marks)
+        self.events = np.full(self.marks.shape, -1, dtype=np.int32)
+        self.states, self.codes = self.cover(np.full_like(self.marks, whole))
+
+    def cover(self, cells):
+        """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
+        source, dynamics = self.source, self.dynamics
+        new = np.argwhere(self.marks & cells & ~self.covered)
+        self.covered |= cells
+        self.events[new[:, 0], new[:, 1]] = self.events.max() + 1 + np.arange(len(new))
+        return trace_cells(
+            new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self.start,
+            self.duration, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes,
+            self.offsets, self._margin,
         )  # fmt: skip
 
 
@@ -97,55 +125,72 @@ class Step:
     """The linear map of densities over one step, from the coefficients of one space to those of another.
 
     Mass is conserved to rounding: what does not land on the target is returned, overturned (to the left, to the
-    right) or beyond the mesh.
+    right) or lost, which is beyond the mesh or out of cells that the step does not cover.
+
+    Parameters
+    ----------
+    trace : Trace
+    target : Space
+        Where the paths end.
+    buffers : ndarray, optional
+        From `deposit_buffers`, to be shared by the steps of one run.
     """
 
-    def __init__(self, trace: Trace, target: Space):
+    def __init__(self, trace: Trace, target: Space, buffers=None):
         self.trace, self.target = trace, target
         self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
-        points = trace.states.copy()
-        cells = settle_in_cells(points, trace.codes, *self._grids, target.first_positive)
-        self._landed = cells, points
-        degree = trace.source.degree
+        degree, modes = trace.source.degree, target.degree + 1
         self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
         self._weights = trace.angle_weights, trace.velocity_weights
         self._affine = (
             trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
             trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
         )  # fmt: skip
-        angle, velocity, modes, _ = target.shape
-        self._buffers = np.empty((CHUNKS, angle * velocity, modes * modes))
+        self.buffers = deposit_buffers(target) if buffers is None else buffers
         self._sinks = np.empty((CHUNKS, 3))
-        self._flights = []
-        if target is trace.source:
-            self._flights = [
-                FreeFlight(
-                    target, side, (trace.cosh, trace.sinh, trace.shifts[side]), trace.dynamics.diffusion, trace.duration
-                )
-                for side, columns in ((1, target.shape[0] - target.first_positive), (-1, target.first_positive))
-                if columns
-            ]
-        self._chunks = self._split(cells)
         self._norms = (1.0,) * (degree + 1), (1.0,) * modes
+        self._landed = self._settled(trace.states, trace.codes)
+        self._prepare()
+
+    def cover(self, cells):
+        """Add cells (angle cells, velocity cells) to those whose mass the step moves."""
+        landed = self._settled(*self.trace.cover(cells))
+        self._landed = tuple(np.concatenate(pair) for pair in zip(self._landed, landed, strict=True))
+        self._prepare()
+
+    @property
+    def memory(self):
+        """Bytes that the step holds, shared buffers left out."""
+        return sum(part.nbytes for part in self._landed) + (self._flight.memory if self._flight else 0)
+
+    def _settled(self, states, codes):
+        points = states.copy()
+        return settle_in_cells(points, codes, *self._grids, self.target.first_positive), points
+
+    def _prepare(self):
+        """Divide the covered cells: free ones fly where source and target are one mesh, all others are deposited."""
+        trace = self.trace
+        self._flight, self._deposited = None, trace.covered
+        if self.target is trace.source:
+            affine = trace.cosh, trace.sinh, trace.shifts
+            free = trace.covered & ~trace.marks
+            self._deposited = trace.covered & trace.marks
+            self._flight = FreeFlight(self.target, free, affine, trace.dynamics.diffusion, trace.duration)
+        self._chunks = self._split()
 
     def apply(self, coefficients):
-        """Return the coefficients after the step and the masses (3,) that went left, right and off the mesh."""
-        trace, source, deposited = self.trace, self.trace.source, coefficients
-        if self._flights:
-            free = (trace.events < 0)[:, :, None, None]
-            flying, deposited = np.where(free, coefficients, 0.0), np.where(free, 0.0, coefficients)
+        """Return the coefficients after the step and the masses (3,) that went left, right and were lost."""
+        trace, source = self.trace, self.trace.source
         deposit(
-            deposited, source.areas, self._tables, self._weights, trace.events, self._landed, self._affine,
-            *self._grids, self._chunks, self._buffers, self._sinks, *self._norms,
+            coefficients, self._deposited, source.areas, self._tables, self._weights, trace.events, self._landed,
+            self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._norms,
         )  # fmt: skip
         out = np.empty(self.target.shape)
-        gather(self._buffers, self._chunks, self.target.areas, out)
+        gather(self.buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
-        for flight in self._flights:
-            part, overturned, lost = flight.apply(flying[flight.columns])
-            out[flight.columns] += part
-            sinks[:2] += overturned
-            sinks[2] += lost.sum()
+        if self._flight:
+            sinks += self._flight.apply(coefficients, out)
+        sinks[2] += source.masses(coefficients)[~trace.covered].sum()
         return out, sinks
 
     def apply_adjoint(self, values, worth):
@@ -159,7 +204,7 @@ class Step:
         values : ndarray, shape ``target.shape``
             Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
         worth : array_like, shape (3,)
-            Of having overturned to the left, to the right, and of having left the mesh.
+            Of having overturned to the left, to the right, and of being lost.
 
         Returns
         -------
@@ -167,37 +212,55 @@ class Step:
             Coefficients of the function before the step.
         """
         trace, worth = self.trace, np.asarray(worth, dtype=float)
-        out = np.empty(trace.source.shape)
-        for flight in self._flights:
-            out[flight.columns] = flight.apply_adjoint(values[flight.columns], worth)
-        cells = np.argwhere(trace.events >= 0 if self._flights else np.ones_like(trace.events))
+        out = np.zeros(trace.source.shape)
+        if self._flight:
+            fly_back(self._flight, values, worth, out)
         collect(
-            values.reshape(-1, self._buffers.shape[2]), worth, self._tables, self._weights, trace.events,
-            self._landed, self._affine, *self._grids, np.ascontiguousarray(cells), out, *self._norms,
+            values.reshape(-1, self.buffers.shape[2]), worth, self._tables, self._weights, trace.events,
+            self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._norms,
         )  # fmt: skip
+        out[~trace.covered, 0, 0] = worth[2]
         return out
 
-    def _split(self, cells):
+    def _split(self):
         """Columns of the source that each chunk reads, and columns of the target that it writes."""
         trace, (limit, across, *_) = self.trace, self.target.shape
-        lines = trace.source.angle_lines
-        edges = np.linspace(0, trace.source.shape[0], CHUNKS + 1).astype(np.int64)
+        (low, high), lines = self._reach(), self.target.angle_lines
+        first = np.where(low < high, np.clip(np.searchsorted(lines, low) - 1, 0, limit - 1), limit)
+        last = np.where(low < high, np.clip(np.searchsorted(lines, high) - 1, 0, limit - 1), -1)
+        landed = self._landed[0] // across
+        rows = np.nonzero(trace.events >= 0)[0]
+        order = trace.events[trace.events >= 0]
+        np.maximum.at(last, rows, landed.max(axis=(1, 2, 3))[order])
+        np.minimum.at(first, rows, np.where(landed < 0, limit, landed).min(axis=(1, 2, 3))[order])
+        load = np.cumsum(self._deposited.sum(axis=1) + 1e-9)
+        edges = np.searchsorted(load, load[-1] * np.arange(1, CHUNKS) / CHUNKS)
+        edges = np.concatenate([[0], edges, [len(load)]])
         chunks = np.zeros((CHUNKS, 4), dtype=np.int64)
-        for k, (low, high) in enumerate(itertools.pairwise(edges)):
-            rows = trace.events[low:high]
-            landed = cells[rows[rows >= 0]]
-            landed = landed[landed >= 0] // across
-            bounds = [landed.min(), landed.max()] if landed.size else []
-            for i in range(low, high) if not self._flights else ():
-                free = np.flatnonzero(trace.events[i] < 0)
-                if free.size:
-                    side = 1 if lines[i] + lines[i + 1] > 0.0 else -1
-                    v = trace.source.velocity_lines[[free[0], free[-1] + 1]]
-                    x = trace.shifts[side, 0] + trace.cosh * lines[[i, i + 1]] + trace.sinh * v
-                    reach = x + np.array([trace.offsets[:, 0].min(), trace.offsets[:, 0].max()])
-                    bounds += list(np.clip(np.searchsorted(self.target.angle_lines, reach) - 1, 0, limit - 1))
-            chunks[k] = low, high, min(bounds, default=0), max(bounds, default=-1) + 1
+        for k, (begin, end) in enumerate(itertools.pairwise(edges)):
+            reached = min(first[begin:end], default=limit), max(last[begin:end], default=-1) + 1
+            chunks[k] = begin, end, *(reached if reached[0] < reached[1] else (0, 0))
         return chunks
+
+    def _reach(self):
+        """Lowest and highest angle, (columns,) each, that the free cells to be deposited send a node to."""
+        trace, lines = self.trace, self.trace.source.angle_lines
+        free = self._deposited & ~trace.marks
+        hulls = np.stack([free.argmax(axis=1), free.shape[1] - free[:, ::-1].argmax(axis=1)])
+        shift = trace.shifts[np.where(lines[1:] + lines[:-1] > 0.0, 1, -1), 0]
+        low, high = (
+            shift + trace.cosh * edge + trace.sinh * trace.source.velocity_lines[hull] + extreme
+            for edge, hull, extreme in zip(
+                (lines[:-1], lines[1:]), hulls, (trace.offsets[:, 0].min(), trace.offsets[:, 0].max()), strict=True
+            )
+        )
+        return np.where(free.any(axis=1), [low, high], 0.0)
+
+
+def deposit_buffers(target: Space):
+    """Make room for what the chunks of a step deposit."""
+    angle, velocity, modes, _ = target.shape
+    return np.empty((CHUNKS, angle * velocity, modes * modes))
 
 
 def _grid(lines):

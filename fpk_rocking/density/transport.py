@@ -120,8 +120,8 @@ def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, veloci
 
 @kernel
 def deposit_chunk(
-    source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink, source_norms,
-    norms,
+    source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink,
+    source_norms, norms,
 ):  # fmt: skip
     """Deposit the columns of one chunk."""
     angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
@@ -134,7 +134,7 @@ def deposit_chunk(
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
         x = angle_lines[i] + angle_points * (angle_lines[i + 1] - angle_lines[i])
         for j in range(source.shape[1]):
-            if source[i, j, 0, 0] == 0.0 and not np.any(source[i, j]):
+            if not chosen[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
                 continue
             values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, source_norms)
             row = events[i, j]
@@ -151,6 +151,7 @@ def deposit_chunk(
 @kernel(parallel=True)
 def deposit(
     source,  # (angle cells, velocity cells, modes, modes) coefficients
+    chosen,  # (angle cells, velocity cells) of the source: those to deposit
     areas,  # (angle cells, velocity cells) of the source
     tables,  # (g, modes), (h, modes) shape functions at the Gauss points of both axes
     weights,  # (g,), (h,) Gauss weights on [0, 1]
@@ -165,10 +166,10 @@ def deposit(
     source_norms,  # tuple (modes,) of the source: its length tells the compiler the number of modes
     norms,  # the same of the target
 ):
-    """Deposit the density of all cells with a mass into the buffers of the chunks."""
+    """Deposit the density of the chosen cells into the buffers of the chunks."""
     for k in prange(len(chunks)):
         deposit_chunk(
-            source, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
+            source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
             chunks[k], buffers[k], sinks[k], source_norms, norms,
         )  # fmt: skip
 

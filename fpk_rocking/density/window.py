@@ -1,5 +1,6 @@
 """Windows: small meshes that follow a density too fine for the main mesh, and grow with it."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,11 +11,31 @@ from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Trace
 from fpk_rocking.jit import kernel
 
-REACH = 8.0
-"""Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside."""
+DEGREE = 3
+"""Degree of a window."""
 
-CELLS, DEGREE = 20, 3
-"""Cells an axis and degree of a window."""
+
+@dataclasses.dataclass(frozen=True)
+class Windows:
+    """Fineness of the windows of a start.
+
+    Parameters
+    ----------
+    cells : int
+        Cells an axis.
+    reach : float
+        Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
+    growth : float
+        A step next to x = 0 over the time in which the noise has gathered.
+    early : float
+        First time on a window, from rest, over the time t* at which drift takes over from noise.
+    """
+
+    cells: int
+    reach: float
+    growth: float
+    early: float
+
 
 MOST_CELLS = 60
 """Most cells an axis that tails and splinters of a density may ask for."""
@@ -23,8 +44,8 @@ NEGLIGIBLE, VISIBLE = 1e-13, 1e-10
 """Mass below which nothing is left, and mass of a node below which a window need not cover it."""
 
 
-def window_of(mean, covariance, cutoff, box=None):
-    """Space on which a density of these moments is resolved, REACH standard deviations to all sides.
+def window_of(windows: Windows, mean, covariance, cutoff, box=None):
+    """Space on which a density of these moments is resolved, `windows.reach` standard deviations to all sides.
 
     `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
     off. The window covers it with cells of the same size, up to MOST_CELLS of them.
@@ -32,8 +53,8 @@ def window_of(mean, covariance, cutoff, box=None):
     spread = np.sqrt(np.diag(covariance))
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
-    count = math.ceil(CELLS * max(1.0, 0.5 / thin))
-    low, high = mean - REACH * spread, mean + REACH * spread
+    count = math.ceil(windows.cells * max(1.0, 0.5 / thin))
+    low, high = mean - windows.reach * spread, mean + windows.reach * spread
     sizes = (high - low) / count
     if box is not None:
         low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
@@ -43,7 +64,7 @@ def window_of(mean, covariance, cutoff, box=None):
     return Space(np.clip(angle, -cutoff, cutoff), velocity, DEGREE)
 
 
-def next_window(trace: Trace, coefficients, cutoff):
+def next_window(windows: Windows, trace: Trace, coefficients, cutoff):
     """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
     values = source.cell_values(coefficients, trace.angle_points, trace.velocity_points)
@@ -60,7 +81,7 @@ def next_window(trace: Trace, coefficients, cutoff):
     # Nothing narrower than half a cell of the source is known of the density.
     xx = max(xx - x * x, 0.25 * np.diff(source.angle_lines).min() ** 2)
     vv = max(vv - v * v, 0.25 * np.diff(source.velocity_lines).min() ** 2)
-    return window_of(np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
+    return window_of(windows, np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
 
 
 @kernel

@@ -1,0 +1,115 @@
+"""How fine a solution is: a ladder of resolutions for the main scene, and its adaptation to other scenes."""
+
+import dataclasses
+import math
+
+from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING
+from fpk_rocking.density.step import Quadrature
+from fpk_rocking.density.window import Windows
+
+
+_MAIN_DIFFUSION = 0.00628
+
+THINNEST = 0.04
+"""Least speed of rattling at rest that a mesh is made for."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Resolution:
+    """Fineness of a solution, for the diffusion, the strip and the cycle of the main scene; `of` adapts it to others.
+
+    Parameters
+    ----------
+    angle_cells, velocity_cells, degree : int
+        Mesh and polynomial degree.
+    quadrature : Quadrature
+        Sampling of a step.
+    steps : int
+        Steps a cycle, even.
+    windows : Windows
+        What the start is carried on until the mesh resolves it.
+    angle_grading, velocity_grading : float
+        Exponents of the mesh lines, see `graded_lines`.
+    """
+
+    angle_cells: int
+    velocity_cells: int
+    degree: int
+    quadrature: Quadrature
+    steps: int
+    windows: Windows
+    angle_grading: float = ANGLE_GRADING
+    velocity_grading: float = VELOCITY_GRADING
+
+    def of(self, scene, bound):
+        """Return the resolution for a scene: cells in proportion to the extents and to D^(-1/4), steps by `longest_step`.
+
+        Where the block is never lifted off the mesh is also graded down to the layer in which it rattles.
+        """
+        cutoff, layer = scene.overturning.angle, rattling_speed(scene)
+        finer = max((_MAIN_DIFFUSION / scene.noise.diffusion) ** 0.25, 0.7)
+        angle = 2 * math.ceil(0.5 * self.angle_cells * finer * cutoff / (math.pi / 2) - 1e-9)
+        velocity = 2 * math.ceil(0.5 * self.velocity_cells * finer * bound / 3.24 - 1e-9)
+        steps = self.steps / 16 * scene.period / longest_step(scene)
+        return dataclasses.replace(
+            self,
+            angle_cells=angle,
+            velocity_cells=velocity,
+            steps=2 * math.ceil(0.5 * max(steps, 0.5 * self.steps) - 1e-9),
+            angle_grading=_grading(cutoff, angle, 0.08 * layer * layer, ANGLE_GRADING),
+            velocity_grading=_grading(bound, velocity, 0.04 * layer, VELOCITY_GRADING),
+        )
+
+    @property
+    def work(self):
+        """Size of a step's sampling and of the density, in proportion to the memory of a run."""
+        points = self.quadrature.angle * self.quadrature.velocity * self.quadrature.long * self.quadrature.short
+        return self.angle_cells * self.velocity_cells * ((self.degree + 1) ** 2 * 20 + points * self.steps)
+
+
+def rattling_speed(scene):
+    """Speed 2 D / (1 - e) at which a block rattles that the forcing never lifts off.
+
+    From the energy balance of a bouncing ball with noise (theory, section 8): its scale in angle is v^2 / 2. Infinite
+    where the block is lifted off, where nothing slows it (e = 1), and where the layer is too thin to be resolved.
+    """
+    restitution = scene.block.restitution
+    if scene.forcing.amplitude > 1.0 or restitution == 1.0:
+        return math.inf
+    speed = 2.0 * scene.noise.diffusion / (1.0 - restitution)
+    return speed if speed > THINNEST else math.inf
+
+
+def longest_step(scene):
+    """Longest time step for a scene, at 16 steps a cycle of the main scene.
+
+    Slow impacts must be few in a step where the forcing leaves the block at rest for long, and the layer in which it
+    rattles must not be left.
+    """
+    forcing = scene.forcing
+    lifted = forcing.amplitude > 1.0
+    quiet = 2.0 * math.asin(1.0 / forcing.amplitude) / forcing.frequency if lifted else math.inf
+    return min(2.33 / 16, 0.036 if quiet > 0.5 else math.inf, 0.15 * rattling_speed(scene))
+
+
+def _grading(half_width, cells, smallest, usual):
+    """Exponent that makes the smallest cell no larger than asked for."""
+    return max(usual, math.log(half_width / smallest) / math.log(cells // 2)) if smallest < half_width else usual
+
+
+_ROUGH, _GOOD = Windows(12, 5.0, 0.5, 0.01), Windows(14, 6.0, 0.4, 0.01)
+_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.005), Windows(28, 8.0, 0.1, 0.002)
+
+LADDER = (
+    Resolution(16, 28, 3, Quadrature(5, 5, 5, 2), 8, _ROUGH),
+    Resolution(22, 40, 3, Quadrature(5, 5, 5, 2), 10, _ROUGH),
+    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12, _ROUGH),
+    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16, _GOOD),
+    Resolution(60, 100, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
+    Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
+    Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
+)
+"""Each about 1.4 times as fine as the one before: what neighbours differ by tells the error."""
+
+ENOUGH = {1e-2: 2, 1e-3: 3, 1e-4: 4}
+"""The rung that is usually fine enough, by tolerance; never one of the first two."""

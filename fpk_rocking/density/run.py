@@ -1,0 +1,132 @@
+"""One resolution of one scene: its mesh, the steps of half a cycle, and the density evolved by them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from fpk_rocking.density.mesh import graded_lines
+from fpk_rocking.density.space import Space
+from fpk_rocking.density.start import Departure, first_resolved, initial_density
+from fpk_rocking.density.step import Dynamics, Step, Trace, deposit_buffers
+
+BINS = 32, 64
+"""Bins (angle, velocity) between the bounds, in which two solutions are compared; of about 0.1 in the main scene."""
+
+
+class Solution(NamedTuple):
+    """A density over whole cycles.
+
+    Parameters
+    ----------
+    inside : ndarray, shape (cycles + 1,)
+        Mass that has not overturned.
+    gone : ndarray, shape (cycles + 1, 3)
+        Masses that have overturned to the left, to the right, and that are lost.
+    coefficients : ndarray, shape (cycles + 1, *space.shape)
+    bins : ndarray, shape (cycles + 1, *BINS)
+        Probabilities of equal bins between the bounds.
+    """
+
+    inside: np.ndarray
+    gone: np.ndarray
+    coefficients: np.ndarray
+    bins: np.ndarray
+
+
+class Run:
+    """A scene with white noise at one resolution.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    resolution : Resolution
+        Adapted to the scene.
+    bound : float
+        Velocity bound of the mesh.
+    negligible : float
+        A cell that has never held more is not covered: what comes to it is lost, and counted.
+    guide : Run, optional
+        A run of the same scene that tells which cells to cover.
+    """
+
+    def __init__(self, white, resolution, bound, negligible, guide=None):
+        self.scene, self.dynamics, self.resolution = white, Dynamics.of(white), resolution
+        self.steps, self.negligible = resolution.steps, negligible
+        self.space = Space(
+            graded_lines(white.overturning.angle, resolution.angle_cells, resolution.angle_grading),
+            graded_lines(bound, resolution.velocity_cells, resolution.velocity_grading),
+            resolution.degree,
+        )
+        self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
+        self.half = [
+            Step(
+                Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature, whole=False),
+                self.space,
+                buffers,
+            )
+            for k in range(self.steps // 2)
+        ]
+        self.occupied = np.zeros((self.steps // 2, *self.space.shape[:2]), dtype=bool)
+        if guide:
+            self.occupied[:] = [guide.occupied_near(k / self.steps, self.space) for k in range(self.steps // 2)]
+
+    @property
+    def memory(self):
+        """Bytes that the run holds, densities of all cycles left out."""
+        return self.half[0].buffers.nbytes + sum(step.memory for step in self.half)
+
+    def occupied_near(self, part, space):
+        """Cells of another space that meet one which was occupied about a part of the cycle below a half."""
+        before = int(part * self.steps + 1e-9)
+        after = min(before + (part * self.steps - before > 1e-9), self.steps // 2 - 1)
+        meets = [
+            (other[:-1, None] < own[1:]) & (other[1:, None] > own[:-1])
+            for other, own in zip(space.lines, self.space.lines, strict=True)
+        ]
+        marks = self.occupied[before] | self.occupied[after]
+        return meets[0].astype(np.int32) @ marks @ meets[1].T > 0
+
+    def evolve(self, cycles, departure: Departure, progress=None):
+        """Evolve over whole cycles, from where the mesh takes over from the windows of a start."""
+        steps, scene = self.steps, self.scene
+        inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
+        coefficients = np.zeros((cycles + 1, *self.space.shape))
+        coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
+        inside[0] -= out[0].sum()
+        edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
+        first = first_resolved(departure, self.space, steps)
+        now, gone = departure.land(first * self.duration, self.space)
+        # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
+        turned = False
+        for k in range(first, cycles * steps + 1):
+            if k % steps == 0:
+                current, cycle = turn(now) if turned else now, k // steps
+                inside[cycle], out[cycle], coefficients[cycle] = self.space.masses(current).sum(), gone, current
+                if progress:
+                    progress()
+            if k == cycles * steps:
+                break
+            if (k % steps >= steps // 2) != turned:
+                now, turned = turn(now), not turned
+            now, sinks = self._covering(k % (steps // 2), now).apply(now)
+            gone += sinks[[1, 0, 2]] if turned else sinks
+        # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
+        bins = np.array([self.space.bin_integrals(density, *edges) for density in coefficients])
+        return Solution(inside, out, coefficients, bins)
+
+    def _covering(self, k, coefficients):
+        """Step k of the half cycle, which covers all cells that hold something."""
+        step = self.half[k]
+        occupied = np.abs(coefficients).max(axis=(2, 3)) * self.space.areas > self.negligible
+        self.occupied[k] |= occupied
+        if np.any(occupied & ~step.trace.covered):
+            step.cover(binary_dilation(self.occupied[k], iterations=2))
+        return step
+
+
+def turn(coefficients):
+    """Turn a density about the origin, (x, v) -> (-x, -v), on a mesh that is symmetric about it."""
+    signs = (-1.0) ** np.arange(coefficients.shape[-1])
+    return np.ascontiguousarray(coefficients[::-1, ::-1]) * np.outer(signs, signs)
