@@ -23,6 +23,9 @@ FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
+BARELY = 0.1
+"""The same, where it must."""
+
 _RATTLE, _MOST_STEPS = 0.25, 800
 
 
@@ -105,6 +108,11 @@ class Departure:
             side = 1 if self.dynamics.force(0.0) > 0.0 else -1
         return initial.after(self.dynamics, 0.0, time, side) if time > 0.0 else initial
 
+    def undisturbed(self, gaussian):
+        """Whether a Gaussian keeps away from x = 0 and the cut-off."""
+        reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
+        return reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach
+
     def land(self, end, target: Space):
         """Density at a time on a mesh: coefficients, and the masses (3,) that have gone."""
         now = self._before(end)
@@ -148,11 +156,7 @@ class Departure:
         quiet = 0.0 if initial.covariance.any() else least
         for time in np.geomspace(least, 0.75 * self.period, 100):
             gaussian = self.flight(time)
-            reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
-            if (
-                not reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach
-                or gaussian.mean[0] * (initial.mean[0] or initial.mean[1]) < 0.0
-            ):
+            if not self.undisturbed(gaussian) or gaussian.mean[0] * (initial.mean[0] or initial.mean[1]) < 0.0:
                 break
             quiet = time
         return quiet
@@ -174,16 +178,29 @@ class Departure:
 
 
 def first_resolved(departure: Departure, space: Space, steps):
-    """First step boundary, one cycle at most, at which a mesh resolves an undisturbed Gaussian."""
+    """Step boundary, one cycle at most, at which a mesh takes over from the windows.
+
+    It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
+    at least `BARELY` resolved there: the windows would have to follow it through the event.
+    """
+    before = None
     for step in range(1, steps):
         gaussian = departure.flight(step * departure.period / steps)
-        xx, xv, vv = gaussian.covariance[0, 0], gaussian.covariance[0, 1], gaussian.covariance[1, 1]
-        angle, velocity = (
-            RESOLVED * _cell_size(lines, mean) for lines, mean in zip(space.lines, gaussian.mean, strict=True)
-        )
-        if xx - xv * xv / vv >= angle * angle and vv - xv * xv / xx >= velocity * velocity:
+        resolved = _resolution(gaussian, space)
+        if resolved >= RESOLVED:
             return step
+        if departure.undisturbed(gaussian):
+            before = step if resolved >= BARELY else None
+        elif before:
+            return before
     return steps
+
+
+def _resolution(gaussian, space):
+    """Conditional standard deviations of a Gaussian over the size of the cell it is centred in: the lesser one."""
+    xx, xv, vv = gaussian.covariance[0, 0], gaussian.covariance[0, 1], gaussian.covariance[1, 1]
+    angle, velocity = (_cell_size(lines, mean) for lines, mean in zip(space.lines, gaussian.mean, strict=True))
+    return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
 
 
 def _drift_time(dynamics: Dynamics):
