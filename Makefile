@@ -25,7 +25,7 @@ test: $(STAMP)  ## the test suite
 
 bench: $(STAMP)  ## the slow tests and the benchmarks
 	$(BIN)/python -m pytest -m slow || [ $$? -eq 5 ]  # 5: there is none
-	@set -e; for script in main_scene monte_carlo white_order; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+	@set -e; for script in main_scene monte_carlo white_order eulerian; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
 
 lint: $(STAMP)  ## ruff
 	$(BIN)/ruff check

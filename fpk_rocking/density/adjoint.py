@@ -268,7 +268,6 @@ def fly_back(flight, function, worth, out):
     turned, values = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
     fixed = flight.tables, flight.edges, flight.sizes
     land_rows_back(function, flight.orders[2], *third, flight.shear, *fixed, worth[:2], turned, norms)
-    kick_rows_back(
-        turned, flight.orders[1], *second, flight.kick, flight.blur, flight.tables, flight.sizes, worth[2], values, norms
-    )
+    kick, blur, tables, sizes = flight.kick, flight.blur, flight.tables, flight.sizes
+    kick_rows_back(turned, flight.orders[1], *second, kick, blur, tables, sizes, worth[2], values, norms)
     drift_rows_back(values, flight.free, flight.orders[0], *first, flight.shear, *fixed, out, norms)

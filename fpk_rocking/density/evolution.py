@@ -11,7 +11,10 @@ from fpk_rocking.scene import Scene
 from fpk_rocking.storage import read_result, write_result
 
 _KIND = "evolution"
-_SCALARS = ("diffusion", "closure", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s", "settings")
+_SCALARS = (
+    "diffusion", "closure", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s",
+    "settings",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numba import prange
 
+from fpk_rocking.density.rows import angle_rows, by_velocity, covered, hulls, order, union
 from fpk_rocking.density.shifts import hermite, landing_range, prepare_shift
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.jit import kernel
@@ -76,17 +77,17 @@ class FreeFlight:
         sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
         whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
 
-        first = _hulls(_angle_rows(free, middle))
+        first = hulls(angle_rows(free, middle))
         drifted = landing_range(space.angle_lines, sides, drifts, fine, first)
-        second = _hulls(_by_velocity(_covered(drifted, limit)).T)
+        second = hulls(by_velocity(covered(drifted, limit)).T)
         kicked = landing_range(space.velocity_lines, whole, kicks, still, second)
         blurred = landing_range(space.velocity_lines, whole, nothing, blur, kicked)
-        third = _hulls(_angle_rows(_covered(blurred, across), middle))
+        third = hulls(angle_rows(covered(blurred, across), middle))
         landed = landing_range(space.angle_lines, sides, drifts, fine, third)
         self.ranges = (first, drifted), (second, kicked, blurred), (third, landed)
-        self.orders = _order(first), _order(second), _order(third)
-        degree, every = space.degree, _hulls(_covered(kicked, across).any(axis=0)[None])
-        self.shear = prepare_shift(space.angle_lines, sides, drifts, fine, fine_weights, degree, _union(first, third))
+        self.orders = order(first), order(second), order(third)
+        degree, every = space.degree, hulls(covered(kicked, across).any(axis=0)[None])
+        self.shear = prepare_shift(space.angle_lines, sides, drifts, fine, fine_weights, degree, union(first, third))
         self.kick = prepare_shift(space.velocity_lines, whole, kicks, still, one, degree, second)
         self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, blur, blur_weights, degree, every)
 
@@ -94,6 +95,13 @@ class FreeFlight:
     def memory(self):
         """Bytes of the prepared shifts."""
         return sum(part.nbytes for shift in (self.shear, self.kick, self.blur) for part in shift)
+
+    @property
+    def operations(self):
+        """Multiplications and additions of a flight, without the changes of basis."""
+        modes, blurred = len(self.edges[0]), self.ranges[1][2]
+        wide = self.blur.count.mean() * (blurred[:, 1] - blurred[:, 0]).sum() * modes**3
+        return 2 * (2 * self.shear.blocks.size + self.kick.blocks.size + wide)
 
     def apply(self, coefficients, out):
         """Add the density after the step to `out`, and return the masses that passed the bounds.
@@ -130,45 +138,6 @@ class FreeFlight:
 def _line_points(lines, points):
     """Gauss points (cells, points) of all cells of a line."""
     return lines[:-1, None] + np.diff(lines)[:, None] * points
-
-
-def _angle_rows(cells, middle):
-    """Rows along the angle (2 * velocity cells, angle cells), those with x < 0 first, of marked cells."""
-    rows = np.concatenate([cells.T, cells.T])
-    rows[: cells.shape[1], middle:] = False
-    rows[cells.shape[1] :, :middle] = False
-    return rows
-
-
-def _by_velocity(rows):
-    """Join the two rows of each interval of the velocity: (velocity cells, angle cells)."""
-    left, right = np.split(rows, 2)
-    return left | right
-
-
-def _hulls(rows):
-    """First marked cell of each row and the one after the last, (rows, 2); 0, 0 where there is none."""
-    hulls = np.stack([rows.argmax(axis=1), rows.shape[1] - rows[:, ::-1].argmax(axis=1)], axis=1)
-    return np.where(rows.any(axis=1)[:, None], hulls, 0)
-
-
-def _covered(ranges, cells):
-    """Mark the cells of ranges: (rows, cells)."""
-    places = np.arange(cells)
-    return (places >= ranges[:, :1]) & (places < ranges[:, 1:])
-
-
-def _union(first, second):
-    """Hull of two ranges in each row."""
-    empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
-    both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
-    return np.where(empty[0], second, np.where(empty[1], first, both))
-
-
-def _order(ranges):
-    """Rows with something in them, dealt out so that equal parts of the list hold like rows."""
-    rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
-    return np.concatenate([rows[::2], rows[1::2]])
 
 
 @kernel(fastmath=_FAST)
@@ -281,7 +250,7 @@ def drift_rows(coefficients, free, order, sources, targets, shift, tables, edges
 
 @kernel(parallel=True)
 def kick_rows(values, order, sources, kicked, blurred, kick, blur, tables, sizes, out, norms):
-    """Shear of the velocity and its blur: values to (velocity cells, angle cells, velocity, angle); masses that left."""
+    """Shear and blur of the velocity: values to (velocity cells, angle cells, velocity, angle); masses that left."""
     across, modes, left = values.shape[1], len(norms), np.zeros(len(sources))
     for n in prange(len(order)):
         c = order[n]

@@ -7,7 +7,6 @@ from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING
 from fpk_rocking.density.step import Quadrature
 from fpk_rocking.density.window import Windows
 
-
 _MAIN_DIFFUSION = 0.00628
 
 THINNEST = 0.04
@@ -42,7 +41,7 @@ class Resolution:
     velocity_grading: float = VELOCITY_GRADING
 
     def of(self, scene, bound):
-        """Return the resolution for a scene: cells in proportion to the extents and to D^(-1/4), steps by `longest_step`.
+        """Return the resolution for a scene: cells by the extents and D^(-1/4), steps by `longest_step`.
 
         Where the block is never lifted off the mesh is also graded down to the layer in which it rattles.
         """

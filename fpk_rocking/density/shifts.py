@@ -169,7 +169,7 @@ def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, so
 
     `norms`, a tuple (modes,), tells the compiler the number of modes.
     """
-    origin, first, count, start, blocks, beyond, ends = shift
+    origin, first, _, start, blocks, beyond, ends = shift
     for r in prange(len(source)):
         floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
         for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
@@ -188,10 +188,14 @@ def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, so
                             )  # fmt: skip
                     if beyond[r, 0] >= 0:
                         stop = min(right, floor - move)
-                        add_integral(left, stop, left, right, weights[n], points, point_weights, ends[beyond[r, 0], q, cell])
+                        add_integral(
+                            left, stop, left, right, weights[n], points, point_weights, ends[beyond[r, 0], q, cell]
+                        )
                     if beyond[r, 1] >= 0:
                         begin = max(left, top - move)
-                        add_integral(begin, right, left, right, weights[n], points, point_weights, ends[beyond[r, 1], q, cell])
+                        add_integral(
+                            begin, right, left, right, weights[n], points, point_weights, ends[beyond[r, 1], q, cell]
+                        )
 
 
 @kernel(parallel=True)

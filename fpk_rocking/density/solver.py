@@ -153,8 +153,8 @@ def _judge(result):
     """Refuse what is not resolved, and warn of what is not within the tolerance."""
     if result.negative_mass > UNRESOLVED:
         accepted = (
-            f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass is "
-            f"{result.negative_mass:.1e}: the noise is too weak, or the block rattles at rest (use simulate())"
+            f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
+            f"is {result.negative_mass:.1e}: the noise is too weak, or the block rattles at rest (use simulate())"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))
     wanted = bins_tolerance(result.tol)

@@ -163,6 +163,12 @@ class Step:
         """Bytes that the step holds, shared buffers left out."""
         return sum(part.nbytes for part in self._landed) + (self._flight.memory if self._flight else 0)
 
+    @property
+    def operations(self):
+        """Multiplications and additions of a step, about."""
+        modes = self.target.degree + 1
+        return self._landed[0].size * (24 + 2 * modes * modes) + (self._flight.operations if self._flight else 0)
+
     def _settled(self, states, codes):
         points = states.copy()
         return settle_in_cells(points, codes, *self._grids, self.target.first_positive), points
