@@ -152,11 +152,11 @@ def test_turned_scene_has_the_turned_density(skewed):
 def test_nothing_is_unaccounted_for(skewed):
     balance = skewed.survival + skewed.overturned.sum(axis=1) + skewed.lost
     assert np.abs(balance - 1.0).max() < 1e-12
-    assert skewed.mass_defect == pytest.approx(np.abs(balance - 1.0).max(), abs=1e-16)
+    assert skewed.mass_defect == pytest.approx(np.abs(balance - 1.0).max(), abs=1e-14)
     assert skewed.survival[1:] == pytest.approx([skewed.at(k).moment(0, 0) for k in (1, 2)], abs=1e-13)
     assert np.all(np.diff(skewed.survival) < -0.01)
     assert np.all(np.diff(skewed.overturned, axis=0) > 0.0)
-    assert np.abs(skewed.lost).max() < 1e-6
+    assert np.abs(skewed.lost).max() < 3e-6
     assert skewed.negative_mass == pytest.approx(
         max(skewed.space.negative_mass(coefficients) for coefficients in skewed.coefficients), rel=1e-12
     )
@@ -192,7 +192,7 @@ def test_launch_layer_is_that_of_an_independent_simulation():
     scene = load_scene("cases/scenes/second.toml")
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
-    departure = Departure(dynamics, scene.start, Windows(20, 8.0, 0.2, 0.005), scene.period)
+    departure = Departure(dynamics, scene.start, Windows(20, 8.0, 0.2, 0.005, 5), scene.period)
     first = first_resolved(departure, space, 16)
     coefficients, gone = departure.land(first * step, space)
     assert first <= 5

@@ -132,7 +132,7 @@ def test_shifts_are_projections_of_the_moved_lines(trace, coefficients, side):
     free, out = np.zeros(SOURCE.shape[:2], dtype=bool), np.zeros(SOURCE.shape)
     free[columns] = True
     overturned_left, overturned_right, lost = lines.FreeFlight(
-        SOURCE, free, affinity, DYNAMICS.diffusion, DURATION
+        SOURCE, free, affinity, DYNAMICS.diffusion, DURATION, 15
     ).apply(coefficients, out)
     expected, angle_ends, velocity_ends = free_flight(
         coefficients[columns], lines_of(side), DYNAMICS, START, DURATION, side

@@ -20,9 +20,6 @@ from fpk_rocking.density.shifts import hermite, landing_range, prepare_shift
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.jit import kernel
 
-BLUR_NODES = 15
-"""Gauss-Hermite nodes of the velocity's blur: they end at 6.4 standard deviations, beyond which nothing is sent."""
-
 _FINE_NODES = 2
 """Of the angle's blurs, which are far narrower than a cell: variance and third moment are exact."""
 
@@ -54,9 +51,11 @@ class FreeFlight:
         cosh and sinh of the duration, and shifts (3, 2) with the side as first index.
     diffusion, duration : float
         D and the length of the step.
+    nodes : int
+        Gauss-Hermite nodes of the velocity's blur.
     """
 
-    def __init__(self, space: Space, free, affine, diffusion, duration):
+    def __init__(self, space: Space, free, affine, diffusion, duration, nodes):
         _, sinh, shifts = affine
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
@@ -67,7 +66,7 @@ class FreeFlight:
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
         shear = math.tanh(0.5 * duration)
         large, small = blur_variances(diffusion, duration)
-        (fine, fine_weights), (blur, blur_weights), (still, one) = hermite(_FINE_NODES), hermite(BLUR_NODES), hermite(1)
+        (fine, fine_weights), (blur, blur_weights), (still, one) = hermite(_FINE_NODES), hermite(nodes), hermite(1)
         fine, blur = math.sqrt(small) * fine, math.sqrt(large) * blur
         drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
         along = shear * _line_points(space.velocity_lines, points)

@@ -96,14 +96,14 @@ def _grading(half_width, cells, smallest, usual):
     return max(usual, math.log(half_width / smallest) / math.log(cells // 2)) if smallest < half_width else usual
 
 
-_ROUGH, _GOOD = Windows(12, 5.0, 0.5, 0.01), Windows(14, 6.0, 0.4, 0.01)
-_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.005), Windows(28, 8.0, 0.1, 0.002)
+_ROUGH, _GOOD = Windows(10, 5.0, 0.7, 0.01, 4), Windows(14, 6.0, 0.4, 0.01, 4)
+_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.005, 5), Windows(28, 8.0, 0.1, 0.002, 5)
 
 LADDER = (
-    Resolution(16, 28, 3, Quadrature(5, 5, 5, 2), 8, _ROUGH),
-    Resolution(22, 40, 3, Quadrature(5, 5, 5, 2), 10, _ROUGH),
-    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2), 12, _ROUGH),
-    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2), 16, _GOOD),
+    Resolution(16, 28, 3, Quadrature(5, 5, 5, 2, 9), 6, _ROUGH),
+    Resolution(22, 40, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
+    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2, 9), 12, _ROUGH),
+    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2, 9), 16, _GOOD),
     Resolution(60, 100, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
     Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),

@@ -9,9 +9,14 @@ from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.start import Departure, first_resolved, initial_density
 from fpk_rocking.density.step import Dynamics, Step, Trace, deposit_buffers
+from fpk_rocking.jit import kernel
 
 BINS = 32, 64
 """Bins (angle, velocity) between the bounds, in which two solutions are compared; of about 0.1 in the main scene."""
+
+
+_MARGIN = 1
+"""Cells around those that hold something that are covered too, so that a growing density does not ask every time."""
 
 
 class Solution(NamedTuple):
@@ -119,11 +124,24 @@ class Run:
     def _covering(self, k, coefficients):
         """Step k of the half cycle, which covers all cells that hold something."""
         step = self.half[k]
-        occupied = np.abs(coefficients).max(axis=(2, 3)) * self.space.areas > self.negligible
-        self.occupied[k] |= occupied
-        if np.any(occupied & ~step.trace.covered):
-            step.cover(binary_dilation(self.occupied[k], iterations=2))
+        if occupy(coefficients, self.space.areas, self.negligible, step.trace.covered, self.occupied[k]):
+            step.cover(binary_dilation(self.occupied[k], iterations=_MARGIN))
         return step
+
+
+@kernel
+def occupy(coefficients, areas, negligible, covered, occupied):
+    """Mark the cells that hold more than a mass, and tell whether one of them is not covered."""
+    (limit, across, modes, _), beyond = coefficients.shape, False
+    for i in range(limit):
+        for j in range(across):
+            least = negligible / areas[i, j]
+            for a in range(modes):
+                for b in range(modes):
+                    if abs(coefficients[i, j, a, b]) > least:
+                        occupied[i, j] = True
+            beyond |= occupied[i, j] and not covered[i, j]
+    return beyond
 
 
 def turn(coefficients):

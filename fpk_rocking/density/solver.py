@@ -19,7 +19,7 @@ from fpk_rocking.scene import Scene
 UNRESOLVED = 0.05
 """Negative mass above which a density counts as not resolved."""
 
-NEGLIGIBLE = 1e-7
+NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be covered."""
 
 MEMORY = 1.5e9
@@ -81,22 +81,20 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
         survival=fine.inside,
         overturned=fine.gone[:, :2],
         lost=fine.gone[:, 2],
-        error_estimate=errors[0],
-        bins_error_estimate=errors[1],
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
-        negative_mass=max(run.space.negative_mass(density) for density in fine.coefficients[1:]),
         wall_s=time.perf_counter() - begin,
         settings=dataclasses.asdict(run.resolution)
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
         coefficients=fine.coefficients,
         space=run.space,
+        **errors,
     )
     _judge(result)
     return result
 
 
 def _refined(white, cycles, tol, progress):
-    """Climb the ladder until the errors are within the tolerance: the last run, its solution, and both errors."""
+    """Climb the ladder until all errors are acceptable: the last run, its solution, and its errors by name."""
     bound = velocity_bound(white, white.noise.diffusion)
     enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
     run, fine, differences, departures = None, None, [], {}
@@ -117,20 +115,21 @@ def _refined(white, cycles, tol, progress):
                 )
             )
         if rung >= enough:
-            errors = estimated_error([survival for survival, _ in differences]), differences[-1][1]
-            if errors[0] <= tol and errors[1] <= bins_tolerance(tol):
+            error, bins_error = estimated_error(differences, fine), differences[-1][1]
+            negative = max(run.space.negative_mass(density) for density in fine.coefficients[1:])
+            if error <= tol and bins_error <= bins_tolerance(tol) and negative <= UNRESOLVED:
                 break
-    return run, fine, errors
+    return run, fine, {"error_estimate": error, "bins_error_estimate": bins_error, "negative_mass": negative}
 
 
-def estimated_error(differences):
-    """Error in survival of the last of three or more solutions, from the differences of neighbours.
+def estimated_error(differences, solution):
+    """Error in survival of the last of three or more solutions, from the differences (survival, bins) of neighbours.
 
     The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
-    tells, up to two and a half times as much.
+    tells, up to two and a half times as much. Not less than what was lost.
     """
-    before, last = differences[-2:]
-    return max(last, min(0.3 * before, 2.5 * last))
+    (before, _), (last, _) = differences[-2:]
+    return max(last, min(0.3 * before, 2.5 * last), float(np.abs(solution.gone[:, 2]).max()))
 
 
 class _Progress:

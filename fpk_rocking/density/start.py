@@ -17,8 +17,8 @@ from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.density.window import NEGLIGIBLE, Windows, next_window, window_of
 from fpk_rocking.physics.gaussian import flight_covariance
 
-FINE, WIDE = Quadrature(5, 5, 5, 2), Quadrature(5, 5, 9, 3)
-"""Sampling of a step between windows, and of a longer one in which nothing can happen."""
+SHORT, LONG = (5, 2), (9, 3)
+"""Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
 
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
@@ -118,7 +118,7 @@ class Departure:
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
-        trace = Trace(now.window, now.time, duration, self.dynamics, WIDE if quiet else FINE)
+        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(quiet))
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         return coefficients, now.gone + sinks
 
@@ -136,15 +136,19 @@ class Departure:
         free = self._free_time(now, self.period - now.time)
         quiet = free >= duration
         duration = max(free, duration)
-        trace = Trace(now.window, now.time, duration, self.dynamics, WIDE if quiet else FINE)
+        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(quiet))
         target = next_window(self.windows, trace, now.coefficients, self.dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
+    def _sampling(self, quiet):
+        points = self.windows.points
+        return Quadrature(points, points, *(LONG if quiet else SHORT))
+
     def _undisturbed(self, time):
         gaussian, cutoff = self.flight(time), self.dynamics.cutoff
         window = window_of(self.windows, gaussian.mean, gaussian.covariance, cutoff)
-        coefficients, tails = window.project(gaussian, FINE.angle), gaussian.tails(cutoff)
+        coefficients, tails = window.project(gaussian, self.windows.points + 1), gaussian.tails(cutoff)
         gone = np.array([*tails, 1.0 - sum(tails) - window.masses(coefficients).sum()])
         return Carried(time, window, coefficients, gone)
 

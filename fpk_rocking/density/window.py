@@ -29,12 +29,15 @@ class Windows:
         A step next to x = 0 over the time in which the noise has gathered.
     early : float
         First time on a window, from rest, over the time t* at which drift takes over from noise.
+    points : int
+        Gauss points an axis of a cell.
     """
 
     cells: int
     reach: float
     growth: float
     early: float
+    points: int
 
 
 MOST_CELLS = 60
