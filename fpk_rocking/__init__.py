@@ -21,7 +21,7 @@ from fpk_rocking.scene import (
 )
 
 # The density solver brings the compiler and the finite-element library: loaded on first use.
-_LAZY = {"solve_fpk": "fpk_rocking.density", "Evolution": "fpk_rocking.density"}
+_LAZY = dict.fromkeys(("solve_fpk", "solve_positive", "Evolution"), "fpk_rocking.density")
 
 __all__ = [
     "BandNoise",
@@ -37,6 +37,7 @@ __all__ = [
     "load_scene",
     "melnikov",
     "solve_fpk",
+    "solve_positive",
 ]
 
 

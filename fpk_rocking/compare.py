@@ -11,6 +11,7 @@ import typing
 import numpy as np
 
 from fpk_rocking import checks, distances
+from fpk_rocking.analytics import melnikov
 from fpk_rocking.binning import joint_edges
 from fpk_rocking.remarks import name_of, noise_text, remarks
 
@@ -69,6 +70,12 @@ class Comparison:
         Distances of the binned joint densities, and what they are expected to be for two samples of one law.
     outside : ndarray, shape (m, 2)
         P(not overturned) outside all bins.
+    melnikov_amplitude, melnikov_loss : float
+        Amplitude D_m of the harmonic part of the Melnikov process, and M, which it has to exceed without noise.
+    melnikov_deviation, melnikov_margin : ndarray, shape (2,)
+        Of each result's noise as its scene states it: σ_M, and √(D_m² + σ_M²) - M, positive where paper eq. 14 is met.
+    phase_flux : ndarray, shape (2,)
+        Mean positive part Φ of the Melnikov process of each scene (see `fpk_rocking.melnikov.phase_flux`).
     wall_s : tuple of float
         Seconds each result took.
     remarks : tuple of str
@@ -91,6 +98,11 @@ class Comparison:
     hellinger: np.ndarray
     hellinger_floor: np.ndarray
     outside: np.ndarray
+    melnikov_amplitude: float
+    melnikov_loss: float
+    melnikov_deviation: np.ndarray
+    melnikov_margin: np.ndarray
+    phase_flux: np.ndarray
     wall_s: tuple[float, float]
     remarks: tuple[str, ...]
 
@@ -151,6 +163,7 @@ def compare(first, second, joint_cycles=None) -> Comparison:
         hellinger=columns[:, 2],
         hellinger_floor=columns[:, 3],
         outside=columns[:, 4:],
+        **_melnikov(both),
         wall_s=(float(first.wall_s), float(second.wall_s)),
         remarks=_remarks(first, second),
     )
@@ -198,6 +211,18 @@ def _joint(both, sizes, cycle, edges):
         distances.hellinger_floor(common, *sizes),
         *(result.survival[cycle] - values.sum() for result, values in zip(both, bins, strict=True)),
     )
+
+
+def _melnikov(both) -> dict:
+    forcing, restitution = both[0].scene.forcing, both[0].scene.block.restitution
+    noise = [result.scene.noise for result in both]
+    return {
+        "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing)),
+        "melnikov_loss": float(melnikov.impact_loss(restitution)),
+        "melnikov_deviation": np.sqrt([melnikov.noise_variance(one) for one in noise]),
+        "melnikov_margin": melnikov.margin(forcing, restitution, noise),
+        "phase_flux": melnikov.phase_flux(forcing, restitution, noise),
+    }
 
 
 def _interval(result) -> np.ndarray:

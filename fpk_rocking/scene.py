@@ -69,6 +69,31 @@ class Scene:
         """T = 2π/Ω in nondimensional time: one cycle."""
         return self.forcing.period
 
+    def varied(self, **parts):
+        """Return the scene with some values changed, for a study over them.
+
+        Parameters
+        ----------
+        **parts : dict or part of a scene
+            New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        TypeError, ValueError
+            A part or a key is unknown, or a value is refused.
+        """
+        own = _fields(self)
+        checks.arguments("", own | parts, Scene)
+        for name, given in parts.items():
+            if isinstance(given, dict):
+                cls = type(own[name])
+                parts[name] = cls(**checks.arguments(name, _fields(own[name]) | given, cls))
+        return dataclasses.replace(self, **parts)
+
     def white_equivalent(self):
         """Return the same scene with white noise of the equivalent diffusion.
 
@@ -180,7 +205,7 @@ class Scene:
 
     def to_toml(self):
         """Return the TOML text that `from_toml` reads back as an equal scene."""
-        tables = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        tables = _fields(self)
         if self.block.dimensions is not None:
             tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
         return "\n".join(_table(name, part) for name, part in tables.items())
@@ -216,6 +241,11 @@ def load_scene(path):
         return Scene.from_toml(text)
     except (TypeError, ValueError) as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def _fields(value):
+    """Return the fields of a dataclass, themselves and not copied."""
+    return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
 def _read(name, table, reader):

@@ -131,6 +131,17 @@ def test_to_dict_is_json():
     assert set(values) == {field.name for field in dataclasses.fields(compared)}
 
 
+def test_melnikov_figures_of_each_noise():
+    """D_m = 9.2/8.29, M = 0.375; the noise of an ensemble without any does not count."""
+    quiet = dataclasses.replace(MAIN, noise=NoNoise())
+    compared = compare(fakes.FakeEnsemble(quiet), fakes.FakeEvolution(MAIN))
+    assert (compared.melnikov_amplitude, compared.melnikov_loss) == pytest.approx((9.2 / 8.29, 0.375))
+    deviation = math.sqrt(0.008 * (10.0 / 101.0 + math.atan(10.0)))
+    assert compared.melnikov_deviation == pytest.approx([0.0, deviation])
+    assert compared.melnikov_margin == pytest.approx([9.2 / 8.29 - 0.375, math.hypot(9.2 / 8.29, deviation) - 0.375])
+    assert compared.phase_flux == pytest.approx([0.186117, 0.188039], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "change"),
     [

@@ -21,7 +21,8 @@ LAYERS = [
     {"fpk_rocking.parts"},
     {"fpk_rocking.scene"},
     {"fpk_rocking.storage", "fpk_rocking.remarks", "fpk_rocking.binning", "fpk_rocking.distances"},
-    {"fpk_rocking.analytics", "fpk_rocking.density", "fpk_rocking.compare", "montecarlo"},
+    {"fpk_rocking.analytics"},
+    {"fpk_rocking.density", "fpk_rocking.compare", "montecarlo"},
     {"fpk_rocking.output"},
     {"fpk_rocking.cli"},
 ]

@@ -246,3 +246,16 @@ def test_white_equivalent_changes_the_noise_alone():
     assert white.noise.diffusion == pytest.approx(0.00628, abs=5e-6)
     assert white.white_equivalent() is white
     assert scene().white_equivalent().noise == WhiteNoise(0.0)
+
+
+def test_varied_changes_what_it_is_told_alone():
+    main = load_scene(SCENES / "main.toml")
+    varied = main.varied(block={"restitution": 1}, noise={"variance": 0.01, "band": (0, 5)})
+    assert varied == dataclasses.replace(main, block=Block(1.0), noise=BandNoise(0.01, (0.0, 5.0), 100))
+    assert main.varied(noise=NoNoise()) == dataclasses.replace(main, noise=NoNoise())
+    with pytest.raises(ValueError, match=r"noise\.varience: unknown, accepted: .*did you mean noise\.variance\?"):
+        main.varied(noise={"varience": 0.01})
+    with pytest.raises(ValueError, match=r"blocks: unknown, accepted: block, .*did you mean block\?"):
+        main.varied(blocks={"restitution": 1})
+    with pytest.raises(TypeError, match=r"forcing: got 4\.2, accepted: Forcing"):
+        main.varied(forcing=4.2)

@@ -1,19 +1,17 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, from its start over whole forcing cycles, to a tolerance."""
 
 import dataclasses
-import math
 import time
-import warnings
 
 import numpy as np
 
 from fpk_rocking import checks
+from fpk_rocking.density.acceptance import Progress, bins_tolerance, closure_of, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.resolution import ENOUGH, LADDER
 from fpk_rocking.density.run import Run
 from fpk_rocking.density.start import Departure
-from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import Scene
 
 UNRESOLVED = 0.05
@@ -24,14 +22,6 @@ NEGLIGIBLE = 1e-6
 
 MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
-
-
-def bins_tolerance(tol):
-    """Return the error (L1) in the binned density that goes with an error `tol` in survival.
-
-    The bins are 32 x 64 equal ones between the cut-offs and the velocity bounds: .1 x .1 in the main scene.
-    """
-    return math.sqrt(tol) / 3.0
 
 
 def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
@@ -71,12 +61,12 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     cycles = checks.count("cycles", cycles)
     tol = checks.number("tol", tol, at_least=min(ENOUGH))
     white = scene.white_equivalent()
-    _refuse_unsolvable(white)
-    run, fine, errors = _refined(white, cycles, tol, _Progress(progress, cycles))
+    refuse_unsolvable(white)
+    run, fine, errors = _refined(white, cycles, tol, Progress(progress, cycles, least=3))
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
-        closure=_closure(scene, white),
+        closure=closure_of(scene, white),
         tol=tol,
         survival=fine.inside,
         overturned=fine.gone[:, :2],
@@ -99,9 +89,10 @@ def _refined(white, cycles, tol, progress):
     enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
     run, fine, differences, departures = None, None, [], {}
     for rung in range(enough - 2, len(LADDER)):
-        resolution, coarse = LADDER[rung].of(white, bound), fine
+        resolution = LADDER[rung].of(white, bound)
         if rung > enough and run.memory * resolution.work / run.resolution.work > MEMORY:
             break
+        coarse, fine = fine and fine._replace(coefficients=None), None
         run = Run(white, resolution, bound, NEGLIGIBLE * tol, run)
         windows = resolution.windows
         if windows not in departures:
@@ -132,22 +123,6 @@ def estimated_error(differences, solution):
     return max(last, min(0.3 * before, 2.5 * last), float(np.abs(solution.gone[:, 2]).max()))
 
 
-class _Progress:
-    """Counts the cycles of all solutions; three are needed, and one more whenever they do not agree."""
-
-    def __init__(self, report, cycles):
-        self.report, self.cycles, self.done, self.total = report, cycles, 0, cycles
-
-    def next(self):
-        self.total = max(self.done + self.cycles, 3 * self.cycles)
-        return self._count
-
-    def _count(self):
-        self.done += 1
-        if self.report:
-            self.report(self.done, self.total)
-
-
 def _judge(result):
     """Refuse what is not resolved, and warn of what is not within the tolerance."""
     if result.negative_mass > UNRESOLVED:
@@ -156,34 +131,4 @@ def _judge(result):
             f"is {result.negative_mass:.1e}: the noise is too weak, or the block rattles at rest (use simulate())"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))
-    wanted = bins_tolerance(result.tol)
-    if result.error_estimate > result.tol or result.bins_error_estimate > wanted:
-        warnings.warn(
-            f"not within the tolerance: estimated error {result.error_estimate:.1e} in survival (tol {result.tol:g}) "
-            f"and {result.bins_error_estimate:.1e} in the binned density ({wanted:.1e}) on the finest mesh for this "
-            "scene; take a larger tol, or compare with simulate()",
-            RuntimeWarning,
-            stacklevel=3,
-        )
-
-
-def _refuse_unsolvable(white):
-    if white.noise.diffusion == 0.0:
-        accepted = "noise: without it there is no density to evolve (simulate() follows single trajectories)"
-        raise ValueError(checks.refusal("noise", "none, or of size 0", accepted))
-    if white.block.restitution <= CRITICAL_RESTITUTION:
-        accepted = (
-            f"above {CRITICAL_RESTITUTION:.5f} with white noise: below it there are infinitely many impacts in finite "
-            "time, and what follows is not defined (band noise can be sampled with simulate())"
-        )
-        raise ValueError(checks.refusal("block.restitution", white.block.restitution, accepted))
-
-
-def _closure(scene, white):
-    if scene.noise.kind == "white":
-        return ""
-    low, high = scene.noise.band
-    return (
-        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as white noise of equal "
-        f"Melnikov variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo."
-    )
+    warn_beyond(result, "compare with simulate()")

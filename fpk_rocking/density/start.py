@@ -96,22 +96,20 @@ class Departure:
     def __init__(self, dynamics: Dynamics, start, windows: Windows, period):
         self.dynamics, self.windows, self.period = dynamics, windows, period
         self._initial = Gaussian.of(start)
+        x, v = self._initial.mean
+        self._side = 1 if (x or v or dynamics.force(0.0)) > 0.0 else -1
         self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
         self._quiet = self._quiet_time()
         self._carried, self._next = [self._undisturbed(self._quiet)], None
 
     def flight(self, time):
         """Gaussian that an undisturbed flight leads to."""
-        initial = self._initial
-        side = 1 if initial.mean[0] > 0.0 or (initial.mean[0] == 0.0 and initial.mean[1] > 0.0) else -1
-        if not initial.mean.any():
-            side = 1 if self.dynamics.force(0.0) > 0.0 else -1
-        return initial.after(self.dynamics, 0.0, time, side) if time > 0.0 else initial
+        return self._initial.after(self.dynamics, 0.0, time, self._side) if time > 0.0 else self._initial
 
     def undisturbed(self, gaussian):
-        """Whether a Gaussian keeps away from x = 0 and the cut-off."""
+        """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
         reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
-        return reach < abs(gaussian.mean[0]) < self.dynamics.cutoff - reach
+        return reach < self._side * gaussian.mean[0] < self.dynamics.cutoff - reach
 
     def land(self, end, target: Space):
         """Density at a time on a mesh: coefficients, and the masses (3,) that have gone."""
@@ -160,7 +158,7 @@ class Departure:
         quiet = 0.0 if initial.covariance.any() else least
         for time in np.geomspace(least, 0.75 * self.period, 100):
             gaussian = self.flight(time)
-            if not self.undisturbed(gaussian) or gaussian.mean[0] * (initial.mean[0] or initial.mean[1]) < 0.0:
+            if not self.undisturbed(gaussian):
                 break
             quiet = time
         return quiet

@@ -7,6 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fpk_rocking.compare import compare
 from fpk_rocking.output import style
+from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.remarks import label_of, name_of, noise_text, remarks
 
 __all__ = ["survival_figure"]
@@ -72,10 +73,7 @@ def _survival(axes, result, label, colour, marker):
     if not _is_sample(result):
         axes.plot(cycles, survival, color=colour, label=label)
         return
-    low, high = np.asarray(result.survival_interval(0.95)).T
-    # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
-    bars = np.maximum([survival - low, high - survival], 0.0)
-    axes.errorbar(cycles, survival, bars, color=colour, label=label, **_points(marker))
+    error_bars(axes, cycles, survival, result.survival_interval(0.95), color=colour, label=label, marker=marker)
 
 
 def _difference(axes, comparison, place):

@@ -5,15 +5,17 @@ import textwrap
 import numpy as np
 
 from fpk_rocking.output import style
+from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.remarks import label_of, noise_text, remarks
 
-__all__ = ["motion_figure"]
+__all__ = ["ANGLE", "TIME", "VELOCITY", "history_panel", "motion_figure"]
+
+TIME = "time τ, nondimensional"
+ANGLE = "angle, in units of the critical angle"
+VELOCITY = "velocity, nondimensional"
 
 _SIZE = (10.5, 12.4)
 _NOTE_WIDTH = 115
-_TIME = "time τ, nondimensional"
-_ANGLE = "angle, in units of the critical angle"
-_VELOCITY = "velocity, nondimensional"
 _INTERVALS = "density, 95 % intervals"
 
 
@@ -51,22 +53,32 @@ def motion_figure(path, histories, ensemble, maps, passage, speeds, title):
         top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.15, 1.0, 0.8))
         rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for r, axes in enumerate(rows):
-            _history(axes, histories, r)
+            history_panel(axes, histories, r)
+            axes.set_title(f"realization {r}", loc="right", fontsize=9, color="#333333", pad=3.0)
         rows[0].set_title("Time histories; a dot is an impact, a cross the overturning at the cut-off", loc="left")
-        rows[-1].set_xlabel(_TIME)
-        top.supylabel(_ANGLE, fontsize=10)
+        rows[-1].set_xlabel(TIME)
+        top.supylabel(ANGLE, fontsize=10)
         points, means = middle.subplots(1, 2)
         _points(points, ensemble)
         _means(means, maps)
         first, impacts = bottom.subplots(1, 2)
-        _bars(first, passage, "Time of overturning", _TIME)
+        _bars(first, passage, "Time of overturning", TIME)
         first.set_ylabel(_INTERVALS)
         _bars(impacts, speeds, "Speed just before an impact", "speed, nondimensional")
         impacts.set_ylabel(_INTERVALS)
         return style.save(figure, path)
 
 
-def _history(axes, histories, r):
+def history_panel(axes, histories, r):
+    """Draw the angle of one realization against time, its impacts as dots and its overturning as a cross.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    histories : Histories
+    r : int
+        Number of the realization.
+    """
     cutoff = histories.scene.overturning.angle
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
     for level in (-cutoff, cutoff):
@@ -78,7 +90,6 @@ def _history(axes, histories, r):
     if side:
         axes.plot(histories.overturn_time[r], side * cutoff, "x", color=style.OVERTURNED, markersize=8, mew=2)
     axes.set(ylim=(-1.15 * cutoff, 1.15 * cutoff), xlim=(0.0, histories.time[-1]))
-    axes.set_title(f"realization {r}", loc="right", fontsize=9, color="#333333", pad=3.0)
 
 
 def _points(axes, ensemble):
@@ -86,7 +97,7 @@ def _points(axes, ensemble):
     standing = np.count_nonzero(np.isfinite(angle))
     axes.plot(angle, velocity, ",", color=style.COLOURS[0], alpha=0.6, rasterized=True)
     axes.set(title=f"Poincaré points of the {standing:,} that stand after {ensemble.cycles} cycles")
-    axes.set(xlabel=_ANGLE, ylabel=_VELOCITY)
+    axes.set(xlabel=ANGLE, ylabel=VELOCITY)
 
 
 def _means(axes, maps):
@@ -96,14 +107,12 @@ def _means(axes, maps):
         axes.errorbar(*found.points.T, xerr=errors[0], yerr=errors[1], color=colour, label=label, **shape)
     start = next(iter(maps.values())).points[0]
     axes.annotate("start", start, xytext=(8, -3), textcoords="offset points")
-    axes.set(title="Mean Poincaré maps, 95 % intervals of each averaging", xlabel=_ANGLE, ylabel=_VELOCITY)
+    axes.set(title="Mean Poincaré maps, 95 % intervals of each averaging", xlabel=ANGLE, ylabel=VELOCITY)
     axes.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def _bars(axes, histogram, title, label):
-    middles, (low, high) = 0.5 * (histogram.edges[1:] + histogram.edges[:-1]), histogram.interval.T
+    middles = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
     axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
-    # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
-    bars = np.maximum([histogram.density - low, high - histogram.density], 0.0)
-    axes.errorbar(middles, histogram.density, bars, fmt="none", ecolor=style.COLOURS[0], elinewidth=1.2)
+    error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")
     axes.set(title=title, xlabel=label, ylim=(0.0, None), xlim=(histogram.edges[0], histogram.edges[-1]))

@@ -5,7 +5,7 @@ import pathlib
 
 from fpk_rocking.storage import replaced_atomically
 
-__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "save"]
+__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "save", "shades"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 OVERTURNED = "#D55E00"
@@ -41,6 +41,14 @@ def drawing():
 
     with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):
         yield figure
+
+
+def shades(count) -> list:
+    """Return colours for `count` values in ascending order, dark to light, each legible as a line on white."""
+    import matplotlib as mpl
+
+    steps = range(count)
+    return [mpl.colors.to_hex(mpl.colormaps["viridis"](0.82 * step / max(count - 1, 1))) for step in steps]
 
 
 def save(figure, path) -> pathlib.Path:

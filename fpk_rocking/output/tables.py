@@ -77,7 +77,7 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
     note = "z: difference of survival in combined standard errors. Floor: what sampling alone explains."
-    return title, table, (*_sizes(comparisons), note, *sentences)
+    return title, table, (*_sizes(comparisons), note, _melnikov(comparisons), *sentences)
 
 
 def _table() -> Table:
@@ -92,6 +92,20 @@ def _sizes(comparisons) -> list[str]:
         if size is not None
     }
     return [f"Realizations: {', '.join(f'{name} {size:,}' for name, size in sizes.items())}."] if sizes else []
+
+
+def _melnikov(comparisons) -> str:
+    """D_m, M and, for each noise among the results, σ_M, the margin of (14) and Φ."""
+    first = comparisons[0]
+    parts = {
+        (f"{deviation:.4f}", f"{margin:+.4f}", f"{flux:.5f}")
+        for compared in comparisons
+        for deviation, margin, flux in zip(
+            compared.melnikov_deviation, compared.melnikov_margin, compared.phase_flux, strict=True
+        )
+    }
+    noisy = "; ".join(f"σ_M = {d}, margin √(D_m² + σ_M²) - M = {m}, phase flux Φ = {f}" for d, m, f in sorted(parts))
+    return f"Melnikov: D_m = {first.melnikov_amplitude:.4f} against M = {first.melnikov_loss:.4f}; {noisy}."
 
 
 def _survival(compared, cycle, which):

@@ -1,0 +1,220 @@
+"""Phase flux against amplitude, frequency, restitution and noise: cf. Fig. 4 of Lin and Yim (1996).
+
+The phase flux Φ is the mean positive part of the Melnikov process: the phase-space area that crosses a separatrix per
+unit time, to first order. Around (A, Ω) = (4, 4), without noise and with σ² = 0.16, are shown
+
+* the Melnikov process of one realization of the noise, whose positive part, shaded, has the mean Φ,
+* Φ against the amplitude, against the frequency, and against the variance of the noise,
+* Φ against the restitution: corrected, as eqs. 17 and 18 are printed, and by Monte Carlo of the expectation.
+
+Band noise of finitely many harmonics is not Gaussian; the mean of the positive part over many realizations tells how
+much of Φ rests on its being so.
+
+The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+
+Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
+122(8), 719-727, 1996, Fig. 4.
+
+Run time: about five seconds.
+
+    python cases/fig04_phase_flux.py --out results/fig04
+
+Files: ``fig04.png``, ``fig04.json``.
+"""
+
+import argparse
+import math
+import pathlib
+import sys
+
+import numpy as np
+
+from fpk_rocking import BandNoise, Forcing, NoNoise, melnikov
+from fpk_rocking.output import style, summary
+
+FORCING = Forcing(4.0, 4.0)
+RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
+BANDS = (5.0, 10.0, 20.0)
+SHOWN_CYCLES = 12
+PHASES, APART = 32, 13
+_NOTE = "Noise band [0, 10] with 100 harmonics: inferred by this project; the paper states none."
+_FLUX = "phase flux Φ, nondimensional"
+
+
+def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -> dict:
+    """Compute, draw and write everything.
+
+    Parameters
+    ----------
+    out : path
+        Folder for the files; created if missing.
+    variance : float
+        σ² of the noise on [0, 10].
+    points : int
+        Of each curve.
+    strata, realizations, seed : int
+        Of the sampled expectation, and of the band noise whose processes are averaged.
+
+    Returns
+    -------
+    dict
+        What ``fig04.json`` holds: fluxes without and with noise by method, one column a restitution.
+    """
+    out, noise = pathlib.Path(out), BandNoise(variance, (0.0, 10.0), 100)
+    noises = [[NoNoise()], [noise]]
+    corrected = melnikov.phase_flux(FORCING, RESTITUTIONS, noises)
+    sampled, error = melnikov.phase_flux_sampled(FORCING, RESTITUTIONS, noises, strata=strata, seed=seed)
+    printed = {n: melnikov.phase_flux_as_printed(FORCING, RESTITUTIONS, noises, n) for n in (17, 18)}
+    processes = [process_flux(noise, e, realizations, seed) for e in RESTITUTIONS]
+    bands = [[BandNoise(variance, (0.0, high), 100)] for high in BANDS]
+    values = {
+        "figure": "Fig. 4 of Lin and Yim, J. Eng. Mech. 122(8), 1996",
+        "amplitude": FORCING.amplitude,
+        "frequency": FORCING.frequency,
+        "variances": [0.0, variance],
+        "restitutions": list(RESTITUTIONS),
+        "corrected": corrected.tolist(),
+        "sampled": sampled.tolist(),
+        "sampled_standard_error": error.tolist(),
+        "printed_17": printed[17].tolist(),
+        "printed_18": printed[18].tolist(),
+        "processes": [mean for mean, _ in processes],
+        "processes_standard_error": [deviation for _, deviation in processes],
+        "bands": list(BANDS),
+        "corrected_by_band": melnikov.phase_flux(FORCING, RESTITUTIONS, bands).tolist(),
+        "remarks": [_NOTE],
+    }
+    draw(out / "fig04.png", noise, points, values, seed)
+    summary.write_summary(out / "fig04.json", values)
+    return values
+
+
+def drawn(noise, count, seed):
+    """Frequencies and phases (count, N) of realizations of the noise (paper eq. 4)."""
+    generator = np.random.default_rng(seed)
+    shape = (count, noise.harmonics)
+    return generator.uniform(*noise.band, shape), generator.uniform(0.0, 2.0 * math.pi, shape)
+
+
+def process_flux(noise, restitution, realizations, seed):
+    """Mean positive part of sampled processes over the phases and over realizations, and its standard error.
+
+    The phases are taken from cycles far apart, at which the noise has forgotten itself.
+    """
+    times = FORCING.period * (APART + 1.0 / PHASES) * np.arange(PHASES)
+    means = []
+    for part in np.array_split(np.column_stack(drawn(noise, realizations, seed)), max(realizations // 500, 1)):
+        process = melnikov.sampled_process(FORCING, restitution, noise, times, *np.split(part, 2, axis=1))
+        means.append(np.maximum(process, 0.0).mean(axis=1))
+    means = np.concatenate(means)
+    return float(means.mean()), float(means.std(ddof=1) / math.sqrt(realizations))
+
+
+def draw(path, noise, points, values, seed):
+    """Write the picture."""
+    with style.drawing() as new_figure:
+        figure = new_figure(figsize=(10.5, 11.2), layout="constrained")
+        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
+        figure.suptitle("Phase flux (cf. paper Fig. 4)", fontsize=15)
+        figure.supxlabel(_NOTE, x=0.02, ha="left", color="#333333", fontsize=10)
+        rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]
+        panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 1.0))
+        _process(panels["process"], noise, seed)
+        _sweep(panels["amplitude"], np.linspace(0.0, 8.0, points), 0, noise, "amplitude A")
+        _sweep(panels["frequency"], np.linspace(0.5, 8.0, points), 1, noise, "frequency Ω")
+        _restitution(panels["restitution"], noise, points, values)
+        _variance(panels["variance"], points)
+        style.save(figure, path)
+
+
+def _process(axes, noise, seed):
+    e = 0.5
+    time = np.linspace(0.0, SHOWN_CYCLES * FORCING.period, 1500)
+    process = melnikov.sampled_process(FORCING, e, noise, time, *drawn(noise, 1, seed))[0]
+    axes.plot(time, melnikov.process_mean(FORCING, e, time), "--", color=style.COLOURS[0], label="mean, that is σ² = 0")
+    axes.plot(time, process, color=style.COLOURS[1], label=f"one realization, σ² = {noise.variance:g}")
+    part = {"color": style.COLOURS[1], "alpha": 0.3, "linewidth": 0.0, "label": "positive part"}
+    axes.fill_between(time, 0.0, np.maximum(process, 0.0), **part)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    axes.set(title=f"Melnikov process at (A, Ω) = (4, 4), e = {e:g}", xlabel="time offset τ₀, nondimensional")
+    axes.set(ylabel="energy, nondimensional", xlim=(0.0, time[-1]))
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.25 * (high - low))
+    axes.legend(loc="upper left", ncols=3)
+
+
+def _sweep(axes, swept, place, noise, name):
+    """Φ against one parameter of the forcing, the other as in `FORCING`."""
+    forcing = [FORCING.amplitude, FORCING.frequency]
+    axes.axvline(forcing[place], color="#999999", linewidth=0.8)
+    forcing[place] = swept
+    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+        axes.plot(swept, melnikov.phase_flux(tuple(forcing), e, NoNoise()), color=colour, label=f"e = {e:g}")
+        axes.plot(swept, melnikov.phase_flux(tuple(forcing), e, noise), "--", color=colour)
+    axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}")
+    fixed = f"A = {FORCING.amplitude:g}" if place else f"Ω = {FORCING.frequency:g}"
+    axes.set(title=f"Against the {name}, {fixed}", xlabel=f"{name}, nondimensional", ylabel=_FLUX)
+    if place:
+        # Over the frequency the flux spans orders of magnitude; without noise it ends where D_m = M.
+        axes.set(yscale="log", ylim=(1e-4, 4.0))
+    else:
+        axes.set_ylim(0.0, None)
+    axes.legend(loc="lower left" if place else "upper left", title="solid: σ² = 0")
+
+
+def _restitution(axes, noise, points, values):
+    e = np.linspace(0.0, 1.0, points)
+    curves = (
+        (melnikov.phase_flux(FORCING, e, NoNoise()), "-", 0, "corrected, σ² = 0"),
+        (melnikov.phase_flux(FORCING, e, noise), "-", 1, f"corrected, σ² = {noise.variance:g}"),
+        (melnikov.phase_flux_as_printed(FORCING, e, noise, 17), "--", 2, "(17) as printed"),
+        (melnikov.phase_flux_as_printed(FORCING, e, noise, 18), ":", 3, "(18) as printed"),
+    )
+    for flux, line, colour, label in curves:
+        axes.plot(e, flux, line, color=style.COLOURS[colour], label=label)
+    points = {"marker": "o", "linestyle": "none", "markerfacecolor": "white", "markersize": 5.0, "color": "black"}
+    for row, label in zip(values["sampled"], ("Monte Carlo of the expectation", None), strict=True):
+        axes.plot(RESTITUTIONS, row, label=label, **points)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    axes.set(
+        title="Against the restitution: corrected and as printed",
+        xlabel="restitution e, nondimensional",
+        ylabel=_FLUX,
+    )
+    axes.legend(loc="upper left", fontsize=9)
+
+
+def _variance(axes, points):
+    variance, lines = np.linspace(0.0, 0.4, points), (":", "-", "--")
+    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+        for high, line in zip(BANDS, lines, strict=True):
+            noises = [BandNoise(one, (0.0, high), 100) for one in variance]
+            axes.plot(variance, melnikov.phase_flux(FORCING, e, noises), line, color=colour)
+        axes.plot([], [], color=colour, label=f"e = {e:g}")
+    for high, line in zip(BANDS, lines, strict=True):
+        axes.plot([], [], line, color="#555555", label=f"band [0, {high:g}]")
+    axes.set(title="Against the noise, (A, Ω) = (4, 4)", xlabel="variance of the noise σ², nondimensional")
+    axes.set(ylabel=_FLUX, ylim=(0.0, 0.42))
+    axes.legend(ncols=3, loc="upper left", fontsize=9)
+
+
+def main() -> int:
+    """Read the command line, run, print the fluxes and say where the files are."""
+    parser = argparse.ArgumentParser(description="Fig. 4 of Lin and Yim (1996).")
+    parser.add_argument("--out", type=pathlib.Path, default="results/fig04", help="folder (default: %(default)s)")
+    parser.add_argument("--variance", type=float, default=0.16, help="of the noise (default: %(default)s)")
+    parser.add_argument("--realizations", type=int, default=4000, help="of the noise (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="of all samples (default: %(default)s)")
+    options = parser.parse_args()
+    values = run(options.out, options.variance, realizations=options.realizations, seed=options.seed)
+    for row, variance in enumerate(values["variances"]):
+        print(f"σ² = {variance:<10g}" + "".join(f"e = {e:<8g}" for e in values["restitutions"]))
+        for name in ("corrected", "sampled", "printed_17", "printed_18"):
+            print(f"{name.replace('_', ' '):15}" + "".join(f"{one:<12.6f}" for one in values[name][row]))
+    print(f"{'processes':15}" + "".join(f"{one:<12.6f}" for one in values["processes"]))
+    print(f"Files in {options.out}: fig04.png, fig04.json")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

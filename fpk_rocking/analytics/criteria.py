@@ -1,0 +1,101 @@
+"""From which amplitude of the forcing on blocks can cross the separatrix: Melnikov criteria, and the exact one.
+
+Paper eq. 14 holds the process M(τ₀) (see `process`) against zero in a mean-square sense. It adds the largest value of
+(D_m cos)², that is D_m², to the mean square σ_M² of the noise; the mean square of the sum over all τ₀ is D_m²/2 + σ_M².
+Both are offered. Without noise only the first is the condition for zeros, D_m >= M. With Gaussian noise neither is a
+threshold: the process then crosses zero at any amplitude, and how much it does so is the phase flux.
+"""
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.analytics.inputs import deviations, numbers
+from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss
+
+_SHARES = {"peak": 1.0, "mean square": 0.5}
+
+
+def critical_amplitude(frequency, restitution, noise, criterion="peak"):
+    """Smallest amplitude A of the forcing that meets a Melnikov criterion.
+
+    Parameters
+    ----------
+    frequency : array_like
+        Ω, above 0.
+    restitution : array_like
+        e, from 0 to 1.
+    noise : BandNoise, WhiteNoise or NoNoise, or a sequence of them
+        Frequencies, restitutions and noises broadcast.
+    criterion : {"peak", "mean square"}
+        "peak" is the paper's (14): D_m² + σ_M² >= M², the square of the harmonic part at its peak and the mean square
+        of the noise. "mean square" is D_m²/2 + σ_M² >= M², the mean square of both.
+
+    Returns
+    -------
+    ndarray or float
+        A, nondimensional; 0 where the noise alone meets the criterion, σ_M >= M.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+    """
+    if criterion not in _SHARES:
+        accepted = " or ".join(map(repr, _SHARES))
+        raise ValueError(checks.refusal("criterion", criterion, accepted))
+    omega = numbers("frequency", frequency, above=0.0)
+    loss, sigma = impact_loss(restitution), deviations(noise)
+    lacking = np.maximum(loss - sigma, 0.0) * (loss + sigma)
+    return (0.5 * (1.0 + omega**2) * np.sqrt(lacking / _SHARES[criterion]))[()]
+
+
+def exact_critical_amplitude(frequency, restitution):
+    """Amplitude from which the stable and unstable manifolds really cross, without noise (derived in docs/theory).
+
+    Flights are linear, so both manifolds are known at x = 0, and the jump of velocity between them is exact: they
+    cross from A = (1 - e)(1 + Ω²)/√((1 + e)² + (1 - e)²Ω²) on (cf. Hogan 1992; Lenci and Rega 2006). It agrees with
+    (14) to first order in 1 - e and is of another order in Ω: about Ω against Ω²(1 - e²)/4.
+
+    Parameters
+    ----------
+    frequency : array_like
+        Ω, above 0.
+    restitution : array_like
+        e, from 0 to 1; it broadcasts with `frequency`.
+
+    Returns
+    -------
+    ndarray or float
+        A, nondimensional.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+    """
+    omega = numbers("frequency", frequency, above=0.0)
+    e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
+    return ((1.0 - e) * (1.0 + omega**2) / np.hypot(1.0 + e, (1.0 - e) * omega))[()]
+
+
+def margin(forcing, restitution, noise):
+    """How far a forcing is beyond criterion (14): √(D_m² + σ_M²) - M, an energy in the units of the Melnikov process.
+
+    Parameters
+    ----------
+    forcing : Forcing or (amplitude, frequency)
+    restitution : array_like
+    noise : BandNoise, WhiteNoise or NoNoise, or a sequence of them
+        All broadcast. With NoNoise it is D_m - M.
+
+    Returns
+    -------
+    ndarray or float
+        Nondimensional; negative where the criterion is not met.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+    """
+    return (np.hypot(harmonic_amplitude(forcing), deviations(noise)) - impact_loss(restitution))[()]

@@ -1,0 +1,72 @@
+"""Parameters as arrays that broadcast, refused by name where they are not what they should be."""
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.equivalence import noise_variance
+from fpk_rocking.parts import BandNoise, Forcing, NoNoise, WhiteNoise
+
+
+def numbers(name, value, *, at_least=None, above=None, at_most=None):
+    """Return a float array of finite numbers within bounds.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for the message.
+    value : array_like
+        Of any shape.
+    at_least, above, at_most : float, optional
+        Bounds of every entry; `above` is strict.
+
+    Raises
+    ------
+    TypeError
+        Not real numbers.
+    ValueError
+        An entry is not finite or out of bounds; the message shows the first such entry.
+    """
+    bounds = {">=": at_least, ">": above, "<=": at_most}
+    accepted = " and ".join(f"{sign} {bound}" for sign, bound in bounds.items() if bound is not None)
+    accepted = f"finite numbers {accepted}".rstrip()
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise TypeError(checks.refusal(name, value, accepted)) from None
+    if array.dtype.kind not in "fiu":
+        raise TypeError(checks.refusal(name, value, accepted))
+    array = array.astype(float)
+    inside = np.isfinite(array)
+    for bound, fits in ((at_least, np.greater_equal), (above, np.greater), (at_most, np.less_equal)):
+        if bound is not None:
+            inside &= fits(array, bound)
+    if not inside.all():
+        raise ValueError(checks.refusal(name, float(array[~inside][0]), accepted))
+    return array
+
+
+def amplitude_and_frequency(forcing):
+    """Return A and Ω as arrays, from a Forcing or from a pair (amplitude, frequency) of arrays."""
+    if isinstance(forcing, Forcing):
+        return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
+    if not isinstance(forcing, tuple) or len(forcing) != 2:
+        raise TypeError(checks.refusal("forcing", forcing, "a Forcing or a pair (amplitude, frequency)"))
+    amplitude, frequency = forcing
+    return (
+        numbers("forcing amplitude", amplitude, at_least=0.0),
+        numbers("forcing frequency", frequency, above=0.0),
+    )
+
+
+def noises(noise):
+    """Return an object array of noises, from one noise or a nested sequence of noises."""
+    array = np.asarray(noise, dtype=object)
+    for entry in array.flat:
+        checks.instance("noise", entry, BandNoise, WhiteNoise, NoNoise)
+    return array
+
+
+def deviations(noise):
+    """Return σ_M as an array, from one noise or a nested sequence of noises."""
+    array = noises(noise)
+    return np.sqrt([noise_variance(entry) for entry in array.flat]).reshape(array.shape)

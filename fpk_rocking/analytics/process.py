@@ -1,0 +1,168 @@
+"""The Melnikov process: what forcing and noise do along the heteroclinic orbit, less what the impact takes.
+
+Energy H = v²/2 + |x| - x²/2. Without forcing and losses the saddles x = ±1, where H = 1/2, are joined by one orbit
+through the impact at x = 0. To first order in A, σ and 1 - e, an orbit that starts from one saddle and meets x = 0 at
+the time τ₀ passes the other saddle with the excess energy (paper eqs. 12 to 16; derived in docs/theory)
+
+    M(τ₀) = ∫ v₀(τ) f(τ + τ₀) dτ - M,    M = (1 - e²)/2,    v₀ = e^(-|τ|)
+
+for the orbit from left to right. Where it is positive, blocks cross the separatrix and leave.
+"""
+
+import math
+
+import numpy as np
+
+from fpk_rocking import checks
+from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
+from fpk_rocking.parts import BandNoise, Forcing
+
+
+def heteroclinic_orbit(times):
+    """Orbit from the saddle x = -1 to the saddle x = 1 without forcing and losses; it meets x = 0 at the time 0.
+
+    Parameters
+    ----------
+    times : array_like
+        τ, nondimensional.
+
+    Returns
+    -------
+    angle, velocity : ndarray or float
+        sgn(τ)(1 - e^(-|τ|)) and e^(-|τ|), nondimensional, of the shape of `times`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        `times` are not finite numbers.
+    """
+    tau = numbers("times", times)
+    return (-np.sign(tau) * np.expm1(-np.abs(tau)))[()], np.exp(-np.abs(tau))[()]
+
+
+def transfer(frequency):
+    """Fourier transform 2/(1 + ω²) of the orbit's velocity e^(-|τ|) (paper eq. 16).
+
+    Parameters
+    ----------
+    frequency : array_like
+        ω, nondimensional.
+
+    Returns
+    -------
+    ndarray or float
+        Work along the orbit of cos ωτ, nondimensional, of the shape of `frequency`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        `frequency` is not of finite numbers.
+    """
+    return (2.0 / (1.0 + numbers("frequency", frequency) ** 2))[()]
+
+
+def harmonic_amplitude(forcing):
+    """Amplitude D_m = 2A/(1 + Ω²) of the harmonic part of the Melnikov process (paper eqs. 12 to 14).
+
+    Parameters
+    ----------
+    forcing : Forcing or (amplitude, frequency)
+        The pair is of array_like A >= 0 and Ω > 0 that broadcast.
+
+    Returns
+    -------
+    ndarray or float
+        Nondimensional, of the broadcast shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        `forcing` is neither, or an entry is refused.
+    """
+    amplitude, frequency = amplitude_and_frequency(forcing)
+    return amplitude * transfer(frequency)
+
+
+def impact_loss(restitution):
+    """Energy M = (1 - e²)/2 that the impact takes from the heteroclinic orbit, which meets x = 0 with the velocity 1.
+
+    Parameters
+    ----------
+    restitution : array_like
+        e, from 0 to 1.
+
+    Returns
+    -------
+    ndarray or float
+        Nondimensional, of the shape of `restitution`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        `restitution` is not of numbers from 0 to 1.
+    """
+    e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
+    return (0.5 * (1.0 - e) * (1.0 + e))[()]
+
+
+def process_mean(forcing, restitution, times):
+    """Mean -D_m cos(Ωτ₀ + Ψ) - M of the Melnikov process, from left to right (paper eqs. 12 to 14).
+
+    Parameters
+    ----------
+    forcing : Forcing
+    restitution : array_like
+        e, from 0 to 1; it broadcasts with `times`.
+    times : array_like
+        τ₀, when the orbit meets x = 0, nondimensional.
+
+    Returns
+    -------
+    ndarray or float
+        Nondimensional, of the broadcast shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+    """
+    checks.instance("forcing", forcing, Forcing)
+    angle = forcing.frequency * numbers("times", times) + forcing.phase
+    return -harmonic_amplitude(forcing) * np.cos(angle) - impact_loss(restitution)
+
+
+def sampled_process(forcing, restitution, noise, times, frequencies, phases):
+    """Melnikov process of given realizations of the noise, exactly: each harmonic passes the orbit on its own.
+
+    Parameters
+    ----------
+    forcing : Forcing
+    restitution : float
+        e, from 0 to 1.
+    noise : BandNoise
+        Its variance alone matters here, and that `harmonics` is the N of the arrays.
+    times : array_like, shape (T,)
+        τ₀, nondimensional.
+    frequencies, phases : array_like, shape (..., N)
+        ν_n and φ_n of the realizations (paper eq. 4).
+
+    Returns
+    -------
+    ndarray, shape (..., T)
+        Nondimensional; its mean over realizations is `process_mean`, its variance `noise_variance` (paper eq. 15).
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, or the realizations do not have the noise's number of harmonics.
+    """
+    checks.instance("noise", noise, BandNoise)
+    e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)
+    tau = np.atleast_1d(numbers("times", times))
+    nu, phi = np.broadcast_arrays(numbers("frequencies", frequencies), numbers("phases", phases))
+    if nu.shape[-1:] != (noise.harmonics,):
+        accepted = f"(..., {noise.harmonics}), as noise.harmonics says"
+        raise ValueError(checks.refusal("shape of frequencies and phases", nu.shape, accepted))
+    weights = math.sqrt(2.0 * noise.variance / noise.harmonics) * transfer(nu)
+    waves = np.cos(nu[..., None, :] * tau[:, None] + phi[..., None, :])
+    return np.einsum("...tn,...n->...t", waves, weights) + process_mean(forcing, e, tau)

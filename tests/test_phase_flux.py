@@ -1,0 +1,114 @@
+"""Phase flux against other quadratures, its limits in closed form, and Monte Carlo."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import ndtr
+
+from fpk_rocking import BandNoise, Forcing, NoNoise, WhiteNoise, melnikov
+
+FORCING = Forcing(4.0, 4.0)
+NOISE = BandNoise(0.16, (0.0, 10.0), 100)
+RESTITUTIONS = [0.3, 0.5, 0.7, 0.9, 1.0]
+# (A, Ω) = (4, 4), one value a restitution, without noise and with NOISE.
+QUIET = [8.528473805274991e-4, 1.306466202052308e-2, 4.487756791660220e-2, 1.053556760759549e-1, 8 / 17 / math.pi]
+NOISY = [2.293752245623269e-2, 3.671025543489212e-2, 6.648488906361345e-2, 1.242271414828377e-1, 1.681779929605055e-1]
+
+
+def trapezoid(harmonic, loss, sigma, count=4096):
+    """Φ by the trapezoidal rule on the phase, spectrally convergent while D/σ is far below the number of points."""
+    level = harmonic * np.cos(2.0 * np.pi * np.arange(count) / count) - loss
+    density = np.exp(-0.5 * (level / sigma) ** 2) / math.sqrt(2.0 * math.pi)
+    return float(np.mean(sigma * density + level * ndtr(level / sigma)))
+
+
+def test_pinned_fluxes():
+    assert melnikov.phase_flux(FORCING, RESTITUTIONS, NoNoise()) == pytest.approx(QUIET, abs=1e-14)
+    assert melnikov.phase_flux(FORCING, RESTITUTIONS, NOISE) == pytest.approx(NOISY, abs=1e-14)
+
+
+def test_flux_without_noise_is_the_closed_form():
+    harmonic = 8.0 / 17.0
+    for e, flux in zip(RESTITUTIONS, QUIET, strict=True):
+        loss = (1.0 - e * e) / 2.0
+        closed = (math.sqrt(harmonic**2 - loss**2) - loss * math.acos(loss / harmonic)) / math.pi
+        assert flux == pytest.approx(closed, abs=1e-14)
+        integral, _ = quad(lambda t, loss=loss: harmonic * math.cos(t) - loss, 0.0, math.acos(loss / harmonic))
+        assert flux == pytest.approx(integral / math.pi, abs=1e-13)
+    assert melnikov.phase_flux((3.8, 4.0), 0.3, NoNoise()) == 0.0
+    assert melnikov.phase_flux((0.0, 4.0), [0.0, 0.5, 1.0], NoNoise()).tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.5, 3.87, 4.0, 30.0])
+@pytest.mark.parametrize("diffusion", [4.0, 0.025, 1e-4])
+def test_flux_with_noise_by_another_quadrature(amplitude, diffusion):
+    """The trapezoidal rule, right to rounding for these deviations."""
+    for e in (0.0, 0.3, 0.9, 1.0):
+        harmonic, loss, sigma = 2.0 * amplitude / 17.0, (1.0 - e * e) / 2.0, math.sqrt(2.0 * diffusion)
+        flux = melnikov.phase_flux((amplitude, 4.0), e, WhiteNoise(diffusion))
+        assert flux == pytest.approx(trapezoid(harmonic, loss, sigma), abs=3e-15 * (1.0 + harmonic))
+
+
+def test_flux_that_hardly_is_keeps_its_digits():
+    """The forcing ends 7.5 deviations below the loss; against 30 digits."""
+    mpmath = pytest.importorskip("mpmath")
+    with mpmath.workdps(30):
+        harmonic, loss, sigma = mpmath.mpf(2) / 17, mpmath.mpf("0.455"), mpmath.sqrt(mpmath.mpf("0.002"))
+
+        def integrand(phase):
+            u = (harmonic * mpmath.cos(phase) - loss) / sigma
+            return sigma * mpmath.npdf(u) + sigma * u * mpmath.ncdf(u)
+
+        exact = float(mpmath.quad(integrand, [0, 0.5, 1, 2, mpmath.pi]) / mpmath.pi)
+    assert exact < 1e-14
+    assert melnikov.phase_flux((1.0, 4.0), 0.3, WhiteNoise(0.001)) == pytest.approx(exact, rel=1e-11, abs=0.0)
+
+
+def test_flux_for_vanishing_noise_tends_to_that_without():
+    """Where D > M the excess is the curvature term, σ²/(2π √(D² - M²)) to leading order."""
+    harmonic, loss = 8.0 / 17.0, 0.375
+    quiet = melnikov.phase_flux(FORCING, 0.5, NoNoise())
+    for diffusion in (1e-6, 1e-8):
+        excess = melnikov.phase_flux(FORCING, 0.5, WhiteNoise(diffusion)) - quiet
+        leading = 2.0 * diffusion / (2.0 * math.pi * math.sqrt(harmonic**2 - loss**2))
+        assert excess == pytest.approx(leading, rel=2e3 * diffusion, abs=1e-16)
+    for diffusion in (1e-30, 1e-200, 5e-324):
+        assert melnikov.phase_flux(FORCING, 0.5, WhiteNoise(diffusion)) == pytest.approx(quiet, abs=1e-15)
+
+
+def test_flux_without_loss_or_forcing():
+    assert melnikov.phase_flux(FORCING, 1.0, NoNoise()) == pytest.approx(8.0 / 17.0 / math.pi, rel=1e-15)
+    sigma = math.sqrt(0.05)
+    assert melnikov.phase_flux((0.0, 1.0), 1.0, WhiteNoise(0.025)) == pytest.approx(sigma / math.sqrt(2.0 * math.pi))
+
+
+def test_sampled_expectation_agrees_to_four_digits():
+    """Fails falsely with probability 4e-6 a value (6 standard errors, Student's t of 23); the seed is fixed."""
+    noises = [[NoNoise()], [NOISE]]
+    sampled, error = melnikov.phase_flux_sampled(FORCING, RESTITUTIONS, noises, strata=400, repeats=24, seed=4)
+    exact = np.array([QUIET, NOISY])
+    assert np.all(np.abs(sampled - exact) < 6.0 * error)
+    assert np.all(error < 1e-4 * exact)
+    again, _ = melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=400, repeats=24, seed=4)
+    assert again == pytest.approx(sampled[1, 1], rel=1e-12)
+
+
+def test_fluxes_as_printed():
+    """(17) weighs the noise with σσ_M; (18) integrates the unscaled normal density from M - D y₂ on."""
+    sigma = math.sqrt(melnikov.noise_variance(NOISE))
+    for e in RESTITUTIONS:
+        loss, scale = (1.0 - e * e) / 2.0, 0.4 * sigma
+        printed = melnikov.phase_flux_as_printed(FORCING, e, NOISE)
+        assert printed == pytest.approx(trapezoid(8 / 17, loss, scale), abs=1e-14)
+        phases = np.pi * (np.arange(40) + 0.5) / 40.0
+        inner = [
+            quad(lambda y, low, scale: (scale * y - low) * math.exp(-y * y / 2.0), low, 12.0, (low, scale))[0]
+            for low in loss - 8 / 17 * np.cos(phases)
+        ]
+        printed = melnikov.phase_flux_as_printed(FORCING, e, NOISE, equation=18)
+        assert printed == pytest.approx(np.mean(inner) / math.sqrt(2.0 * math.pi), abs=1e-12)
+    assert melnikov.phase_flux_as_printed(FORCING, RESTITUTIONS, NoNoise()) == pytest.approx(QUIET, abs=1e-14)
+    # As read, (18) is negative where a flux cannot be.
+    assert melnikov.phase_flux_as_printed(FORCING, 0.5, NOISE, equation=18) < -0.06
