@@ -10,10 +10,10 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run test bench lint clean
+.PHONY: help install run test bench bench-full lint clean
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: $(STAMP)  ## .venv with the pinned versions and the project
 
@@ -23,9 +23,12 @@ run: $(STAMP)  ## Fig. 6 by both engines, into results/fig06
 test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest
 
-bench: $(STAMP)  ## the slow tests and the benchmarks
-	$(BIN)/python -m pytest -m slow || [ $$? -eq 5 ]  # 5: there is none
-	@set -e; for script in main_scene monte_carlo white_order eulerian; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 12 minutes
+	@set -e; for script in density monte_carlo white_order eulerian; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+
+bench-full: bench  ## the slow tests, and the benchmarks that take longer
+	$(BIN)/python -m pytest -m slow
+	@set -e; for script in estimates.py hard_cases.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
 
 lint: $(STAMP)  ## ruff
 	$(BIN)/ruff check

@@ -158,7 +158,8 @@ def main() -> int:
         deviation = one["restarted"] and [round(number, 3) for number in one["restarted"]["deviation"]]
         last = [round(number, 3) for number in one["ensemble_last"]]
         ended = one["restarted_ended_at_cycle"]
-        print(f"σ² = {one['variance']:<8g} restarted: deviation {deviation}, ended {ended}; ensemble's last mean {last}")
+        fate = f"restarted: deviation {deviation}, ended at cycle {ended}"
+        print(f"σ² = {one['variance']:<8g} {fate}; ensemble's last mean {last}")
     print(f"Files in {options.out}: fig08.png, fig08.json")
     return 0
 

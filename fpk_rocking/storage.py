@@ -17,7 +17,7 @@ import numpy as np
 from fpk_rocking.scene import Scene
 
 KINDS = ("evolution", "ensemble", "tally", "histories")
-_FORMAT = 1
+_FORMAT = 2
 _HEADER = "header"
 
 

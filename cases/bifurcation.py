@@ -1,0 +1,201 @@
+"""Bifurcation diagram of the block without noise against the amplitude, and its boundary crisis.
+
+The main scene without noise, with the amplitude A of the forcing as parameter. Shown are the Poincaré velocities of the
+motion that a slowly growing and a slowly falling amplitude carry along and of the motion from rest; the symmetric
+orbits with one impact in each half cycle, in closed form; and how long blocks stand beyond the crisis. Where the
+symmetric orbit loses its stability a pair of orbits is born, each the other's mirror image, so that the three motions
+need not agree; the pair doubles its period, turns chaotic and merges.
+
+The boundary crisis ends the bounded attractor. It is bracketed to 1e-3 by bisection on this criterion: 64 blocks, begun
+at as many successive Poincaré points of the attractor at A = 4.6, all stand for 20,000 cycles. An amplitude just above
+the crisis can pass by chance, as blocks stand ever longer there: that is what the last panel is for, in which the mean
+number of cycles is shown against the distance from the upper end of the bracket. A second cut-off, at twice the angle,
+tells whether the end of the attractor depends on what is called overturning.
+
+Run time: about twenty seconds on 2 cores, once the kernels are compiled.
+
+    python cases/bifurcation.py --out results/bifurcation
+
+Files: ``bifurcation.png``, ``bifurcation.json``.
+"""
+
+import argparse
+import math
+import pathlib
+import sys
+
+import numpy as np
+
+from fpk_rocking import NoNoise, load_scene
+from fpk_rocking.analytics.orbits import symmetric_orbits
+from fpk_rocking.output import motion, style, summary
+from fpk_rocking.output.intervals import error_bars
+from montecarlo import simulate
+
+SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
+AMPLITUDES = tuple(np.round(np.arange(2.5, 4.8, 0.005), 4).tolist())
+BLOCKS = 64
+BRACKET = (4.6, 4.9)
+WIDTH = 1e-3
+BEYOND = (0.002, 0.004, 0.008, 0.016, 0.032, 0.064)
+TRANSIENT, KEPT = 300, 100
+_AMPLITUDE = "amplitude A of the forcing, nondimensional"
+
+
+def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
+    """Compute, draw and write everything.
+
+    Parameters
+    ----------
+    out : path
+        Folder for the files; created if missing.
+    amplitudes : sequence of float
+        A of the diagram, ascending, nondimensional.
+    cycles : int
+        That all blocks have to stand where the attractor is called bounded.
+
+    Returns
+    -------
+    dict
+        What ``bifurcation.json`` holds.
+    """
+    out, scene = pathlib.Path(out), load_scene(SCENE).varied(noise=NoNoise())
+    points = {
+        "growing": continued(scene, amplitudes),
+        "falling": continued(scene, amplitudes[::-1]),
+        "from rest": [_settled(scene, amplitude, (0.0, 0.0)) for amplitude in amplitudes],
+    }
+    cutoffs = [scene.overturning.angle, 2.0 * scene.overturning.angle]
+    crises = [crisis(scene.varied(overturning={"angle": cutoff}), cycles) for cutoff in cutoffs]
+    values = {
+        "scene": scene.to_toml(),
+        "amplitudes": list(amplitudes),
+        "crisis": list(crises[0]),
+        "crisis_at_twice_the_cutoff": list(crises[1]),
+        "criterion": f"{BLOCKS} blocks begun on the attractor of A = {BRACKET[0]:g} all stand for {cycles} cycles",
+        "rest_overturns": [a for a, kept in zip(amplitudes, points["from rest"], strict=True) if not len(kept)],
+        "symmetric_orbit_stable_up_to": _stable_up_to(scene),
+        "beyond": [_lifetime(scene, crises[0][1] + distance, cycles) for distance in BEYOND],
+    }
+    _draw(out / "bifurcation.png", scene, points, values)
+    summary.write_summary(out / "bifurcation.json", values)
+    return values
+
+
+def continued(scene, amplitudes):
+    """Poincaré points (n, 2) at each amplitude, begun where the one before ended; n is 0 where the block overturned."""
+    found, start = [], (0.0, 0.0)
+    for amplitude in amplitudes:
+        found.append(_settled(scene, amplitude, start))
+        start = tuple(found[-1][-1]) if len(found[-1]) else (0.0, 0.0)
+    return found
+
+
+def _settled(scene, amplitude, start):
+    angle, velocity = map(float, start)
+    begun = scene.varied(forcing={"amplitude": amplitude}, start={"angle": angle, "velocity": velocity})
+    block = simulate(begun, cycles=TRANSIENT + KEPT, realizations=1)
+    points = np.stack([block.angle[0, TRANSIENT:], block.velocity[0, TRANSIENT:]], axis=1)
+    return points if block.survivors[-1] else points[:0]
+
+
+def crisis(scene, cycles):
+    """Bracket the amplitude at which the attractor ends: all blocks stand at the first, not all at the second."""
+    low, high = BRACKET
+    while high - low > WIDTH:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if np.isfinite(_overturned(scene, middle, cycles)).any() else (middle, high)
+    return low, high
+
+
+def _overturned(scene, amplitude, cycles):
+    """Cycles after which blocks begun on the attractor of the lower end of the bracket overturn, nan for never."""
+    starts = _settled(scene, BRACKET[0], (0.0, 0.0))[-BLOCKS:]
+    pushed = scene.varied(forcing={"amplitude": amplitude})
+    begun = (pushed.varied(start={"angle": float(x), "velocity": float(v)}) for x, v in starts)
+    times = [simulate(one, cycles=cycles, realizations=1).overturn_time[0] for one in begun]
+    return np.array(times) / scene.period
+
+
+def _lifetime(scene, amplitude, cycles):
+    """Mean number of cycles that blocks stand, as if overturning came at a constant rate, and a 95 % interval."""
+    times = _overturned(scene, amplitude, cycles)
+    gone = np.count_nonzero(np.isfinite(times))
+    found = {"amplitude": amplitude, "overturned": int(gone), "cycles": None, "interval": None}
+    if gone:
+        mean, factor = float(np.nan_to_num(times, nan=cycles).sum() / gone), math.exp(1.96 / math.sqrt(gone))
+        found |= {"cycles": mean, "interval": [mean / factor, mean * factor]}
+    return found
+
+
+def _stable_up_to(scene):
+    """Amplitude at which the stable symmetric orbit of the lowest amplitude loses its stability, to 1e-9."""
+    low, high = AMPLITUDES[0], BRACKET[0]
+    while high - low > 1e-9:
+        middle = 0.5 * (low + high)
+        orbits = symmetric_orbits(middle, scene.forcing.frequency, scene.block.restitution)
+        low, high = (middle, high) if any(orbit.stable for orbit in orbits) else (low, middle)
+    return low
+
+
+def _draw(path, scene, points, values):
+    with style.drawing() as new_figure:
+        figure = new_figure(figsize=(10.5, 10.0), layout="constrained")
+        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
+        figure.suptitle("The block without noise: bifurcations and boundary crisis", fontsize=15)
+        panels = figure.subplot_mosaic([["all", "all"], ["zoom", "beyond"]], height_ratios=(1.2, 1.0))
+        for name in ("all", "zoom"):
+            _diagram(panels[name], scene, points, values)
+        panels["all"].legend(loc="lower left", markerscale=6.0)
+        panels["all"].set(title=f"Poincaré points, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}")
+        panels["zoom"].set(title="Chaos and its end (vertical line)", xlim=(4.15, values["amplitudes"][-1]))
+        _beyond(panels["beyond"], values)
+        style.save(figure, path)
+
+
+def _diagram(axes, scene, points, values):
+    amplitudes = np.array(values["amplitudes"])
+    for (name, found), colour in zip(points.items(), style.COLOURS, strict=False):
+        places = np.repeat(amplitudes[:: -1 if name == "falling" else 1], [len(one) for one in found])
+        velocity = np.concatenate(found)[:, 1]
+        axes.plot(places, velocity, ".", markersize=0.8, color=colour, label=name, rasterized=True)
+    orbits = [symmetric_orbits(a, scene.forcing.frequency, scene.block.restitution) for a in amplitudes]
+    lines = np.full((2, amplitudes.size), np.nan)
+    for place, found in enumerate(orbits):
+        for orbit in found:
+            lines[0 if orbit.stable else 1, place] = orbit.state(scene.forcing.phase)[1]
+    axes.plot(amplitudes, lines[0], "-", color="black", linewidth=1.2, label="symmetric orbit, stable")
+    axes.plot(amplitudes, lines[1], "--", color="black", linewidth=1.2, label="symmetric orbit, unstable")
+    axes.axvline(np.mean(values["crisis"]), color=style.OVERTURNED, linewidth=1.0)
+    axes.set(xlabel=_AMPLITUDE, ylabel=motion.VELOCITY)
+
+
+def _beyond(axes, values):
+    found = [one for one in values["beyond"] if one["overturned"]]
+    end = values["crisis"][1]
+    columns = ([one[name] for one in found] for name in ("cycles", "interval"))
+    error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
+    axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
+    axes.set_title("Cycles until overturning beyond the crisis\n95 % intervals", fontsize=11)
+
+
+def main() -> int:
+    """Read the command line, run, print the crisis."""
+    parser = argparse.ArgumentParser(description="Bifurcations of the block without noise.")
+    parser.add_argument("--out", type=pathlib.Path, default="results/bifurcation", help="folder (default: %(default)s)")
+    parser.add_argument("--cycles", type=int, default=20_000, help="of the bisection (default: %(default)s)")
+    options = parser.parse_args()
+    values = run(options.out, cycles=options.cycles)
+    print(f"Symmetric orbit stable up to A = {values['symmetric_orbit_stable_up_to']:.6f}")
+    print(f"Boundary crisis between A = {values['crisis'][0]:.5f} and {values['crisis'][1]:.5f}: {values['criterion']}")
+    low, high = values["crisis_at_twice_the_cutoff"]
+    print(f"With twice the cut-off: between {low:.5f} and {high:.5f}")
+    print(f"From rest overturned within {TRANSIENT + KEPT} cycles at A = {values['rest_overturns']}")
+    for one in values["beyond"]:
+        print(f"A = {one['amplitude']:.5f}: {one['overturned']} of {BLOCKS} overturned, mean {one['cycles'] or math.inf:.3g} cycles")
+    print(f"Files in {options.out}: bifurcation.png, bifurcation.json")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
