@@ -23,7 +23,7 @@ LAYERS = [
     {"fpk_rocking.storage", "fpk_rocking.remarks", "fpk_rocking.binning", "fpk_rocking.distances"},
     {"fpk_rocking.analytics"},
     {"fpk_rocking.density", "fpk_rocking.compare", "montecarlo"},
-    {"fpk_rocking.output"},
+    {"fpk_rocking.output", "fpk_rocking.realizations"},
     {"fpk_rocking.cli"},
 ]
 HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}

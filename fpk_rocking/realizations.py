@@ -1,0 +1,121 @@
+"""Finite sums of harmonics as a mixture of white noises: the density solver averaged over realizations.
+
+A realization of band noise draws its N frequencies once. What it has near the system's own frequencies is therefore
+random, and so is the diffusion that it stands for, D_r = (σ²/N) Σ 2/(1+ν_n²)²: the mean is that of the band, the
+relative spread falls as N^(-1/2). Survival is not linear in D, so an ensemble of realizations is not the mean white
+noise. Here it is the mean over the distribution of D_r.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from fpk_rocking import checks
+from fpk_rocking.density import Evolution, solve_fpk
+from fpk_rocking.scene import Scene, WhiteNoise
+
+_SAMPLES, _SEED = 200_000, 1
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RealizationAverage:
+    """Evolutions for the diffusions of single realizations, and their weights in an ensemble.
+
+    Attributes
+    ----------
+    scene : Scene
+        With band noise.
+    diffusions, weights : ndarray, shape (nodes,)
+        Gauss quadrature for the distribution of a realization's diffusion.
+    evolutions : tuple of Evolution
+        One a diffusion.
+    """
+
+    scene: Scene
+    diffusions: np.ndarray
+    weights: np.ndarray
+    evolutions: tuple[Evolution, ...]
+
+    @property
+    def survival(self):
+        """Probability (cycles + 1,) of not having overturned by kT."""
+        return self.weights @ np.array([evolution.survival for evolution in self.evolutions])
+
+    @property
+    def overturned(self):
+        """Probability (cycles + 1, 2) of having overturned by kT to the left and to the right."""
+        return np.tensordot(self.weights, [evolution.overturned for evolution in self.evolutions], 1)
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+        """Probability of not having overturned and being in each bin; see `Evolution.bin_probabilities`."""
+        parts = [evolution.bin_probabilities(cycle, angle_edges, velocity_edges) for evolution in self.evolutions]
+        return np.tensordot(self.weights, parts, 1)
+
+
+def realized_diffusions(noise, samples, seed):
+    """Draw the equivalent diffusions (samples,) of single realizations of a band noise; nondimensional."""
+    rng, (low, high) = np.random.default_rng(seed), noise.band
+    total = np.zeros(samples)
+    for _ in range(noise.harmonics):
+        total += 2.0 / (1.0 + rng.uniform(low, high, samples) ** 2) ** 2
+    return noise.variance / noise.harmonics * total
+
+
+def gauss_quadrature(values, count):
+    """Nodes and weights (count,) that are exact for polynomials up to degree 2 count - 1 of equally likely values.
+
+    By Lanczos's recurrence on the values and the eigenvalues of its matrix (Golub and Welsch 1969); both are positive
+    where the values are.
+    """
+    mean, spread = values.mean(), values.std()
+    scaled, size = (values - mean) / spread, len(values)
+    before, now = np.zeros(size), np.full(size, 1.0 / math.sqrt(size))
+    diagonal, beside, beta = [], [], 0.0
+    for _ in range(count):
+        new = scaled * now - beta * before
+        diagonal.append(new @ now)
+        new -= diagonal[-1] * now
+        beta = math.sqrt(new @ new)
+        beside.append(beta)
+        before, now = now, new / beta
+    nodes, vectors = eigh_tridiagonal(diagonal, beside[:-1])
+    return mean + spread * nodes, vectors[0] ** 2
+
+
+def solve_realizations(scene, *, cycles, tol=1e-3, nodes=5):
+    """Average the density solver over the distribution of a realization's equivalent diffusion.
+
+    Parameters
+    ----------
+    scene : Scene
+        With band noise.
+    cycles : int
+        Forcing cycles to evolve.
+    tol : float
+        Of each solution, see `solve_fpk`.
+    nodes : int
+        Solutions, from 2 to 12.
+
+    Returns
+    -------
+    RealizationAverage
+
+    Raises
+    ------
+    TypeError, ValueError
+        The noise is not band noise of two harmonics or more, or as `solve_fpk`.
+    """
+    checks.instance("scene", scene, Scene)
+    nodes = checks.count("nodes", nodes)
+    if not 2 <= nodes <= 12:
+        raise ValueError(checks.refusal("nodes", nodes, "a whole number from 2 to 12"))
+    if scene.noise.kind != "band" or scene.noise.harmonics < 2 or scene.noise.variance == 0.0:
+        raise ValueError(checks.refusal("noise", scene.noise, "band noise of two harmonics or more"))
+    diffusions, weights = gauss_quadrature(realized_diffusions(scene.noise, _SAMPLES, _SEED), nodes)
+    evolutions = tuple(
+        solve_fpk(dataclasses.replace(scene, noise=WhiteNoise(float(diffusion))), cycles=cycles, tol=tol)
+        for diffusion in diffusions
+    )
+    return RealizationAverage(scene, diffusions, weights, evolutions)

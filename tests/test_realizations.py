@@ -1,0 +1,66 @@
+"""Ensembles of finite sums of harmonics as mixtures of white noises."""
+
+import dataclasses
+import pathlib
+
+import numpy as np
+import pytest
+
+from fpk_rocking import BandNoise, NoNoise, load_scene
+from fpk_rocking.equivalence import equivalent_diffusion
+from fpk_rocking.realizations import gauss_quadrature, realized_diffusions, solve_realizations
+
+MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
+
+
+@pytest.mark.parametrize("band", [(0.0, 10.0), (1.0, 6.0)])
+def test_realizations_have_the_bands_diffusion_on_average(band):
+    """Mean over 100,000 realizations; false alarm 6e-5. The spread falls with the root of their harmonics."""
+    spreads = []
+    for harmonics in (10, 40):
+        noise = BandNoise(0.04, band, harmonics)
+        drawn = realized_diffusions(noise, 100_000, seed=2)
+        assert drawn.mean() == pytest.approx(equivalent_diffusion(noise), abs=4.0 * drawn.std() / np.sqrt(drawn.size))
+        spreads.append(drawn.std())
+    assert spreads[0] / spreads[1] == pytest.approx(2.0, rel=0.03)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_quadrature_has_the_moments_of_the_values(count):
+    values = np.random.default_rng(3).gamma(3.0, 1.0, 1000)
+    nodes, weights = gauss_quadrature(values, count)
+    assert np.all(weights > 0.0)
+    assert np.all((nodes > values.min()) & (nodes < values.max()))
+    for power in range(2 * count):
+        assert weights @ nodes**power == pytest.approx((values**power).mean(), rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def average():
+    scene = dataclasses.replace(MAIN, noise=BandNoise(0.04, (0.0, 10.0), 30))
+    return solve_realizations(scene, cycles=4, tol=1e-2, nodes=3)
+
+
+def test_average_is_that_of_its_evolutions(average):
+    parts = np.array([evolution.survival for evolution in average.evolutions])
+    assert average.survival == pytest.approx(average.weights @ parts, abs=1e-15)
+    assert parts[:, 4].max() > average.survival[4] > parts[:, 4].min()
+    lost = average.weights @ [evolution.lost[4] for evolution in average.evolutions]
+    assert average.survival[4] + average.overturned[4].sum() + lost == pytest.approx(1.0, abs=1e-12)
+    bins = average.bin_probabilities(4, np.linspace(-1.6, 1.6, 17), np.linspace(-4.0, 4.0, 17))
+    assert bins.sum() == pytest.approx(average.survival[4], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("noise", "nodes", "message"),
+    [
+        (MAIN.white_equivalent().noise, 5, "noise: got"),
+        (NoNoise(), 5, "noise: got"),
+        (BandNoise(0.04, (0.0, 10.0), 1), 5, "two harmonics or more"),
+        (MAIN.noise, 1, "nodes: got 1, accepted: a whole number from 2 to 12"),
+        (MAIN.noise, 13, "nodes: got 13"),
+    ],
+)
+def test_refuses_by_name(noise, nodes, message):
+    with pytest.raises(ValueError, match=message):
+        solve_realizations(dataclasses.replace(MAIN, noise=noise), cycles=1, nodes=nodes)
