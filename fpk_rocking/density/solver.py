@@ -117,10 +117,12 @@ def estimated_error(differences, solution):
     """Error in survival of the last of three or more solutions, from the differences (survival, bins) of neighbours.
 
     The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
-    tells, up to two and a half times as much. Not less than what was lost.
+    tells, up to two and a half times as much; and 1.4 for safety. Not less than a hundredth of the difference in the
+    bins, and than what was lost.
     """
-    (before, _), (last, _) = differences[-2:]
-    return max(last, min(0.3 * before, 2.5 * last), float(np.abs(solution.gone[:, 2]).max()))
+    (before, _), (last, bins) = differences[-2:]
+    lost = float(np.abs(solution.gone[:, 2]).max())
+    return max(1.4 * max(last, min(0.3 * before, 2.5 * last)), 0.01 * bins, lost)
 
 
 def _judge(result):

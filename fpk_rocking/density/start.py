@@ -20,6 +20,9 @@ from fpk_rocking.physics.gaussian import flight_covariance
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
 
+MORE = 3
+"""Gauss points an axis added while the forcing cannot lift the block off: it rattles, and many short steps follow."""
+
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
@@ -116,7 +119,7 @@ class Departure:
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
-        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(quiet))
+        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(now.time, quiet))
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         return coefficients, now.gone + sinks
 
@@ -134,13 +137,13 @@ class Departure:
         free = self._free_time(now, self.period - now.time)
         quiet = free >= duration
         duration = max(free, duration)
-        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(quiet))
+        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(now.time, quiet))
         target = next_window(self.windows, trace, now.coefficients, self.dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
-    def _sampling(self, quiet):
-        points = self.windows.points
+    def _sampling(self, time, quiet):
+        points = self.windows.points + (0 if abs(self.dynamics.force(time)) > 1.0 else MORE)
         return Quadrature(points, points, *(LONG if quiet else SHORT))
 
     def _undisturbed(self, time):
