@@ -61,9 +61,9 @@ def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
     """
     out, scene = pathlib.Path(out), load_scene(SCENE).varied(noise=NoNoise())
     points = {
-        "growing": continued(scene, amplitudes),
-        "falling": continued(scene, amplitudes[::-1]),
         "from rest": [_settled(scene, amplitude, (0.0, 0.0)) for amplitude in amplitudes],
+        "falling amplitude": continued(scene, amplitudes[::-1])[::-1],
+        "growing amplitude": continued(scene, amplitudes),
     }
     cutoffs = [scene.overturning.angle, 2.0 * scene.overturning.angle]
     crises = [crisis(scene.varied(overturning={"angle": cutoff}), cycles) for cutoff in cutoffs]
@@ -146,7 +146,7 @@ def _draw(path, scene, points, values):
         panels = figure.subplot_mosaic([["all", "all"], ["zoom", "beyond"]], height_ratios=(1.2, 1.0))
         for name in ("all", "zoom"):
             _diagram(panels[name], scene, points, values)
-        panels["all"].legend(loc="lower left", markerscale=6.0)
+        panels["all"].legend(loc="lower left", markerscale=5.0)
         panels["all"].set(title=f"Poincaré points, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}")
         panels["zoom"].set(title="Chaos and its end (vertical line)", xlim=(4.15, values["amplitudes"][-1]))
         _beyond(panels["beyond"], values)
@@ -155,10 +155,11 @@ def _draw(path, scene, points, values):
 
 def _diagram(axes, scene, points, values):
     amplitudes = np.array(values["amplitudes"])
-    for (name, found), colour in zip(points.items(), style.COLOURS, strict=False):
-        places = np.repeat(amplitudes[:: -1 if name == "falling" else 1], [len(one) for one in found])
+    looks = zip(points.items(), style.COLOURS[2::-1], (3.0, 1.6, 0.6), strict=True)
+    for (name, found), colour, size in looks:
+        places = np.repeat(amplitudes, [len(one) for one in found])
         velocity = np.concatenate(found)[:, 1]
-        axes.plot(places, velocity, ".", markersize=0.8, color=colour, label=name, rasterized=True)
+        axes.plot(places, velocity, ".", markersize=size, color=colour, label=name, rasterized=True)
     orbits = [symmetric_orbits(a, scene.forcing.frequency, scene.block.restitution) for a in amplitudes]
     lines = np.full((2, amplitudes.size), np.nan)
     for place, found in enumerate(orbits):
@@ -176,6 +177,8 @@ def _beyond(axes, values):
     columns = ([one[name] for one in found] for name in ("cycles", "interval"))
     error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
+    axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
+    axes.tick_params(axis="x", which="minor", labelbottom=False)
     axes.set_title("Cycles until overturning beyond the crisis\n95 % intervals", fontsize=11)
 
 
@@ -192,7 +195,8 @@ def main() -> int:
     print(f"With twice the cut-off: between {low:.5f} and {high:.5f}")
     print(f"From rest overturned within {TRANSIENT + KEPT} cycles at A = {values['rest_overturns']}")
     for one in values["beyond"]:
-        print(f"A = {one['amplitude']:.5f}: {one['overturned']} of {BLOCKS} overturned, mean {one['cycles'] or math.inf:.3g} cycles")
+        mean = one["cycles"] or math.inf
+        print(f"A = {one['amplitude']:.5f}: {one['overturned']} of {BLOCKS} overturned, mean {mean:.3g} cycles")
     print(f"Files in {options.out}: bifurcation.png, bifurcation.json")
     return 0
 

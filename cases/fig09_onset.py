@@ -31,13 +31,12 @@ import pathlib
 import sys
 
 import numpy as np
-from scipy import stats
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.remarks import remarks
-from montecarlo import restarted_poincare_map, simulate
+from montecarlo import overturning_rate, restarted_poincare_map, simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 SHOWN = (0.0004, 0.0025, 0.01, 0.04)
@@ -99,14 +98,9 @@ def _ensemble(scene, variance, band, cycles, realizations):
 
 
 def _rate(ensemble):
-    """Rate of overturning per cycle after the start is forgotten, its 95 % limits, and the count it rests on."""
-    survivors = ensemble.survivors
-    count = int(survivors[FORGOTTEN] - survivors[-1])
-    ends = ensemble.overturn_time / ensemble.scene.period
-    lived = np.where(ensemble.overturn_side == 0, ensemble.cycles, ends) - FORGOTTEN
-    exposure = float(lived[lived > 0.0].sum())
-    limits = 0.5 * stats.chi2.ppf(0.025, 2 * count) if count else 0.0, 0.5 * stats.chi2.ppf(0.975, 2 * count + 2)
-    return {"rate": count / exposure, "interval": [float(limit / exposure) for limit in limits], "count": count}
+    """Rate of overturning per cycle after the start is forgotten, as plain values."""
+    found = overturning_rate(ensemble, FORGOTTEN)
+    return {"rate": found.rate, "interval": found.interval.tolist(), "count": found.count}
 
 
 def _onset(variances, found):

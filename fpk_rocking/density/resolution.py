@@ -59,6 +59,10 @@ class Resolution:
             velocity_grading=_grading(bound, velocity, 0.04 * layer, VELOCITY_GRADING),
         )
 
+    def stored(self, cycles):
+        """Bytes of the densities after all cycles."""
+        return 8 * (cycles + 1) * self.angle_cells * self.velocity_cells * (self.degree + 1) ** 2
+
     @property
     def work(self):
         """Size of a step's sampling and of the density, in proportion to the memory of a run."""
@@ -97,18 +101,19 @@ def _grading(half_width, cells, smallest, usual):
 
 
 _ROUGH, _GOOD = Windows(10, 5.0, 0.7, 0.01, 4), Windows(14, 6.0, 0.4, 0.01, 4)
+_BETTER = Windows(16, 6.5, 0.35, 0.008, 4)
 _FINE, _FINEST = Windows(20, 8.0, 0.2, 0.005, 5), Windows(28, 8.0, 0.1, 0.002, 5)
 
 LADDER = (
     Resolution(16, 28, 3, Quadrature(5, 5, 5, 2, 9), 6, _ROUGH),
     Resolution(22, 40, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
-    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2, 9), 12, _ROUGH),
-    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2, 9), 16, _GOOD),
+    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
+    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2, 9), 16, _BETTER),
     Resolution(60, 100, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
     Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
 )
-"""Each about 1.4 times as fine as the one before: what neighbours differ by tells the error."""
+"""Each about 1.4 times as fine as the one before, with windows of its own: what neighbours differ by tells the error."""
 
 ENOUGH = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """The rung that is usually fine enough, by tolerance; never one of the first two."""

@@ -90,7 +90,7 @@ def _refined(white, cycles, tol, progress):
     run, fine, differences, departures = None, None, [], {}
     for rung in range(enough - 2, len(LADDER)):
         resolution = LADDER[rung].of(white, bound)
-        if rung > enough and run.memory * resolution.work / run.resolution.work > MEMORY:
+        if rung > enough and run.memory * resolution.work / run.resolution.work + resolution.stored(cycles) > MEMORY:
             break
         coarse, fine = fine and fine._replace(coefficients=None), None
         run = Run(white, resolution, bound, NEGLIGIBLE * tol, run)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking import checks
 from fpk_rocking.density.landing import classify
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
@@ -20,13 +21,16 @@ from fpk_rocking.physics.gaussian import flight_covariance
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
 
+MISSING = 1e-5
+"""Most that the projection of a Gaussian on its window may miss of its mass."""
+
 MORE = 3
 """Gauss points an axis added while the forcing cannot lift the block off: it rattles, and many short steps follow."""
 
 RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
-BARELY = 0.1
+BARELY = 0.2
 """The same, where it must."""
 
 _RATTLE, _MOST_STEPS = 0.25, 800
@@ -150,7 +154,11 @@ class Departure:
         gaussian, cutoff = self.flight(time), self.dynamics.cutoff
         window = window_of(self.windows, gaussian.mean, gaussian.covariance, cutoff)
         coefficients, tails = window.project(gaussian, self.windows.points + 1), gaussian.tails(cutoff)
-        gone = np.array([*tails, 1.0 - sum(tails) - window.masses(coefficients).sum()])
+        missing = 1.0 - sum(tails) - window.masses(coefficients).sum()
+        if abs(missing) > MISSING:
+            accepted = "a wider Gaussian, or one that is less oblique: its mesh does not resolve it"
+            raise ValueError(checks.refusal("start.covariance", gaussian.covariance.tolist(), accepted))
+        gone = np.array([*tails, missing])
         return Carried(time, window, coefficients, gone)
 
     def _quiet_time(self):
