@@ -113,7 +113,7 @@ LADDER = (
     Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
 )
-"""Each about 1.4 times as fine as the one before, with windows of its own: what neighbours differ by tells the error."""
+"""Each about 1.4 times as fine as the one before, most with windows of their own: neighbours tell the error."""
 
 ENOUGH = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """The rung that is usually fine enough, by tolerance; never one of the first two."""
