@@ -47,7 +47,7 @@ def cover(noise):
     return melnikov.noise_variance(noise) * (high - low) / (math.pi * noise.variance)
 
 
-def run(out, noises=NOISES, harmonics=HARMONICS, realizations=50_000, tol=1e-2, seed=1) -> dict:
+def run(out, noises=NOISES, harmonics=HARMONICS, realizations=50_000, tol=1e-2, seed=1, nodes=5) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -62,6 +62,8 @@ def run(out, noises=NOISES, harmonics=HARMONICS, realizations=50_000, tol=1e-2, 
         Of each ensemble; ten times as many for the error budget.
     tol : float
         Of the density solver.
+    nodes : int
+        Diffusions that stand for the realizations.
 
     Returns
     -------
@@ -75,7 +77,7 @@ def run(out, noises=NOISES, harmonics=HARMONICS, realizations=50_000, tol=1e-2, 
         white = _solved(solve_fpk, counted[0], tol)
         sampled = [simulate(one, cycles=max(CYCLES), realizations=realizations, seed=seed) for one in counted]
         several = [one for one in counted if one.noise.harmonics <= 100] if not rows else []
-        averaged = [_solved(solve_realizations, one, 1e-2) for one in several]
+        averaged = [_solved(solve_realizations, one, 1e-2, nodes=nodes) for one in several]
         rows.append(
             {
                 "band": band, "sigma": sigma, "cover": cover(counted[0].noise),
@@ -92,12 +94,12 @@ def run(out, noises=NOISES, harmonics=HARMONICS, realizations=50_000, tol=1e-2, 
     return findings
 
 
-def _solved(solve, scene, tol):
+def _solved(solve, scene, tol, **options):
     with warnings.catch_warnings():
         warnings.simplefilter(
             "ignore", RuntimeWarning
         )  # weak equivalent noise: its estimate stands in the error budget
-        return solve(scene, cycles=max(CYCLES), tol=tol)
+        return solve(scene, cycles=max(CYCLES), tol=tol, **options)
 
 
 def budget(scene, noise, realizations, tol, seed):
@@ -123,7 +125,7 @@ def draw(path, findings):
     """Draw survival after 10 cycles by band and N, and the error budget."""
     rows, middle = findings["bands"], CYCLES.index(10)
     with style.drawing() as figure:
-        made = figure(figsize=(11.0, 4.6), layout="constrained")
+        made = figure(figsize=(12.0, 4.8), layout="constrained")
         left, right = made.subplots(1, 2, width_ratios=(1.6, 1.0))
         shades = style.shades(len(rows[0]["harmonics"]))
         for place, row in enumerate(rows):
@@ -158,7 +160,7 @@ def draw(path, findings):
         right.set_yticks(range(5), names)
         right.invert_yaxis()
         right.set(
-            xlabel="part of Monte Carlo less density solver, in survival",
+            xlabel="Monte Carlo less density solver, in survival",
             title="Error budget: [0, 10], σ = 0.2, N = 100",
         )
         right.legend(fontsize=8)
@@ -168,7 +170,9 @@ def draw(path, findings):
 def main(arguments=None) -> int:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", default="results/equivalence", help="folder for the files (default %(default)s)")
+    parser.add_argument(
+        "--out", type=pathlib.Path, default="results/equivalence", help="folder for the files (default %(default)s)"
+    )
     findings = run(parser.parse_args(arguments).out)
     for row in findings["bands"]:
         print(
