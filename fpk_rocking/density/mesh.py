@@ -33,7 +33,7 @@ def window_lines(low, high, cells):
     size = (high - low) / cells
     if low > size or high < -size:
         return np.linspace(low, high, cells + 1)
-    first, last = math.floor(min(low, 0.0) / size), math.ceil(max(high, 0.0) / size)
+    first, last = math.floor(min(low, 0.0) / size + 1e-9), math.ceil(max(high, 0.0) / size - 1e-9)
     return size * np.arange(first, last + 1)
 
 

@@ -62,7 +62,7 @@ def window_of(windows: Windows, mean, covariance, cutoff, box=None):
     if box is not None:
         low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
     low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
-    counts = np.minimum(np.ceil((high - low) / sizes), max(MOST_CELLS, count)).astype(int)
+    counts = np.minimum(np.ceil((high - low) / sizes - 1e-9), max(MOST_CELLS, count)).astype(int)
     angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
     return Space(np.clip(angle, -cutoff, cutoff), velocity, DEGREE)
 
