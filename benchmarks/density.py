@@ -30,10 +30,10 @@ LOOKED_AT = 1, 2, 4, 10
 FINE_EDGES = np.linspace(-1.6, 1.6, 129), np.linspace(-3.2, 3.2, 257)
 
 PEAK = """
-import resource, sys
+import pathlib, sys
 from fpk_rocking import load_scene, solve_fpk
 solve_fpk(load_scene(sys.argv[1]).white_equivalent(), cycles=10, tol=float(sys.argv[2]))
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_text().splitlines() if "VmHWM" in line))
 """
 
 
@@ -45,7 +45,7 @@ def run_of(scene, rung, tol):
 
 
 def peak_memory(tol):
-    """Peak memory of a process that solves the main scene, in MB."""
+    """Peak memory of a process that solves the main scene, in MB; read from /proc, as getrusage keeps the parent's."""
     scene = str(ROOT / "cases" / "scenes" / "main.toml")
     out = subprocess.run([sys.executable, "-c", PEAK, scene, str(tol)], capture_output=True, text=True, check=True)
     return int(out.stdout) / 1024.0
