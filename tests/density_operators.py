@@ -139,7 +139,7 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
     shear, sinh, cosh = math.tanh(0.5 * duration), math.sinh(duration), math.cosh(duration)
     small = dynamics.diffusion * shear * (1.0 - duration / sinh)
     large = dynamics.diffusion * (sinh + duration * cosh)
-    many, few = np.polynomial.hermite_e.hermegauss(15), np.polynomial.hermite_e.hermegauss(2)
+    many, few = np.polynomial.hermite_e.hermegauss(15), np.polynomial.hermite_e.hermegauss(3)
     fine, blur = (math.sqrt(small) * few[0], few[1]), (math.sqrt(large) * many[0], many[1])
     keep, leave = (True, True), (False, False)
 

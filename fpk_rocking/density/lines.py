@@ -20,8 +20,8 @@ from fpk_rocking.density.shifts import hermite, landing_range, prepare_shift
 from fpk_rocking.density.space import Space, gauss, shapes
 from fpk_rocking.jit import kernel
 
-_FINE_NODES = 2
-"""Of the angle's blurs, which are far narrower than a cell: variance and third moment are exact."""
+_FINE_NODES = 3
+"""Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
 
 _FAST = {"contract", "reassoc", "nsz"}
 
