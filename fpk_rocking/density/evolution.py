@@ -36,11 +36,11 @@ class Evolution:
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned by kT to the left and to the right, summed from what overturned.
     lost : ndarray, shape (cycles + 1,)
-        Mass that left through the velocity bound by kT.
+        Mass that left through the velocity bound by kT, or came to cells that hold next to nothing and are not covered.
     error_estimate : float
-        Largest difference in survival from a coarser solution of the same scene: an estimate of the error.
+        Estimate of the largest error in survival, from the differences of three solutions of the same scene.
     bins_error_estimate : float
-        The same of the binned density, L1 over 32 x 64 bins between the bounds of the mesh.
+        The same of the binned density: the largest difference of the last two, L1 over 32 x 64 bins between the bounds.
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
     negative_mass : float

@@ -14,7 +14,6 @@ from fpk_rocking.jit import kernel
 BINS = 32, 64
 """Bins (angle, velocity) between the bounds, in which two solutions are compared; of about 0.1 in the main scene."""
 
-
 _MARGIN = 1
 """Cells around those that hold something that are covered too, so that a growing density does not ask every time."""
 

@@ -1,0 +1,101 @@
+"""How `solve_fpk` holds itself to a tolerance: its estimate, the ladder it climbs, what it says when that ends."""
+
+import dataclasses
+import math
+import pathlib
+
+import numpy as np
+import pytest
+
+from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.density import solver
+from fpk_rocking.density.acceptance import bins_tolerance
+from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking.density.resolution import ENOUGH, LADDER, longest_step, rattling_speed
+from fpk_rocking.density.run import Run, Solution
+from fpk_rocking.density.start import Departure
+from fpk_rocking.scene import Forcing, Start, WhiteNoise
+
+MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml").white_equivalent()
+
+
+@pytest.mark.parametrize(
+    ("before", "last", "bins", "lost", "expected"),
+    [
+        (1e-3, 4e-4, 1e-3, 0.0, 1.4 * 4e-4),  # the last difference rules
+        (1e-3, 2e-4, 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
+        (1e-2, 2e-4, 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
+        (1e-6, 1e-6, 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
+        (1e-6, 1e-6, 1e-6, -3e-3, 3e-3),  # what was lost is an error
+    ],
+)
+def test_estimate_from_three_solutions(before, last, bins, lost, expected):
+    gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
+    solution = Solution(np.ones(2), gone, None, None)
+    assert solver.estimated_error([(before, 0.1), (last, bins)], solution) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_ladder_is_climbed_until_the_estimate_is_met(monkeypatch):
+    """With rungs that are too coarse for it, a tolerance is met on a later one, and never by the first two alone."""
+    monkeypatch.setattr(solver, "ENOUGH", {1e-3: 2})
+    found = solve_fpk(MAIN, cycles=2, tol=1e-3)
+    cells = [rung.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for rung in LADDER]
+    assert cells.index(found.settings["angle_cells"]) > 2
+    assert found.error_estimate <= 1e-3
+    assert found.bins_error_estimate <= bins_tolerance(1e-3)
+
+
+def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
+    monkeypatch.setattr(solver, "MEMORY", 0.0)
+    monkeypatch.setattr(solver, "ENOUGH", {1e-4: 2})
+    with pytest.warns(RuntimeWarning, match=r"not within the tolerance: estimated error .* \(tol 0.0001\)") as caught:
+        found = solve_fpk(MAIN, cycles=2, tol=1e-4)
+    assert caught[0].filename == __file__
+    assert found.settings["angle_cells"] == LADDER[2].angle_cells
+
+
+def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
+    """At rest under weak forcing and weak noise: a layer far below the cells."""
+    monkeypatch.setattr(solver, "MEMORY", 0.0)
+    with pytest.raises(ValueError, match=r"scene: got 'diffusion 0.00628.*negative mass is .*simulate\(\)"):
+        solve_fpk(dataclasses.replace(MAIN, forcing=Forcing(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
+
+
+def test_a_gaussian_that_its_window_does_not_resolve_is_refused():
+    start = Start(0.3, 0.0, ((0.09, 0.089973), (0.089973, 0.09)))
+    with pytest.raises(ValueError, match=r"start.covariance: got .*, accepted: a wider Gaussian"):
+        solve_fpk(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)
+
+
+def test_steps_and_lines_follow_what_the_block_does():
+    def scene(amplitude, frequency, diffusion):
+        forcing = dataclasses.replace(MAIN.forcing, amplitude=amplitude, frequency=frequency)
+        return dataclasses.replace(MAIN, forcing=forcing, noise=WhiteNoise(diffusion))
+
+    assert longest_step(MAIN) == pytest.approx(2.33 / 16)
+    assert longest_step(scene(1.1, 0.5, 0.00628)) == pytest.approx(0.036)
+    assert rattling_speed(MAIN) == math.inf
+    assert rattling_speed(scene(0.7, 2.7, 0.05)) == pytest.approx(0.2)
+    assert rattling_speed(scene(0.7, 2.7, 0.005)) == math.inf  # too thin to be attempted
+    assert longest_step(scene(0.7, 2.7, 0.05)) == pytest.approx(0.03)
+    graded = LADDER[3].of(scene(0.7, 2.7, 0.05), 2.8)
+    half = graded.angle_cells // 2
+    assert (math.pi / 2) * (1.0 / half) ** graded.angle_grading == pytest.approx(0.08 * 0.2**2, rel=1e-9)
+    assert LADDER[3].of(MAIN, 3.24).angle_grading == LADDER[3].angle_grading
+
+
+def test_what_is_not_covered_is_little_and_counted_as_lost():
+    """A run that covers all cells from the start, against one that covers what holds something."""
+    bound = velocity_bound(MAIN, MAIN.noise.diffusion)
+    resolution = LADDER[ENOUGH[1e-2]].of(MAIN, bound)
+    found = []
+    for negligible in (0.0, 1e-8):
+        run = Run(MAIN, resolution, bound, negligible)
+        departure = Departure(run.dynamics, MAIN.start, resolution.windows, MAIN.period)
+        found.append(run.evolve(2, departure))
+        covered = np.mean([step.trace.covered.mean() for step in run.half])
+    whole, part = found
+    assert covered < 0.6
+    assert 0.0 < abs(part.gone[2, 2] - whole.gone[2, 2]) < 1e-5
+    assert np.abs(part.inside - whole.inside).max() < 1e-5
+    assert part.inside + part.gone.sum(axis=1) == pytest.approx(np.ones(3), abs=1e-13)
