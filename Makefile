@@ -2,6 +2,7 @@
 # Another interpreter: make PYTHON=/path/to/python run
 
 VENV := .venv
+PEERS := .venv-peers
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PYTHON ?= python3 python3.14 python3.13 python3.12 python3.11 python
@@ -10,7 +11,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run test bench bench-full lint clean
+.PHONY: help install run gallery test bench bench-full peers lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -19,6 +20,9 @@ install: $(STAMP)  ## .venv with the pinned versions and the project
 
 run: $(STAMP)  ## Fig. 6 by both engines, into results/fig06
 	$(BIN)/python cases/fig06_jpdf_evolution.py --out results/fig06
+
+gallery: $(STAMP)  ## every figure, into docs/gallery, about ten minutes
+	$(BIN)/python cases/gallery.py
 
 test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest
@@ -30,11 +34,14 @@ bench-full: bench  ## the slow tests, and the benchmarks that take longer
 	$(BIN)/python -m pytest -m slow
 	@set -e; for script in estimates.py hard_cases.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
 
+peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/peers.md, about ten minutes
+	$(PEERS)/bin/python benchmarks/peers.py
+
 lint: $(STAMP)  ## ruff
 	$(BIN)/ruff check
 
-clean:  ## remove .venv, caches and results
-	rm -rf $(VENV) build dist results .pytest_cache .ruff_cache
+clean:  ## remove environments, caches and results
+	rm -rf $(VENV) $(PEERS) build dist results .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
@@ -46,4 +53,10 @@ $(STAMP): constraints.txt pyproject.toml
 	echo "No Python >= 3.11 among: $(PYTHON). Install one, or name it: make PYTHON=/path/to/python $(MAKECMDGOALS)" >&2; exit 1
 	$(INSTALL) hatchling
 	$(INSTALL) --no-build-isolation -e '.[dev,test,view]'
+	@touch $@
+
+$(PEERS)/.installed: $(STAMP) constraints-peers.txt
+	$(BIN)/python -m venv --clear $(PEERS)
+	$(subst $(VENV),$(PEERS),$(INSTALL)) hatchling
+	$(subst $(VENV),$(PEERS),$(INSTALL)) -c constraints-peers.txt --no-build-isolation -e '.[peers]'
 	@touch $@

@@ -129,10 +129,9 @@ def _crossing(variances, survival, share):
 
 
 def _draw(path, values):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 9.0), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("What each noise band would give", fontsize=15)
+    size = f"{values['realizations']:,} realizations above, {values['fall_realizations']:,} a point below"
+    notes = [f"{size}; 100 harmonics. The paper states no band."]
+    with style.page(path, (10.5, 9.0), "What each noise band would give", notes) as figure:
         panels = figure.subplot_mosaic([["main", "late"], ["fall", "fall"]])
         _survival(panels["main"], values, "survival", "interval", (10, 60))
         panels["main"].set_title("A = 4.6, σ² = 0.04; lines at 10 and 60 cycles")
@@ -144,7 +143,6 @@ def _draw(path, values):
         panels["fall"].set(title="A = 4.6, after 200 cycles, 95 % intervals", xscale="log", ylim=(-0.02, 1.05))
         panels["fall"].set(xlabel="variance of the noise σ², nondimensional", ylabel="P(not overturned)")
         panels["fall"].legend(title="band", ncols=2)
-        style.save(figure, path)
 
 
 def _coloured(values):

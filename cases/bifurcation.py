@@ -139,10 +139,7 @@ def _stable_up_to(scene):
 
 
 def _draw(path, scene, points, values):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 10.0), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("The block without noise: bifurcations and boundary crisis", fontsize=15)
+    with style.page(path, (10.5, 10.0), "The block without noise: bifurcations and boundary crisis") as figure:
         panels = figure.subplot_mosaic([["all", "all"], ["zoom", "beyond"]], height_ratios=(1.2, 1.0))
         for name in ("all", "zoom"):
             _diagram(panels[name], scene, points, values)
@@ -150,7 +147,6 @@ def _draw(path, scene, points, values):
         panels["all"].set(title=f"Poincaré points, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}")
         panels["zoom"].set(title="Chaos and its end (vertical line)", xlim=(4.15, values["amplitudes"][-1]))
         _beyond(panels["beyond"], values)
-        style.save(figure, path)
 
 
 def _diagram(axes, scene, points, values):
@@ -179,7 +175,7 @@ def _beyond(axes, values):
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
     axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)
-    axes.set_title("Cycles until overturning beyond the crisis\n95 % intervals", fontsize=11)
+    axes.set_title(f"Cycles until overturning beyond the crisis\n{BLOCKS} blocks, 95 % intervals", fontsize=11)
 
 
 def main() -> int:

@@ -1,21 +1,27 @@
-"""Where is the density solver's white noise trustworthy? Five bands, four numbers of harmonics, and an error budget.
+"""Where is the density solver's white noise trustworthy? Bands, numbers of harmonics, and an error budget.
 
-The density solver replaces band noise by white noise with D = σ_M²/2. Here its survival is held against Shinozuka
-Monte Carlo over bands, some of them without low frequencies, and over the number N of harmonics; for the first band
-also its average over the diffusions of single realizations (`fpk_rocking.realizations`). There the difference is
-divided into parts, each isolated by switching one thing:
+The density solver replaces band noise by white noise with D = σ_M²/2. Its survival is held against Shinozuka Monte
+Carlo in the main scene and in that with e = 0.7, over bands that cover the block's frequencies or leave some out, with
+two σ or more for each, and over the number N of harmonics. So is a rival closure, which keeps the jump of velocity in
+the heteroclinic orbit (`fpk_rocking.equivalence.jump_diffusion`), and the average of the density solver over the
+diffusions of single realizations (`fpk_rocking.realizations`). For one noise the difference is divided into parts, each
+isolated by switching one thing:
 
 * finite N: N = 100 against N = 1000,
 * band: N = 1000 against white noise, both sampled,
 * discretization: white noise, sampled, against the density solver,
 * sampling: the standard error of the first.
 
-Cover is the part of the Melnikov variance of white noise that a band takes in, (1/π) ∫ 4/(1+ω²)² dω over the band.
+All noises of a scene share densities: it is solved for nine diffusions, and survival is interpolated between them
+(monotone cubics in log D, to a few 1e-4). Below D = 8e-5, where a thousandth overturns in 40 cycles, it is taken for 1.
+
+Cover is the part of the Melnikov variance of white noise that a band takes in, spread the relative standard deviation
+of the diffusions of single realizations. The bounds in `fpk_rocking.equivalence` follow from this study.
 
 Source: the closure is eq. 15 of H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic
 excitations", J. Eng. Mech. 122(8), 719-727, 1996; the bands other than [0, 10] are this project's.
 
-Run time: about a minute on 2 cores, once the kernels are compiled.
+Run time: about two and a half minutes on 2 cores, once the kernels are compiled.
 
     python cases/equivalence.py --out results/equivalence
 
@@ -23,169 +29,227 @@ Files: ``equivalence.png``, ``equivalence.json``.
 """
 
 import argparse
-import math
 import pathlib
 import sys
 import warnings
 
 import numpy as np
 
-from fpk_rocking import BandNoise, load_scene, melnikov, solve_fpk
+from fpk_rocking import BandNoise, WhiteNoise, equivalence, load_scene, solve_fpk
 from fpk_rocking.output import style, summary
-from fpk_rocking.realizations import solve_realizations
+from fpk_rocking.output.progress import reporting
+from fpk_rocking.realizations import realized_diffusions
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
-NOISES = (((0.0, 10.0), 0.2), ((0.0, 2.7), 0.2), ((1.0, 6.0), 0.2), ((2.0, 10.0), 0.3), ((4.0, 10.0), 0.6))
+RESTITUTIONS = (0.5, 0.7)
+STRENGTHS = {
+    (0.0, 10.0): (0.1, 0.2, 0.4), (0.0, 20.0): (0.2, 0.4), (0.0, 2.7): (0.1, 0.2), (0.1, 5.0): (0.1, 0.2),
+    (0.15, 10.0): (0.1, 0.2), (0.0, 1.0): (0.05, 0.1), (0.2, 2.0): (0.1, 0.2), (0.3, 10.0): (0.2, 0.3),
+    (0.0, 0.5): (0.05, 0.1), (0.5, 5.0): (0.1, 0.2), (0.5, 1.5): (0.1, 0.15), (0.7, 3.0): (0.1, 0.2),
+    (1.0, 6.0): (0.2, 0.3), (1.0, 3.0): (0.1, 0.2), (2.0, 10.0): (0.3, 0.5), (4.0, 10.0): (0.6, 0.8),
+}  # fmt: skip
+NOISES = tuple((band, sigma) for band, sigmas in STRENGTHS.items() for sigma in sigmas)
 HARMONICS = (10, 30, 100, 1000)
-CYCLES = (4, 10, 20)
+DIFFUSIONS = tuple(np.geomspace(5e-4, 0.04, 9).tolist())
+CYCLES = (4, 10, 20, 40)
+STILL = 8e-5
+BUDGETED = ((0.0, 10.0), 0.2)
+PARTS = ("whole", "finite N", "band", "discretization", "standard error of each")
 
 
-def cover(noise):
-    """Part of the Melnikov variance of equally strong white noise that a band takes in."""
-    low, high = noise.band
-    return melnikov.noise_variance(noise) * (high - low) / (math.pi * noise.variance)
-
-
-def run(out, noises=NOISES, harmonics=HARMONICS, realizations=50_000, tol=1e-2, seed=1, nodes=5) -> dict:
+def run(
+    out, restitutions=RESTITUTIONS, noises=NOISES, harmonics=HARMONICS, diffusions=DIFFUSIONS,
+    realizations=20_000, tol=1e-2, seed=1,
+) -> dict:  # fmt: skip
     """Compute, draw and write everything.
 
     Parameters
     ----------
     out : path
         Folder for the files; created if missing.
+    restitutions : sequence of float
+        Of the scenes, one or two; the main scene otherwise.
     noises : sequence of ((float, float), float)
-        Bands and σ, nondimensional; the first is that of the error budget.
+        Bands and σ, nondimensional.
     harmonics : sequence of int
-        Numbers N, ascending.
+        Numbers N, ascending; the last stands for infinitely many.
+    diffusions : sequence of float
+        For which the density is solved, ascending, above 8e-5.
     realizations, seed : int
         Of each ensemble; ten times as many for the error budget.
     tol : float
         Of the density solver.
-    nodes : int
-        Diffusions that stand for the realizations.
 
     Returns
     -------
     dict
         What ``equivalence.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
-    rows = []
-    for band, sigma in noises:
-        counted = [scene.varied(noise=BandNoise(sigma * sigma, band, count)) for count in harmonics]
-        white = _solved(solve_fpk, counted[0], tol)
-        sampled = [simulate(one, cycles=max(CYCLES), realizations=realizations, seed=seed) for one in counted]
-        several = [one for one in counted if one.noise.harmonics <= 100] if not rows else []
-        averaged = [_solved(solve_realizations, one, 1e-2, nodes=nodes) for one in several]
-        rows.append(
-            {
-                "band": band, "sigma": sigma, "cover": cover(counted[0].noise),
-                "diffusion": melnikov.equivalent_diffusion(counted[0].noise), "harmonics": list(harmonics),
-                "density": [float(white.survival[k]) for k in CYCLES],
-                "sampled": [[float(one.survival[k]) for k in CYCLES] for one in sampled],
-                "averaged": [[float(one.survival[k]) for k in CYCLES] for one in averaged],
-            }
-        )  # fmt: skip
-    findings = {"cycles": CYCLES, "realizations": realizations, "bands": rows}
-    findings["budget"] = budget(scene, noises[0], 10 * realizations, tol, seed)
+    out, main_scene, rows = pathlib.Path(out), load_scene(SCENE), []
+    for e in restitutions:
+        scene = main_scene.varied(block={"restitution": e})
+        survival = survival_by_diffusion(scene, diffusions, tol)
+        with reporting(f"Monte Carlo, e = {e:g}") as progress:
+            for done, (band, sigma) in enumerate(noises):
+                counted = [BandNoise(sigma * sigma, band, count) for count in harmonics]
+                rows.append({"restitution": e} | _row(scene, counted, survival, realizations, seed))
+                progress(done + 1, len(noises))
+    findings = {"cycles": CYCLES, "harmonics": harmonics, "realizations": realizations, "noises": rows}
+    findings["budget"] = budget(main_scene, 10 * realizations, tol, seed)
     draw(out / "equivalence.png", findings)
     summary.write_summary(out / "equivalence.json", findings)
     return findings
 
 
-def _solved(solve, scene, tol, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", RuntimeWarning
-        )  # weak equivalent noise: its estimate stands in the error budget
-        return solve(scene, cycles=max(CYCLES), tol=tol, **options)
+def survival_by_diffusion(scene, diffusions, tol):
+    """Survival of a scene under white noise: a function of the diffusion (n,) with values (n, cycles)."""
+    from scipy.interpolate import PchipInterpolator
+
+    solved = []
+    for diffusion in diffusions:
+        label = f"density, e = {scene.block.restitution:g}, D = {diffusion:.2g}"
+        solved.append(_solved(scene.varied(noise=WhiteNoise(diffusion)), max(CYCLES), tol, label))
+    known = np.array([np.ones(len(CYCLES)), *(one.survival[list(CYCLES)] for one in solved)])
+    curve = PchipInterpolator(np.log([STILL, *diffusions]), known, extrapolate=False)
+    return lambda diffusion: curve(np.log(np.clip(diffusion, STILL, diffusions[-1])))
 
 
-def budget(scene, noise, realizations, tol, seed):
+def _solved(scene, cycles, tol, label):
+    # Where weak noise misses the tolerance, it does so by less than realizations can tell.
+    with warnings.catch_warnings(), reporting(label) as progress:
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return solve_fpk(scene, cycles=cycles, tol=tol, progress=progress)
+
+
+def _row(scene, counted, survival, realizations, seed):
+    """One band and σ, all N: survival sampled, by both closures, and averaged over realizations."""
+    noise, e = counted[-1], scene.block.restitution
+    sampled = [
+        simulate(scene.varied(noise=one), cycles=max(CYCLES), realizations=realizations, seed=seed) for one in counted
+    ]
+    drawn = [(one, e, 500_000 // one.harmonics, seed) for one in counted]
+    closures = {"diffusion": equivalence.equivalent_diffusion(noise), "jump": equivalence.jump_diffusion(noise, e)}
+    return {
+        "band": noise.band,
+        "sigma": noise.variance**0.5,
+        "cover": equivalence.cover(noise),
+        "spread": [equivalence.realized_spread(one, e) for one in counted],
+        **closures,
+        "density": survival(closures["diffusion"]).tolist(),
+        "jump_density": survival(closures["jump"]).tolist(),
+        "sampled": [one.survival[list(CYCLES)].tolist() for one in sampled],
+        "averaged": [survival(realized_diffusions(*one)).mean(axis=0).tolist() for one in drawn],
+    }
+
+
+def budget(scene, realizations, tol, seed):
     """Divide the difference between 100 harmonics and the density solver: parts of S by name, at `CYCLES`."""
-    (band, sigma), last = noise, max(CYCLES)
+    (band, sigma), last = BUDGETED, max(CYCLES)
     few, many = (scene.varied(noise=BandNoise(sigma * sigma, band, count)) for count in (100, 1000))
     first = simulate(few, cycles=last, realizations=realizations, seed=seed).survival
     second = simulate(many, cycles=last, realizations=realizations, seed=seed + 1).survival
     third = simulate(few.white_equivalent(), cycles=last, realizations=realizations, seed=seed, method="white").survival
-    ours = solve_fpk(few, cycles=last, tol=tol)
+    ours = _solved(few, last, tol, "density, error budget")
     error = np.sqrt(first * (1.0 - first) / realizations)
-    parts = {
-        "whole": first - ours.survival, "finite N": first - second, "band": second - third,
-        "discretization": third - ours.survival, "standard error of each": error,
-    }  # fmt: skip
-    return {name: [float(part[k]) for k in CYCLES] for name, part in parts.items()} | {
-        "error_estimate": ours.error_estimate,
-        "realizations": realizations,
-    }
+    parts = (first - ours.survival, first - second, second - third, third - ours.survival, error)
+    found = {name: part[list(CYCLES)].tolist() for name, part in zip(PARTS, parts, strict=True)}
+    return found | {"error_estimate": ours.error_estimate, "realizations": realizations}
+
+
+def worst(differences):
+    """Of differences (..., cycles), those of the cycle where they are largest."""
+    differences = np.asarray(differences)
+    places = np.abs(differences).argmax(axis=-1)[..., None]
+    return np.take_along_axis(differences, places, axis=-1)[..., 0]
 
 
 def draw(path, findings):
-    """Draw survival after 10 cycles by band and N, and the error budget."""
-    rows, middle = findings["bands"], CYCLES.index(10)
-    with style.drawing() as figure:
-        made = figure(figsize=(12.0, 4.8), layout="constrained")
-        left, right = made.subplots(1, 2, width_ratios=(1.6, 1.0))
-        shades = style.shades(len(rows[0]["harmonics"]))
-        for place, row in enumerate(rows):
-            left.hlines(
-                row["density"][middle], place - 0.4, place + 0.4, color="black", label="" if place else "density solver"
-            )
-            for k, (count, colour) in enumerate(zip(row["harmonics"], shades, strict=True)):
-                x = place + 0.18 * (k - 1.5)
-                value = row["sampled"][k][middle]
-                error = 1.96 * math.sqrt(value * (1.0 - value) / findings["realizations"])
-                left.errorbar(
-                    x, value, error, fmt="o", ms=5, color=colour, label="" if place else f"Monte Carlo, N = {count}"
-                )
-                if k < len(row["averaged"]):
-                    name = "" if place or k else "density solver, averaged over realizations"
-                    left.plot(x, row["averaged"][k][middle], "x", ms=7, color=colour, label=name)
-        labels = [
-            f"[{row['band'][0]:g}, {row['band'][1]:g}]\nσ = {row['sigma']:g}\ncover {row['cover']:.2f}" for row in rows
-        ]
-        left.set_xticks(range(len(rows)), labels)
-        left.set(
-            xlabel="noise band, nondimensional",
-            ylabel="survival after 10 cycles",
-            ylim=(0.0, 1.0),
-            title="White noise for band noise",
-        )
-        left.legend(fontsize=8, loc="lower right")
-        names = ["whole", "finite N", "band", "discretization", "standard error of each"]
-        for k, cycle in enumerate(CYCLES):
-            right.barh(np.arange(5) + 0.25 * (1 - k), [findings["budget"][name][k] for name in names], 0.23,
-                       color=style.COLOURS[k], label=f"after {cycle} cycles")  # fmt: skip
-        right.set_yticks(range(5), names)
-        right.invert_yaxis()
-        right.set(
-            xlabel="Monte Carlo less density solver, in survival",
-            title="Error budget: [0, 10], σ = 0.2, N = 100",
-        )
-        right.legend(fontsize=8)
-        style.save(made, path)
+    """Draw errors against cover and spread, what the average over realizations leaves, and the error budget."""
+    size = f"{findings['realizations']:,} realizations (± 0.004 or less, one standard error)"
+    cycles = ", ".join(map(str, CYCLES))
+    notes = [f"Each point: the difference that is largest after {cycles} cycles; {size}. Grey: trusted."]
+    rows = [["cover", "cover"], ["excess", "left"], ["budget", "budget"]]
+    with style.page(path, (10.5, 10.0), "White noise for band noise: where it is trustworthy", notes) as figure:
+        panels = figure.subplot_mosaic(rows, height_ratios=(1.2, 1.0, 0.8))
+        _against_cover(panels["cover"], findings)
+        panels["left"].sharey(panels["excess"])
+        _against_spread(panels["excess"], findings, "density", "Excess of N harmonics over white noise")
+        _against_spread(panels["left"], findings, "averaged", "What the average over realizations leaves of it")
+        _budget(panels["budget"], findings["budget"])
+
+
+def _against_cover(axes, findings):
+    rows = findings["noises"]
+    marks = dict(zip(dict.fromkeys(row["restitution"] for row in rows), "os", strict=False))
+    for name, colour, label in (("density", 0, "D = σ_M²/2"), ("jump_density", 1, "rival: jump kept")):
+        for e, mark in marks.items():
+            here = [row for row in rows if row["restitution"] == e]
+            errors = [worst(np.subtract(row["sampled"][-1], row[name])) for row in here]
+            look = {"color": style.COLOURS[colour], "markerfacecolor": "white" if colour else None, "markersize": 6}
+            axes.plot([row["cover"] for row in here], errors, mark, label=f"{label}, e = {e:g}", **look)
+    axes.axvspan(equivalence.TRUSTED_COVER, 1.02, color="#dddddd", zorder=0)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    axes.set(xlabel="cover of the band (part of the Melnikov variance of white noise)", xlim=(-0.02, 1.02))
+    axes.set(ylabel="survival, Monte Carlo less density", title=f"Band, N = {findings['harmonics'][-1]}")
+    axes.legend(ncols=2, fontsize=9, loc="lower center")
+
+
+def _against_spread(axes, findings, name, title):
+    """Draw what N harmonics differ by from a density, less what the most harmonics differ by from white noise."""
+    shades = style.shades(len(findings["harmonics"]))
+    for k, (count, colour) in enumerate(zip(findings["harmonics"][:-1], shades, strict=False)):
+        spreads, left = [], []
+        for row in findings["noises"]:
+            held = row["averaged"][k] if name == "averaged" else row["density"]
+            band_error = np.subtract(row["sampled"][-1], row["density"])
+            spreads.append(row["spread"][k])
+            left.append(worst(np.subtract(row["sampled"][k], held) - band_error))
+        axes.plot(spreads, left, ".", color=colour, label=f"N = {count}")
+    spread = np.linspace(0.0, 1.2, 121)
+    law = f"{equivalence.EXCESS:g} spread²"
+    axes.plot(spread, equivalence.EXCESS * spread**2, color="black", linewidth=1.0, label=law)
+    axes.axvspan(0.0, equivalence.TRUSTED_SPREAD, color="#dddddd", zorder=0)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    axes.set(title=title, xlabel="spread of the realizations' diffusions, relative", ylabel="difference in survival")
+    axes.set_xlim(0.0, 1.25)
+    axes.legend(fontsize=9, loc="upper left")
+
+
+def _budget(axes, found):
+    places, height = np.arange(len(PARTS)), 0.8 / len(CYCLES)
+    for k, (cycle, colour) in enumerate(zip(CYCLES, style.shades(len(CYCLES)), strict=True)):
+        axes.barh(places + height * (k - 1.5), [found[name][k] for name in PARTS], 0.9 * height, color=colour,
+                  label=f"after {cycle} cycles")  # fmt: skip
+    axes.set_axisbelow(True)
+    axes.set_yticks(places, PARTS)
+    axes.invert_yaxis()
+    (low, high), sigma = BUDGETED
+    size = f"{found['realizations']:,} realizations"
+    title = f"Error budget: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
+    axes.set(xlabel="Monte Carlo less density, in survival", title=title)
+    axes.legend(fontsize=9)
 
 
 def main(arguments=None) -> int:
-    """Run from the command line."""
+    """Read the command line, run, print a line for each noise."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--out", type=pathlib.Path, default="results/equivalence", help="folder for the files (default %(default)s)"
-    )
-    findings = run(parser.parse_args(arguments).out)
-    for row in findings["bands"]:
-        print(
-            row["band"],
-            f"cover {row['cover']:.3f}",
-            "density",
-            row["density"],
-            "sampled",
-            row["sampled"],
-            "averaged",
-            row["averaged"],
-        )
+    parser.add_argument("--out", type=pathlib.Path, default="results/equivalence", help="folder (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    findings = run(options.out)
+    print(f"Sampled less density after {findings['cycles']} cycles, N = {findings['harmonics']}; rival and average")
+    for row in sorted(findings["noises"], key=lambda row: (-row["restitution"], -row["cover"])):
+        less = {
+            "white": np.subtract(row["sampled"], row["density"]),
+            "rival": np.subtract(row["sampled"][-1:], row["jump_density"]),
+            "averaged": np.subtract(row["sampled"], row["averaged"]),
+        }
+        low, high = row["band"]
+        print(f"e = {row['restitution']:g} [{low:g}, {high:g}] σ = {row['sigma']:g} cover {row['cover']:.3f}")
+        for name, found in less.items():
+            print(f"   {name:8} " + " | ".join(" ".join(f"{one:+.3f}" for one in line) for line in found))
     print("budget", findings["budget"])
+    print(f"Files in {options.out}: equivalence.png, equivalence.json")
     return 0
 
 

@@ -100,16 +100,12 @@ def free_orbit(energy, count=200):
 
 def draw(path, restitution, frequencies, work):
     """Write the picture."""
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 8.4), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("The free rocking block (cf. paper Fig. 2)", fontsize=15)
+    with style.page(path, (10.5, 8.4), "The free rocking block (cf. paper Fig. 2)") as figure:
         (well, portrait), (orbit, transform) = figure.subplots(2, 2)
         _well(well)
         _portrait(portrait, restitution)
         _orbit(orbit)
         _transform(transform, frequencies, work)
-        style.save(figure, path)
 
 
 def _well(axes):

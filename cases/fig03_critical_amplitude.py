@@ -81,17 +81,12 @@ def run(out, variance=0.16, points=241) -> dict:
 def draw(path, noise, points):
     """Write the picture."""
     omega = np.linspace(0.05, 6.0, points)
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 8.6), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("Critical amplitude of the forcing (cf. paper Fig. 3)", fontsize=15)
-        figure.supxlabel(_NOTE, x=0.02, ha="left", color="#333333", fontsize=10)
+    with style.page(path, (10.5, 8.6), "Critical amplitude of the forcing (cf. paper Fig. 3)", [_NOTE]) as figure:
         (paper, criteria), (ratio, noisy) = figure.subplots(2, 2)
         _paper(paper, omega, noise)
         _criteria(criteria, omega, noise)
         _ratio(ratio, omega)
         _noisy(noisy, points)
-        style.save(figure, path)
 
 
 def _paper(axes, omega, noise):

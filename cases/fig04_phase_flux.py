@@ -112,11 +112,7 @@ def process_flux(noise, restitution, realizations, seed):
 
 def draw(path, noise, points, values, seed):
     """Write the picture."""
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 11.2), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("Phase flux (cf. paper Fig. 4)", fontsize=15)
-        figure.supxlabel(_NOTE, x=0.02, ha="left", color="#333333", fontsize=10)
+    with style.page(path, (10.5, 11.2), "Phase flux (cf. paper Fig. 4)", [_NOTE]) as figure:
         rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 1.0))
         _process(panels["process"], noise, seed)
@@ -124,7 +120,6 @@ def draw(path, noise, points, values, seed):
         _sweep(panels["frequency"], np.linspace(0.5, 8.0, points), 1, noise, "frequency Ω")
         _restitution(panels["restitution"], noise, points, values)
         _variance(panels["variance"], points)
-        style.save(figure, path)
 
 
 def _process(axes, noise, seed):

@@ -39,6 +39,7 @@ BANDS = (5.0, 10.0, 20.0)
 LATE = 125
 NEAR = 5
 SETTLED = 100
+_NOTE = "The noise bands are inferred by this project; the paper states none."
 
 
 def run(out, realizations=10_000, cycles=200, bounded_cycles=2000, seed=1) -> dict:
@@ -76,7 +77,7 @@ def run(out, realizations=10_000, cycles=200, bounded_cycles=2000, seed=1) -> di
         "realization": chosen,
         "overturned_after_cycles": float(shown.overturn_time[chosen] / scene.period),
         "late": [_lateness(ensemble, amplitude, band) for (amplitude, band), ensemble in ensembles.items()],
-        "remarks": ["The noise bands are inferred by this project; the paper states none."],
+        "remarks": [_NOTE],
     }
     _draw(out / "fig05.png", quiet, shown, chosen, long[1], ensembles)
     summary.write_summary(out / "fig05.json", values)
@@ -114,10 +115,9 @@ def _lateness(ensemble, amplitude, highest):
 
 
 def _draw(path, quiet, shown, chosen, chaotic, ensembles):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 11.0), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.06, w_pad=0.08)
-        figure.suptitle("Periodic, overturned by noise, chaotic (cf. paper Fig. 5)", fontsize=15)
+    sizes = {ensemble.realizations for ensemble in ensembles.values()}
+    notes = [f"Survival of {max(sizes):,} realizations each, σ² = 0.04. {_NOTE}"]
+    with style.page(path, (10.5, 11.0), "Periodic, overturned by noise, chaotic (cf. paper Fig. 5)", notes) as figure:
         rows = [["periodic", "periodic"], ["noisy", "noisy"], ["chaotic", "chaotic"], ["points", "standing"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.55, 0.55, 0.55, 1.0))
         noise = shown.scene.noise
@@ -132,7 +132,6 @@ def _draw(path, quiet, shown, chosen, chaotic, ensembles):
         panels["chaotic"].set_xlabel(motion.TIME)
         _points(panels["points"], quiet[0], shown, chosen, chaotic)
         _standing(panels["standing"], ensembles)
-        style.save(figure, path)
 
 
 def _points(axes, periodic, shown, chosen, chaotic):

@@ -111,11 +111,9 @@ def _spread(points):
 
 
 def _draw(path, history, attractor, values, restarted, free):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 9.8), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.06, w_pad=0.06)
-        figure.suptitle("Mean Poincaré maps under growing noise (cf. paper Fig. 8)", fontsize=15)
-        figure.supxlabel("\n".join(values["remarks"]), x=0.02, ha="left", color="#333333", fontsize=10)
+    size = values["realizations"]
+    notes = [f"Means of {size:,} realizations where restarted, of {10 * size:,} where free.", *values["remarks"]]
+    with style.page(path, (10.5, 9.8), "Mean Poincaré maps under growing noise (cf. paper Fig. 8)", notes) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(0.32, 1.0))
         axes = top.subplots()
         motion.history_panel(axes, history, 0)
@@ -133,7 +131,6 @@ def _draw(path, history, attractor, values, restarted, free):
         bottom.legend(handles, names, loc="outside upper center", ncols=3, markerscale=2.0)
         bottom.supxlabel(motion.ANGLE, fontsize=10)
         bottom.supylabel(motion.VELOCITY, fontsize=10)
-        style.save(figure, path)
 
 
 def _maps(axes, attractor, mapped, mean):

@@ -79,6 +79,8 @@ def run(out, variances=VARIANCES, cycles=200, realizations=3000, map_variances=M
     values = {
         "figure": "Fig. 9 of Lin and Yim, J. Eng. Mech. 122(8), 1996",
         "scene": scene.to_toml(),
+        "cycles": cycles,
+        "realizations": realizations,
         "variances": list(variances),
         "rates": [{"band": [0.0, band], "per_cycle": found} for band, found in rates.items()],
         "onset_rate": ONSET_RATE,
@@ -128,11 +130,10 @@ def _ended(scene, variance, realizations, cycles, seed):
 
 
 def _draw(path, quiet, shown, values):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 10.0), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.06, w_pad=0.06)
-        figure.suptitle("The noisy attractor and the onset of overturning (cf. paper Fig. 9)", fontsize=15)
-        figure.supxlabel("\n".join(values["remarks"]), x=0.02, ha="left", color="#333333", fontsize=10)
+    size = f"{values['realizations']:,} realizations of each noise, {values['cycles']} cycles; rates after {FORGOTTEN}"
+    notes = [f"{size}. Grey: without noise.", *values["remarks"]]
+    title = "The noisy attractor and the onset of overturning (cf. paper Fig. 9)"
+    with style.page(path, (10.5, 10.0), title, notes) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
         panels = top.subplots(2, 2, sharex=True, sharey=True).ravel()
         for axes, ensemble in zip(panels, shown, strict=True):
@@ -146,7 +147,6 @@ def _draw(path, quiet, shown, values):
         rates, maps = bottom.subplots(1, 2)
         _rates(rates, values)
         _maps(maps, values)
-        style.save(figure, path)
 
 
 def _rates(axes, values):

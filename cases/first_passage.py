@@ -105,18 +105,15 @@ def _row(density, band, white):
 
 
 def _draw(path, scene, values):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 10.4), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("First passage of the cut-off", fontsize=15)
-        figure.supxlabel("\n".join(values["remarks"]), x=0.02, ha="left", color="#333333", fontsize=9, linespacing=1.5)
+    notes = [f"{values['realizations']:,} realizations of each noise.", *values["remarks"]]
+    with style.page(path, (10.5, 10.4), "First passage of the cut-off", notes) as figure:
         rows = [["early", "early"], ["cycle", "cycle"], ["white", "band"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 0.8))
+        panels["band"].sharey(panels["white"])
         _early(panels["early"], scene, values)
         _cycles(panels["cycle"], values)
         _differences(panels["white"], values, "white", "Monte Carlo white less density")
         _differences(panels["band"], values, "band", "Monte Carlo exact (band noise) less density")
-        style.save(figure, path)
 
 
 def _early(axes, scene, values):

@@ -72,6 +72,8 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
     values = {
         "scene": scene.to_toml(),
         "forgotten_cycles": FORGOTTEN,
+        "cycles": cycles,
+        "realizations": realizations,
         "variances": list(variances),
         "restitutions": list(restitutions),
         "over_noise": [{"band": [0.0, band]} | _held(scenes, sampled) for band, scenes in noises.items()],
@@ -99,11 +101,8 @@ def _held(scenes, sampled):
 
 
 def _draw(path, values):
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=(10.5, 5.6), layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle("Phase flux and measured rate of overturning", fontsize=15)
-        figure.supxlabel(_NOTE, x=0.02, ha="left", color="#333333", fontsize=10)
+    notes = [f"{values['realizations']:,} realizations a point, {values['cycles']} cycles. {_NOTE}"]
+    with style.page(path, (10.5, 5.6), "Phase flux and measured rate of overturning", notes) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
         for found, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
             _pair(noise, values["variances"], found, colour, marker, f"band [0, {found['band'][1]:g}]")
@@ -114,7 +113,6 @@ def _draw(path, values):
         block.set(xlabel="restitution e, nondimensional", yscale="log")
         block.set_title("σ² = 0.04", fontsize=10)
         block.legend(loc="lower right")
-        style.save(figure, path)
 
 
 def _pair(axes, places, found, colour, marker, label):

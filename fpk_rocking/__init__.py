@@ -22,10 +22,12 @@ from fpk_rocking.scene import (
 
 # The density solver brings the compiler and the finite-element library: loaded on first use.
 _LAZY = dict.fromkeys(("solve_fpk", "solve_positive", "Evolution"), "fpk_rocking.density")
+_LAZY |= {"CycleOperator": "fpk_rocking.horizon"}
 
 __all__ = [
     "BandNoise",
     "Block",
+    "CycleOperator",
     "Dimensions",
     "Evolution",
     "Forcing",

@@ -4,9 +4,39 @@ import math
 
 import numpy as np
 
-__all__ = ["joint_edges"]
+from fpk_rocking import checks
+
+__all__ = ["ascending_edges", "joint_edges"]
 
 _BINS_PER_UNIT = 10
+
+
+def ascending_edges(name, value) -> np.ndarray:
+    """Return the edges of bins as floats.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for the message.
+    value : array_like, shape (n + 1,)
+
+    Raises
+    ------
+    TypeError
+        Not real numbers.
+    ValueError
+        Fewer than two edges, or they are not finite or do not ascend.
+    """
+    accepted = "two or more finite numbers in ascending order"
+    try:
+        edges = np.asarray(value)
+    except ValueError:
+        raise TypeError(checks.refusal(name, value, accepted)) from None
+    if edges.dtype.kind not in "fiu":
+        raise TypeError(checks.refusal(name, value, accepted))
+    if edges.ndim != 1 or edges.size < 2 or not np.isfinite(edges).all() or not np.all(edges[:-1] < edges[1:]):
+        raise ValueError(checks.refusal(name, value, accepted))
+    return edges.astype(float)
 
 
 def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:

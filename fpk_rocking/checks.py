@@ -7,11 +7,19 @@ import dataclasses
 import difflib
 import math
 import numbers
+import os
+import pathlib
+
+_LONGEST = 500
 
 
 def refusal(name, got, accepted):
     """Text of a refusal: the parameter's name, what was got and what is accepted."""
-    return f"{name}: got {got!r}, accepted: {accepted}"
+    try:
+        shown = repr(got)
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        shown = f"{type(got).__name__} of very many digits"
+    return f"{name}: got {shown if len(shown) <= _LONGEST else shown[:_LONGEST] + '...'}, accepted: {accepted}"
 
 
 def number(name, value, *, at_least=None, above=None, at_most=None):
@@ -57,20 +65,21 @@ def number(name, value, *, at_least=None, above=None, at_most=None):
     return converted
 
 
-def count(name, value):
-    """Return an int that is at least 1.
+def count(name, value, at_least=1):
+    """Return an int that is at least 1, or another bound.
 
     Raises
     ------
     TypeError
         The value is not an integer (a bool and 100.0 are not).
     ValueError
-        The value is less than 1.
+        The value is less than the bound.
     """
+    accepted = f"a whole number >= {at_least}"
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        raise TypeError(refusal(name, value, "a whole number >= 1"))
-    if value < 1:
-        raise ValueError(refusal(name, value, "a whole number >= 1"))
+        raise TypeError(refusal(name, value, accepted))
+    if value < at_least:
+        raise ValueError(refusal(name, value, accepted))
     return int(value)
 
 
@@ -91,6 +100,22 @@ def interval(name, value):
     if not 0.0 <= low < high:
         raise ValueError(refusal(name, value, accepted))
     return low, high
+
+
+def path(name, value):
+    """Return a `pathlib.Path`, or raise TypeError where the value is no text or path."""
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(refusal(name, value, "a path"))
+    if "\0" in str(value):
+        raise ValueError(refusal(name, value, "a path without null characters"))
+    return pathlib.Path(value)
+
+
+def report(value):
+    """Return a `progress` that can be called, or None."""
+    if value is not None and not callable(value):
+        raise TypeError(refusal("progress", value, "None, or a callable that takes (done, total)"))
+    return value
 
 
 def instance(name, value, *kinds):

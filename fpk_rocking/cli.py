@@ -1,7 +1,7 @@
 """The command line: ``fpk-rocking fpk|mc|compare``.
 
-Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input, 130
-when interrupted. Files are whole or not there.
+Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
+what the machine refuses, 130 when interrupted, 143 when terminated. Files are whole or not there.
 """
 
 import argparse
@@ -9,8 +9,7 @@ import json
 import pathlib
 import sys
 
-from fpk_rocking.compare import compare, shown_cycles
-from fpk_rocking.output.progress import reporting
+from fpk_rocking import process
 from fpk_rocking.scene import load_scene
 
 _DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
@@ -41,7 +40,7 @@ class _Parser(argparse.ArgumentParser):
     """Refuses bad input in one line, as the rest of the command line does."""
 
     def error(self, message):
-        self.exit(2, f"{self.prog}: {message}\n")
+        self.exit(2, f"{self.prog}: {process.line(message)}\n")
 
 
 def main(arguments=None) -> int:
@@ -55,20 +54,25 @@ def main(arguments=None) -> int:
     Returns
     -------
     int
-        Exit status: 0, 2 for bad input, 130 when interrupted.
+        Exit status: 0, 2 for bad input or what the machine refuses, 130 when interrupted, 143 when terminated.
     """
     options = _parser().parse_args(arguments)
     try:
-        if options.out and options.out.exists() and not options.out.is_dir():
-            raise ValueError(f"--out: got the file {str(options.out)!r}, accepted: a folder, made where missing")
-        if getattr(options, "checkpoint", None) and not options.tally:
-            raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
-        options.run(options)
-    except KeyboardInterrupt:
-        sys.stderr.write("fpk-rocking: interrupted; files written so far are whole\n")
-        return 130
-    except (ValueError, TypeError, OSError) as error:
-        sys.stderr.write(f"fpk-rocking {options.command}: {' '.join(str(error).split())}\n")
+        with process.terminable(), process.plain_warnings(options.command):
+            if options.out:
+                process.check_folder("--out", options.out)
+            if getattr(options, "checkpoint", None) and not options.tally:
+                raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
+            options.run(options)
+            sys.stdout.flush()
+    except KeyboardInterrupt as stop:
+        resume = "; the same command goes on from the checkpoint" if getattr(options, "checkpoint", None) else ""
+        word = "terminated" if isinstance(stop, process.Terminated) else "interrupted"
+        sys.stderr.write(f"fpk-rocking: {word}; files written so far are whole{resume}\n")
+        return 143 if isinstance(stop, process.Terminated) else 130
+    except (ValueError, TypeError, OSError, ArithmeticError, MemoryError) as error:
+        sys.stderr.write(f"fpk-rocking {options.command}: {process.line(error) or type(error).__name__}\n")
+        process.drop_unwritten()
         return 2
     return 0
 
@@ -132,6 +136,7 @@ def _add_ensemble(parser):
 
 
 def _fpk(options):
+    from fpk_rocking.compare import shown_cycles
     from fpk_rocking.output import summary, tables, vtk
 
     result = _solved(options, _scene(options.scene))
@@ -155,6 +160,7 @@ def _mc(options):
 
 
 def _compare(options):
+    from fpk_rocking.compare import compare
     from fpk_rocking.output import curves, summary, tables
 
     if len(options.inputs) == 2:
@@ -182,6 +188,7 @@ def _scene(path):
 
 def _solved(options, scene):
     from fpk_rocking.density import solve_fpk
+    from fpk_rocking.output.progress import reporting
 
     cycles, tolerance = _or(options.cycles, _CYCLES), _or(options.tol, _TOLERANCE)
     with reporting("density") as progress:
@@ -189,6 +196,7 @@ def _solved(options, scene):
 
 
 def _simulated(options, scene):
+    from fpk_rocking.output.progress import reporting
     from montecarlo import simulate, tally
 
     if options.method == "white":

@@ -3,9 +3,25 @@
 The heteroclinic orbit of the undamped, unforced block has the velocity e^(-|τ|), whose transform is 2/(1+ω²). Noise
 seen through it, M(τ₀) = ∫ e^(-|τ|) η(τ + τ₀) dτ, has the variance σ_M² = ∫ 4 G(ω)/(1+ω²)² dω, with G the one-sided
 spectral density of η (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
+
+Where this can be trusted is told by `cover`, the part of the orbit's frequencies that the band takes in, and by
+`realized_spread`, by how much the realizations of finitely many harmonics differ. The bounds are those of the study
+``cases/equivalence.py`` (two restitutions, 33 noises, N from 10 to 1000, 4 to 40 cycles; table in docs/paper.md).
 """
 
 import math
+
+import numpy as np
+
+# From here on up, 1000 harmonics and the equivalent white noise agree to 0.03 in survival; below, they differ by up to
+# WORST either way.
+TRUSTED_COVER = 0.85
+WORST = 0.26
+# Under finitely many harmonics survival is higher, by up to about EXCESS spread² within 40 cycles: 0.04 at this spread.
+TRUSTED_SPREAD = 0.3
+EXCESS = 0.4
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
 def noise_variance(noise):
@@ -57,3 +73,118 @@ def equivalent_diffusion(noise):
         Nondimensional, with ⟨ηη⟩ = 2Dδ.
     """
     return 0.5 * noise_variance(noise)
+
+
+def cover(noise):
+    """Part of the Melnikov variance of equally strong white noise that a band takes in, (1/π) ∫ 4/(1+ω²)² dω over it.
+
+    Parameters
+    ----------
+    noise : BandNoise
+
+    Returns
+    -------
+    float
+        From 0 to 1; the equivalent white noise is trustworthy from `TRUSTED_COVER` on.
+
+    Raises
+    ------
+    ValueError
+        The noise has no band, or no strength.
+    """
+    _band(noise)
+    low, high = noise.band
+    return noise_variance(noise) * (high - low) / (math.pi * noise.variance)
+
+
+def response(frequency, restitution):
+    """Weight of a frequency in the diffusion that a realization stands for, with the jump of velocity kept.
+
+    A block that passes the impact leaves x = 0 with e times the velocity it arrived with. The transform of that motion,
+    squared, is [(1+e)² + (1-e)²ω²]/(1+ω²)²; over 1 + e² it weighs white noise of diffusion D such that D = ∫ G(ω)
+    response dω (derived in docs/theory, "Noise"). At e = 1 it is the kernel of (15), 2/(1+ω²)².
+
+    Parameters
+    ----------
+    frequency : array_like
+        ω, nondimensional.
+    restitution : float
+        e, from 0 to 1.
+
+    Returns
+    -------
+    ndarray or float
+        Nondimensional.
+    """
+    e, square = restitution, np.square(frequency)
+    return ((1.0 + e) ** 2 + (1.0 - e) ** 2 * square) / ((1.0 + e * e) * (1.0 + square) ** 2)
+
+
+def jump_diffusion(noise, restitution):
+    """Diffusion of white noise by the rival closure ∫ G(ω) response dω, for comparison with `equivalent_diffusion`.
+
+    It is right for white noise too, better than D_M for some bands without low frequencies and far worse for others
+    (docs/paper.md); the density solver does not use it.
+
+    Parameters
+    ----------
+    noise : BandNoise
+    restitution : float
+        e, from 0 to 1.
+
+    Returns
+    -------
+    float
+        Nondimensional, with ⟨ηη⟩ = 2Dδ.
+
+    Raises
+    ------
+    ValueError
+        The noise has no band, or no strength.
+    """
+    weights, values = _responses(noise, restitution)
+    return noise.variance * float(weights @ values)
+
+
+def realized_spread(noise, restitution):
+    """Relative standard deviation of the diffusions that single realizations of a band stand for.
+
+    Each of the N harmonics has a frequency of its own, so that a realization's diffusion is a mean of N values of
+    `response`: the spread falls as N^(-1/2).
+
+    Parameters
+    ----------
+    noise : BandNoise
+    restitution : float
+        e, from 0 to 1.
+
+    Returns
+    -------
+    float
+        The equivalent white noise is trustworthy up to `TRUSTED_SPREAD`.
+
+    Raises
+    ------
+    ValueError
+        The noise has no band, or no strength.
+    """
+    weights, values = _responses(noise, restitution)
+    # A band so narrow that its responses do not differ may come out below zero by rounding.
+    return math.sqrt(max(weights @ values**2 / (weights @ values) ** 2 - 1.0, 0.0) / noise.harmonics)
+
+
+def _responses(noise, restitution):
+    """Quadrature for the mean of powers of `response` over a band: weights and values.
+
+    Gauss-Legendre in θ = atan ω, where they are trigonometric polynomials (a constant is not).
+    """
+    _band(noise)
+    low, high = noise.band
+    half = 0.5 * math.atan2(high - low, 1.0 + low * high)
+    frequency = np.tan(math.atan(low) + half * (1.0 + _NODES))
+    return half * _WEIGHTS * (1.0 + frequency**2) / (high - low), response(frequency, restitution)
+
+
+def _band(noise):
+    if noise.kind != "band" or noise.variance == 0.0:
+        raise ValueError(f"noise: got {noise!r}, accepted: band noise of a variance > 0")

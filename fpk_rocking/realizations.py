@@ -1,9 +1,11 @@
 """Finite sums of harmonics as a mixture of white noises: the density solver averaged over realizations.
 
 A realization of band noise draws its N frequencies once. What it has near the system's own frequencies is therefore
-random, and so is the diffusion that it stands for, D_r = (σ²/N) Σ 2/(1+ν_n²)²: the mean is that of the band, the
-relative spread falls as N^(-1/2). Survival is not linear in D, so an ensemble of realizations is not the mean white
-noise. Here it is the mean over the distribution of D_r.
+random, and so is the diffusion D_r that it stands for: the mean is that of the band, the relative spread falls as
+N^(-1/2). Survival is not linear in D, so an ensemble of realizations is not the mean white noise. Here it is the mean
+over the distribution of D_r. Each frequency counts in it by `fpk_rocking.equivalence.response`, in which the impact
+keeps its jump of velocity: where blocks lose speed they respond to more frequencies than the kernel of (15) has, and
+realizations differ less.
 """
 
 import dataclasses
@@ -14,6 +16,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from fpk_rocking import checks
 from fpk_rocking.density import Evolution, solve_fpk
+from fpk_rocking.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.scene import Scene, WhiteNoise
 
 _SAMPLES, _SEED = 200_000, 1
@@ -54,13 +57,14 @@ class RealizationAverage:
         return np.tensordot(self.weights, parts, 1)
 
 
-def realized_diffusions(noise, samples, seed):
-    """Draw the equivalent diffusions (samples,) of single realizations of a band noise; nondimensional."""
+def realized_diffusions(noise, restitution, samples, seed):
+    """Draw the diffusions (samples,) that single realizations of a band noise stand for; nondimensional."""
     rng, (low, high) = np.random.default_rng(seed), noise.band
     total = np.zeros(samples)
     for _ in range(noise.harmonics):
-        total += 2.0 / (1.0 + rng.uniform(low, high, samples) ** 2) ** 2
-    return noise.variance / noise.harmonics * total
+        total += response(rng.uniform(low, high, samples), restitution)
+    mean = noise.harmonics * jump_diffusion(noise, restitution) / noise.variance
+    return equivalent_diffusion(noise) * total / mean
 
 
 def gauss_quadrature(values, count):
@@ -113,7 +117,8 @@ def solve_realizations(scene, *, cycles, tol=1e-3, nodes=5):
         raise ValueError(checks.refusal("nodes", nodes, "a whole number from 2 to 12"))
     if scene.noise.kind != "band" or scene.noise.harmonics < 2 or scene.noise.variance == 0.0:
         raise ValueError(checks.refusal("noise", scene.noise, "band noise of two harmonics or more"))
-    diffusions, weights = gauss_quadrature(realized_diffusions(scene.noise, _SAMPLES, _SEED), nodes)
+    drawn = realized_diffusions(scene.noise, scene.block.restitution, _SAMPLES, _SEED)
+    diffusions, weights = gauss_quadrature(drawn, nodes)
     evolutions = tuple(
         solve_fpk(dataclasses.replace(scene, noise=WhiteNoise(float(diffusion))), cycles=cycles, tol=tol)
         for diffusion in diffusions

@@ -1,5 +1,9 @@
 """What every table, figure and file says beside its numbers: whose they are, for which noise, what was assumed."""
 
+import math
+
+from fpk_rocking import equivalence
+
 __all__ = ["label_of", "name_of", "noise_text", "remarks"]
 
 _INFERRED_BAND = (0.0, 10.0)
@@ -48,8 +52,8 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        The inferred noise band, and how band noise became white noise for a density, each once; empty if neither
-        applies.
+        The inferred noise band, how band noise became white noise for a density, and whether that is to be trusted for
+        the band and its harmonics; each once, and empty if nothing applies.
     """
     sentences = []
     for result in results:
@@ -60,4 +64,37 @@ def remarks(*results) -> tuple[str, ...]:
             )
         if getattr(result, "closure", ""):
             sentences.append(result.closure)
+        if _stands_for(results, result):
+            sentences += _doubts(result.scene)
     return tuple(dict.fromkeys(sentences))
+
+
+def _stands_for(results, result) -> bool:
+    """Whether the band noise of a result is held against its equivalent white noise, within itself or in another."""
+    noise = result.scene.noise
+    if noise.kind != "band" or noise.variance == 0.0:
+        return False
+    diffusion = equivalence.equivalent_diffusion(noise)
+    whites = (other.scene.noise.diffusion for other in results if other.scene.noise.kind == "white")
+    return bool(getattr(result, "closure", "")) or any(math.isclose(white, diffusion) for white in whites)
+
+
+def _doubts(scene):
+    """Yield what speaks against white noise for the band noise of a scene; bounds and figures are of `equivalence`."""
+    noise = scene.noise
+    low, high = noise.band
+    part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, scene.block.restitution)
+    if part < equivalence.TRUSTED_COVER:
+        yield (
+            f"Not to be trusted: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white "
+            f"noise ({equivalence.TRUSTED_COVER:g} is wanted); below, survival under the equivalent white noise was "
+            f"found wrong by up to {equivalence.WORST:g}, either way. Take Monte Carlo (docs/paper.md)."
+        )
+    if spread > equivalence.TRUSTED_SPREAD:
+        excess = min(equivalence.EXCESS * spread**2, 1.0)
+        yield (
+            f"Few harmonics: the diffusions that single realizations of {noise.harmonics} stand for scatter by "
+            f"{100 * spread:.0f} % ({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), and blocks survive more "
+            f"often than under their mean, by up to about {excess:.2g} within 40 cycles. "
+            "fpk_rocking.realizations.solve_realizations averages over them."
+        )

@@ -197,7 +197,7 @@ class Scene:
         """
         try:
             document = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
             raise ValueError(f"not valid TOML: {error}") from None
         tables = checks.arguments("", document, cls)
         readers = {"block": _block, "forcing": Forcing, "noise": _noise, "start": Start, "overturning": Overturning}
@@ -230,7 +230,7 @@ def load_scene(path):
     TypeError, ValueError
         As `Scene.from_toml`, with the path in front.
     """
-    path = pathlib.Path(path)
+    path = checks.path("path", path)
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:

@@ -7,18 +7,21 @@ version, the kind of result, the scene as TOML, the scalar attributes and the ve
 import contextlib
 import importlib.metadata
 import json
+import os
 import pathlib
 import secrets
 import zipfile
-import zlib
 
 import numpy as np
 
+from fpk_rocking import checks
 from fpk_rocking.scene import Scene
 
 KINDS = ("evolution", "ensemble", "tally", "histories")
 _FORMAT = 2
 _HEADER = "header"
+_HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
+_PIECE = 2**20
 
 
 @contextlib.contextmanager
@@ -36,11 +39,14 @@ def replaced_atomically(path):
         A new name in the same folder with the same suffix. Whatever is there is removed on any exception, an
         interruption included, and `path` is then as it was.
     """
-    path = pathlib.Path(path)
+    path = checks.path("path", path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{path.suffix}")
     try:
         yield temporary
+        # On the disk before it has the name: a machine that stops must not leave an empty file in an old one's place.
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -99,14 +105,16 @@ def write_result(path, kind, scene, arrays, attributes):
         np.savez(file, **{_HEADER: np.array(text)}, **arrays)
 
 
-def read_result(path, kind):
-    """Load a result that `write_result` saved.
+def read_result(path, kind, layout):
+    """Load a result that `write_result` saved, all that is read of it held against its checksum.
 
     Parameters
     ----------
     path : str or pathlib.Path
     kind : str
         The kind that is wanted, one of `KINDS`.
+    layout : fpk_rocking.layout.Layout
+        What it has to hold.
 
     Returns
     -------
@@ -119,13 +127,18 @@ def read_result(path, kind):
     FileNotFoundError
         There is no such file.
     ValueError
-        The file is not a result, is damaged or truncated, or holds another kind or format.
+        The file is not a result, is damaged or truncated, or holds another kind, format or content.
     """
     with _opened(path) as (header, archive):
         if header["kind"] != kind:
             raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
-        arrays = {name: archive[name] for name in archive.files if name != _HEADER}
+        names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
+        arrays = {name: _array(path, archive, name) for name in sorted(names)}
+    try:
+        layout.check(arrays, header["attributes"])
         return Scene.from_toml(header["scene"]), arrays, header["attributes"]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: not what save() writes: {error}") from None
 
 
 def result_kind(path):
@@ -136,28 +149,52 @@ def result_kind(path):
 
 @contextlib.contextmanager
 def _opened(path):
-    """Open a result file as (header, archive); damage found while reading from it is reported as such too."""
+    """Open a result file as (header, archive)."""
     try:
-        file = pathlib.Path(path).open("rb")  # noqa: SIM115 - only the opening is meant to be caught
+        file = checks.path("path", path).open("rb")
     except FileNotFoundError:
         raise FileNotFoundError(f"no result file {str(path)!r} (looked from {str(pathlib.Path.cwd())!r})") from None
     with file:
         if not zipfile.is_zipfile(file):
             raise ValueError(f"{path}: not a saved result, or truncated; accepted: a file that save() wrote")
-        file.seek(0)
         try:
-            with np.load(file, allow_pickle=False) as archive:
-                yield _header(path, archive), archive
-        except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
-            raise ValueError(f"{path}: a damaged saved result ({error})") from error
+            archive = zipfile.ZipFile(file)
+        except Exception as error:  # whatever damage makes of a list of contents
+            raise _damaged(path, error) from error
+        with archive:
+            yield _header(path, archive), archive
+
+
+def _array(path, archive, name):
+    """Read an array, to the end first: numpy reads no further than a shape says, and the checksum is known last."""
+    try:
+        with archive.open(f"{name}.npy") as member:
+            while member.read(_PIECE):
+                pass
+        with archive.open(f"{name}.npy") as member:
+            return np.lib.format.read_array(member, allow_pickle=False)
+    except Exception as error:  # whatever damage makes of a zip member or of an array's header
+        raise _damaged(path, error) from error
+
+
+def _damaged(path, error):
+    return ValueError(f"{path}: a damaged saved result ({error})")
 
 
 def _header(path, archive):
+    strange = f"{path}: not a saved result (no header); accepted: a file that save() wrote"
+    if f"{_HEADER}.npy" not in archive.namelist():
+        raise ValueError(strange)
+    text = str(_array(path, archive, _HEADER))
     try:
-        header = json.loads(str(archive[_HEADER]))
+        header = json.loads(text)
         found = header["format"]
-    except (KeyError, TypeError, ValueError):
-        raise ValueError(f"{path}: not a saved result (no header); accepted: a file that save() wrote") from None
+        if found == _FORMAT:
+            whole = [isinstance(header[name], cls) for name, cls in _HEADER_PARTS.items()]
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise ValueError(strange) from None
     if found != _FORMAT:
         raise ValueError(f"{path}: got format {found!r}, accepted: {_FORMAT} (saved by another version)")
+    if not all(whole):
+        raise ValueError(strange)
     return header

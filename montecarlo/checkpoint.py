@@ -6,7 +6,7 @@ import numpy as np
 
 from fpk_rocking import storage
 from montecarlo.counts import Counts
-from montecarlo.tallies import Tally
+from montecarlo.tallies import LAYOUT, Tally
 
 _BETWEEN_S = 30.0
 _SHARE = 0.02
@@ -63,7 +63,7 @@ def resumed(path, run, empty):
         The file is not a saved tally, is damaged, is of another run, or holds more realizations than are asked for.
     """
     try:
-        scene, arrays, attributes = storage.read_result(path, "tally")
+        scene, arrays, attributes = storage.read_result(path, "tally", LAYOUT)
     except ValueError as error:
         raise ValueError(f"checkpoint: {error}") from error
     counts = Counts(**arrays)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking import checks
+from fpk_rocking import checks, limits
 from fpk_rocking.physics.transition import Impacts
 from fpk_rocking.scene import Scene
 from montecarlo import exact, rk4, white
@@ -16,6 +16,7 @@ _ENGINES = {"exact": exact, "rk4": rk4, "white": white}
 _FITTING = {"band": ("exact", "rk4"), "none": ("exact", "rk4"), "white": ("white",)}
 _BATCH_S = 0.3
 _SMALLEST_BATCH = 64
+_STATES = 2**28
 
 
 class Run(NamedTuple):
@@ -45,9 +46,11 @@ class Batch(NamedTuple):
     impacts: Impacts
 
 
-def checked(scene, cycles, realizations, seed, method, steps_per_cycle):
+def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None):
     """Return the `Run` of the given parameters, or raise TypeError or ValueError naming the one that is refused."""
     checks.instance("scene", scene, Scene)
+    limits.check(scene)
+    checks.report(progress)
     return Run(
         scene,
         checks.count("cycles", cycles),
@@ -56,6 +59,14 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle):
         _method(method, scene.noise.kind),
         _whole("steps_per_cycle", steps_per_cycle, 8, 10**6),
     )
+
+
+def refuse_large(run, per_cycle=1, instead=""):
+    """Refuse a run whose states, `per_cycle` in a cycle, do not fit into 4 GiB; `instead` is what takes more."""
+    if run.realizations * (run.cycles * per_cycle + 1) > _STATES:
+        rows = "cycles" if per_cycle == 1 else f"cycles x {per_cycle}"
+        accepted = f"realizations x ({rows} + 1) <= {_STATES}, 4 GiB of states{instead}"
+        raise ValueError(checks.refusal("realizations", run.realizations, accepted))
 
 
 def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
@@ -89,6 +100,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
         count = min(size, run.realizations - first)
         batch = _room(first, count, run.cycles * samples + 1, capacity)
         engine.realize(keys, first, cycle, problem, *batch[1:])
+        _refuse_broken(batch, run, cycle * samples, samples / run.scene.period)
         yield batch
         first += count
         if progress is not None:
@@ -96,6 +108,25 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
         # Batches are short enough to be interrupted and long enough to keep all threads busy.
         wanted = size * _BATCH_S / (time.perf_counter() - began)
         size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
+
+
+def _refuse_broken(batch, run, begin, per_time):
+    """Raise where a state is missing or is no number: every one up to overturning, and none after it, has to be one.
+
+    `begin` is the number of the first sample, counted from τ = 0, and `per_time` the samples per unit time.
+    """
+    standing = batch.overturn_side == 0
+    ends = np.where(standing, batch.angle.shape[1] - 1.0, batch.overturn_time * per_time - begin)
+    counts = np.count_nonzero(np.isfinite(batch.angle) & np.isfinite(batch.velocity), axis=1)
+    # What overturns between two samples, or within rounding of one, has those before it.
+    near = 1e-9 * (1.0 + begin + batch.angle.shape[1])
+    right = np.where(standing, counts == ends + 1.0, (counts >= ends - near) & (counts <= ends + 1.0 + near))
+    if not right.all():
+        number = batch.first + int(np.argmin(right))
+        raise FloatingPointError(
+            f"realization {number} of method {run.method!r}, seed {run.seed}: {counts[number - batch.first]} finite "
+            f"states, overturning at {batch.overturn_time[number - batch.first]}; this must not be, in {run.scene}"
+        )
 
 
 def _room(first, count, rows, capacity):
@@ -119,9 +150,9 @@ def _method(method, kind):
     fitting = _FITTING[kind]
     if method is None:
         return fitting[0]
-    if method in fitting:
+    if isinstance(method, str) and method in fitting:
         return method
-    if method not in _ENGINES:
+    if not isinstance(method, str) or method not in _ENGINES:
         accepted = ", ".join(map(repr, _ENGINES)) + " or None (what fits the noise)"
         raise ValueError(checks.refusal("method", method, accepted))
     accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"

@@ -6,11 +6,15 @@ import functools
 import numpy as np
 
 from fpk_rocking import storage
+from fpk_rocking.binning import ascending_edges
+from fpk_rocking.layout import Layout
 from fpk_rocking.scene import Scene
 from montecarlo.sample import Sample
 
-_ARRAYS = ("angle", "velocity", "overturn_time", "overturn_side")
-_ATTRIBUTES = ("method", "seed", "steps_per_cycle", "wall_s")
+_LAYOUT = Layout(
+    {"angle": "f8 n k+1", "velocity": "f8 n k+1", "overturn_time": "f8 n", "overturn_side": "i1 n"},
+    {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,7 +52,7 @@ class Ensemble(Sample):
     overturn_side: np.ndarray
 
     def __post_init__(self):
-        for name in _ARRAYS:
+        for name in _LAYOUT.arrays:
             getattr(self, name).flags.writeable = False
 
     @property
@@ -74,7 +78,7 @@ class Ensemble(Sample):
         cycle : int
             0 to `cycles`.
         angle_edges, velocity_edges : array_like
-            Edges as `numpy.histogram2d` takes them.
+            Two or more ascending edges; the bins are those of `numpy.histogram2d`.
 
         Returns
         -------
@@ -84,20 +88,20 @@ class Ensemble(Sample):
         Raises
         ------
         TypeError, ValueError
-            The cycle is not one of the ensemble's.
+            The cycle is not one of the ensemble's, or the edges do not ascend.
         """
         cycle = self._checked_cycle(cycle)
+        edges = [ascending_edges("angle_edges", angle_edges), ascending_edges("velocity_edges", velocity_edges)]
         standing = np.isfinite(self.angle[:, cycle])
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
-        return np.histogram2d(*points, bins=[angle_edges, velocity_edges])[0] / self.realizations
+        return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
     def save(self, path):
         """Save the ensemble, whole or not at all; `path` by custom ends in .npz."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        storage.write_result(path, "ensemble", self.scene, arrays, {name: getattr(self, name) for name in _ATTRIBUTES})
+        storage.write_result(path, "ensemble", self.scene, *_LAYOUT.of(self))
 
     @classmethod
     def load(cls, path):
         """Load a saved ensemble; raises as `fpk_rocking.storage.read_result`."""
-        scene, arrays, attributes = storage.read_result(path, "ensemble")
+        scene, arrays, attributes = storage.read_result(path, "ensemble", _LAYOUT)
         return cls(scene=scene, **arrays, **attributes)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking import checks
+from fpk_rocking.binning import ascending_edges
+from montecarlo.ensemble import Ensemble
 from montecarlo.history import Histories
 from montecarlo.statistics import wilson_interval
 
@@ -33,7 +35,6 @@ def first_passage(result, edges, level=0.95):
     Parameters
     ----------
     result : Ensemble or Histories
-        What has an ``overturn_time``, shape (realizations,).
     edges : array_like, shape (n + 1,)
         Ascending times τ; bins are closed to the left, the last one to both sides.
     level : float
@@ -48,7 +49,8 @@ def first_passage(result, edges, level=0.95):
     TypeError, ValueError
         The edges or the level are refused.
     """
-    edges = _ascending(edges)
+    checks.instance("result", result, Ensemble, Histories)
+    edges = ascending_edges("edges", edges)
     times = np.asarray(result.overturn_time)
     counts = np.histogram(times[np.isfinite(times)], edges)[0]
     return _histogram(edges, counts, times.size, wilson_interval(counts, times.size, level))
@@ -82,7 +84,7 @@ def impact_speeds(histories, edges, level=0.95):
         The edges or the level are refused, or too few realizations had an impact.
     """
     checks.instance("histories", histories, Histories)
-    edges = _ascending(edges)
+    edges = ascending_edges("edges", edges)
     owners, owner = np.unique(histories.impact_realization, return_inverse=True)
     units, total = owners.size, owner.size
     if units < 2:
@@ -107,10 +109,3 @@ def impact_speeds(histories, edges, level=0.95):
 def _histogram(edges, counts, trials, interval):
     widths = np.diff(edges)
     return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])
-
-
-def _ascending(edges):
-    edges = np.asarray(edges, float)
-    if edges.ndim != 1 or edges.size < 2 or not np.all(np.isfinite(edges)) or not np.all(np.diff(edges) > 0.0):
-        raise ValueError(checks.refusal("edges", edges, "at least two ascending finite numbers"))
-    return edges

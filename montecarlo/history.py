@@ -6,20 +6,23 @@ import time
 import numpy as np
 
 from fpk_rocking import checks, storage
+from fpk_rocking.layout import Layout
 from fpk_rocking.scene import Scene
 from montecarlo import engines
 
-_ARRAYS = (
-    "time",
-    "angle",
-    "velocity",
-    "overturn_time",
-    "overturn_side",
-    "impact_realization",
-    "impact_time",
-    "impact_velocity",
+_LAYOUT = Layout(
+    {
+        "time": "f8 k",
+        "angle": "f8 n k",
+        "velocity": "f8 n k",
+        "overturn_time": "f8 n",
+        "overturn_side": "i1 n",
+        "impact_realization": "i8 i",
+        "impact_time": "f8 i",
+        "impact_velocity": "f8 i",
+    },
+    {"method": str, "seed": int, "steps_per_cycle": int, "samples_per_cycle": int, "wall_s": float},
 )
-_ATTRIBUTES = ("method", "seed", "steps_per_cycle", "samples_per_cycle", "wall_s")
 _ROOM_PER_CYCLE = 16
 
 
@@ -69,7 +72,7 @@ class Histories:
     impact_velocity: np.ndarray
 
     def __post_init__(self):
-        for name in _ARRAYS:
+        for name in _LAYOUT.arrays:
             getattr(self, name).flags.writeable = False
 
     @property
@@ -93,14 +96,12 @@ class Histories:
 
     def save(self, path):
         """Save the histories, whole or not at all; `path` by custom ends in .npz."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        attributes = {name: getattr(self, name) for name in _ATTRIBUTES}
-        storage.write_result(path, "histories", self.scene, arrays, attributes)
+        storage.write_result(path, "histories", self.scene, *_LAYOUT.of(self))
 
     @classmethod
     def load(cls, path):
         """Load saved histories; raises as `fpk_rocking.storage.read_result`."""
-        scene, arrays, attributes = storage.read_result(path, "histories")
+        scene, arrays, attributes = storage.read_result(path, "histories", _LAYOUT)
         return cls(scene=scene, **arrays, **attributes)
 
 
@@ -132,8 +133,9 @@ def histories(
         A parameter is refused, as by `montecarlo.simulate`.
     """
     started = time.perf_counter()
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle)
+    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
     samples = checks.count("samples_per_cycle", samples_per_cycle)
+    engines.refuse_large(run, samples + _ROOM_PER_CYCLE)
     parts = [(batch, _listed(batch)) for batch in _complete(run, samples, progress)]
     columns = [np.concatenate(column) for column in zip(*(batch[1:5] for batch, _ in parts), strict=True)]
     impacts = [np.concatenate(column) for column in zip(*(listed for _, listed in parts), strict=True)]
@@ -159,6 +161,7 @@ def _complete(run, samples, progress):
             yield batch
         else:
             again = run._replace(realizations=batch.first + batch.angle.shape[0])
+            engines.refuse_large(again._replace(realizations=batch.angle.shape[0], cycles=1), needed)
             yield from engines.batches(again, first=batch.first, samples=samples, capacity=needed)
 
 

@@ -86,7 +86,9 @@ def restarted_poincare_map(
     TypeError, ValueError
         A parameter is refused, as by `montecarlo.simulate`.
     """
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle)._replace(cycles=1)
+    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    engines.refuse_large(run)
+    run = run._replace(cycles=1)
     _checked(overturned)
     cutoff, rows, place = scene.overturning.angle, [], scene.start
     for cycle in range(cycles):

@@ -4,11 +4,8 @@ import time
 
 import numpy as np
 
-from fpk_rocking import checks
 from montecarlo import engines
 from montecarlo.ensemble import Ensemble
-
-_STATES = 2**28
 
 
 def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycle=200, progress=None):
@@ -46,10 +43,8 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
         exp(-π/√3), where impacts accumulate; the states would take more than 4 GiB.
     """
     started = time.perf_counter()
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle)
-    if run.realizations * (run.cycles + 1) > _STATES:
-        accepted = f"realizations x (cycles + 1) <= {_STATES}, 4 GiB of states; `tally` keeps none and takes more"
-        raise ValueError(checks.refusal("realizations", run.realizations, accepted))
+    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    engines.refuse_large(run, instead="; `tally` keeps none and takes more")
     shape = (run.realizations, run.cycles + 1)
     arrays = {
         "angle": np.empty(shape),

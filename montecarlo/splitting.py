@@ -19,6 +19,8 @@ from montecarlo.white import problem_of
 _FEWEST_WALKERS = 10
 _FEWEST_REPEATS = 2
 _SKEWED = 0.5
+_STATES = 2**26
+_INTERVALS = 2000
 _UNBRANCHED = {
     "band": "a Shinozuka path is fixed at τ = 0 and cannot branch; scene.white_equivalent() has white noise instead",
     "none": "without noise there is one path alone and nothing to branch",
@@ -152,7 +154,8 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused; so are scenes with band noise or none, whose paths cannot branch.
+        A parameter is refused; so are scenes with band noise or none, whose paths cannot branch, and cycles so long
+        that the outlook over them would take hundreds of megabytes.
     """
     started = time.perf_counter()
     checks.instance("scene", scene, Scene)
@@ -160,8 +163,13 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
     walkers = _at_least("walkers", walkers, _FEWEST_WALKERS)
     repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
-    run = engines.checked(scene, cycles, repeats, seed, "white", steps_per_cycle)
+    run = engines.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
     problem, keys = problem_of(scene, run.steps_per_cycle), stream_keys(run.seed)
+    if problem.low.size > _INTERVALS:
+        accepted = f"a cycle of {_INTERVALS} intervals or fewer for `split`, {problem.span:.2g} each"
+        raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
+    _refuse_large("walkers", walkers, run.cycles * problem.low.size)
+    _refuse_large("repeats", repeats, run.cycles)
     outlook = outlook_of(scene, problem.low.size)
     overturned = np.zeros((repeats, run.cycles + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
@@ -174,6 +182,8 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
                 progress(r + 1, repeats)
     finally:
         pool.shutdown(cancel_futures=True)
+    if not np.all(np.isfinite(overturned)):
+        raise FloatingPointError(f"repeat_overturned: has a number that is not finite; this must not be, in {scene}")
     return Splitting(
         scene=scene,
         walkers=walkers,
@@ -184,6 +194,12 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
         levels=levels,
         killed=killed,
     )
+
+
+def _refuse_large(name, number, each):
+    """Refuse more states than 2.5 GiB hold, `each` of a number of walkers or repeats."""
+    if number * (each + 1) > _STATES:
+        raise ValueError(checks.refusal(name, number, f"at most {_STATES // (each + 1)} with {each} steps of a path"))
 
 
 def _at_least(name, value, least):

@@ -6,11 +6,26 @@ import functools
 import numpy as np
 
 from fpk_rocking import checks, storage
+from fpk_rocking.binning import ascending_edges
+from fpk_rocking.layout import Layout
 from fpk_rocking.scene import Scene
 from montecarlo.counts import PARTS, Counts, moments
 from montecarlo.sample import Sample
 
-_ATTRIBUTES = ("method", "seed", "steps_per_cycle", "wall_s")
+LAYOUT = Layout(
+    {
+        "angle_edges": "f8 a+1",
+        "velocity_edges": "f8 v+1",
+        "quantum": "f8 2",
+        "standing": "i8 k+1",
+        "passages": f"i8 {PARTS}k+1 2",
+        "histogram": "i4 k+1 a v",
+        "sums": "i8 k+1 2",
+        "products": "i8 k+1 3 2",
+    },
+    {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
+)
+"""What a saved tally holds."""
 _NEAR = 1e-6
 
 
@@ -124,13 +139,13 @@ class Tally(Sample):
 
     def save(self, path):
         """Save the tally, whole or not at all; `path` by custom ends in .npz."""
-        attributes = {name: getattr(self, name) for name in _ATTRIBUTES}
+        attributes = {name: getattr(self, name) for name in LAYOUT.attributes}
         storage.write_result(path, "tally", self.scene, self.counts._asdict(), attributes)
 
     @classmethod
     def load(cls, path):
         """Load a saved tally, a checkpoint included; raises as `fpk_rocking.storage.read_result`."""
-        scene, arrays, attributes = storage.read_result(path, "tally")
+        scene, arrays, attributes = storage.read_result(path, "tally", LAYOUT)
         return cls(scene=scene, counts=Counts(**arrays), **attributes)
 
 
@@ -140,9 +155,7 @@ def _places(name, edges, kept):
         f"two or more of the {kept.size} edges kept, ascending from {kept[0]:g} to {kept[-1]:g} "
         f"with the least distance {np.diff(kept).min():g}; others: tally with {name} of your own"
     )
-    edges = np.asarray(edges)
-    if edges.ndim != 1 or edges.size < 2 or edges.dtype.kind not in "fiu":
-        raise ValueError(checks.refusal(name, edges, accepted))
+    edges = ascending_edges(name, edges)
     middles = 0.5 * (kept[1:] + kept[:-1])
     places = np.searchsorted(middles, edges)
     strange = ~(np.abs(kept[places] - edges) <= _NEAR * np.diff(kept).min())

@@ -1,12 +1,11 @@
 """`tally`: from a scene to the counts over an ensemble of any size, in little memory and in parts."""
 
-import pathlib
 import time
 
 import numpy as np
 
 from fpk_rocking import checks
-from fpk_rocking.binning import joint_edges
+from fpk_rocking.binning import ascending_edges, joint_edges
 from montecarlo import engines
 from montecarlo.checkpoint import Keeper, resumed
 from montecarlo.counts import LARGEST, add, empty_counts
@@ -59,14 +58,17 @@ def tally(
         or belongs to another run, and is then left as it is.
     """
     started = time.perf_counter()
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle)
+    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
     if run.realizations > LARGEST:
         raise ValueError(checks.refusal("realizations", run.realizations, f"a whole number from 1 to {LARGEST}"))
     angles, velocities = joint_edges(scene)
-    edges = _edges("angle_edges", angle_edges, angles), _edges("velocity_edges", velocity_edges, velocities)
+    edges = (
+        _halved(angles) if angle_edges is None else ascending_edges("angle_edges", angle_edges),
+        _halved(velocities) if velocity_edges is None else ascending_edges("velocity_edges", velocity_edges),
+    )
     _check_size(run.cycles, edges)
     counts, spent = empty_counts(scene, run.cycles, *edges), 0.0
-    if checkpoint is not None and pathlib.Path(checkpoint).exists():
+    if checkpoint is not None and checks.path("checkpoint", checkpoint).exists():
         counts, spent = resumed(checkpoint, run, counts)
 
     def result():
@@ -99,22 +101,13 @@ def _halved(edges):
     return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
 
 
-def _edges(name, given, default):
-    if given is None:
-        return _halved(default)
-    edges = np.asarray(given)
-    accepted = "two or more finite numbers in ascending order"
-    if edges.dtype.kind not in "fiu":
-        raise TypeError(checks.refusal(name, given, accepted))
-    if edges.ndim != 1 or edges.size < 2 or not np.isfinite(edges).all() or np.any(np.diff(edges) <= 0.0):
-        raise ValueError(checks.refusal(name, given, accepted))
-    return edges.astype(float)
-
-
 def _check_size(cycles, edges):
     """Refuse histograms that do not fit into little memory."""
     bins = [values.size - 1 for values in edges]
     most = _HISTOGRAM_BYTES // (4 * bins[0] * bins[1]) - 1
+    if most < 1:
+        accepted = f"at most {_HISTOGRAM_BYTES // 8} bins; edges of your own may make fewer than the default ones"
+        raise ValueError(checks.refusal("angle_edges, velocity_edges", f"{bins[0]} x {bins[1]} bins", accepted))
     if cycles > most:
         accepted = f"1 to {most} with {bins[0]} x {bins[1]} bins; angle_edges and velocity_edges of your own make fewer"
         raise ValueError(checks.refusal("cycles", cycles, accepted))

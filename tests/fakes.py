@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from fpk_rocking import Scene, storage
+from fpk_rocking.layout import Layout
 
 KEPT = 0.9
 LEFT_SHARE = 0.6  # of what is left, and of what has overturned
@@ -114,7 +115,7 @@ class FakeEvolution:
 
     @classmethod
     def load(cls, path):
-        scene, _, attributes = storage.read_result(path, "evolution")
+        scene, _, attributes = storage.read_result(path, "evolution", Layout({}, {"cycles": int}))
         return cls(scene, attributes["cycles"])
 
 
@@ -188,5 +189,6 @@ class FakeEnsemble:
 
     @classmethod
     def load(cls, path):
-        scene, _, attributes = storage.read_result(path, "ensemble")
+        types = {"cycles": int, "realizations": int, "seed": int, "method": str}
+        scene, _, attributes = storage.read_result(path, "ensemble", Layout({}, types))
         return cls(scene, **attributes)

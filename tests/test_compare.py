@@ -11,6 +11,7 @@ from scipy.special import ndtr
 
 from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise, distances
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
+from fpk_rocking.output import summary, tables
 from fpk_rocking.remarks import label_of, noise_text, remarks
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
@@ -203,3 +204,50 @@ def test_labels():
     assert noise_text(NoNoise()) == "no noise"
     own = dataclasses.replace(MAIN, noise=BandNoise(0.04, (1.0, 6.0), 100))
     assert remarks(fakes.FakeEnsemble(own)) == ()
+
+
+def _with(band, harmonics):
+    return dataclasses.replace(MAIN, noise=BandNoise(0.04, band, harmonics))
+
+
+@pytest.mark.parametrize(
+    ("band", "harmonics", "expected"),
+    [
+        ((0.0, 10.0), 100, []),  # the main scene
+        ((0.0, 2.7), 30, []),
+        ((0.0, 10.0), 30, ["Few harmonics"]),
+        ((1.0, 6.0), 100, ["Not to be trusted"]),
+        ((1.0, 6.0), 10, ["Not to be trusted", "Few harmonics"]),
+    ],
+)
+def test_doubts_of_white_noise_for_band_noise(band, harmonics, expected):
+    """They stand beside a density, a comparison with one, and two ensembles of which one has the equivalent noise."""
+    scene = _with(band, harmonics)
+    ensemble, density = fakes.FakeEnsemble(scene), fakes.FakeEvolution(scene)
+    white = fakes.FakeEnsemble(scene.white_equivalent(), method="white", seed=2)
+    for shown in (remarks(density), compare(ensemble, density).remarks, compare(white, ensemble).remarks):
+        starts = [name for name in ("Not to be trusted", "Few harmonics") for one in shown if one.startswith(name)]
+        assert starts == expected
+
+
+def test_doubts_name_their_figures_and_the_remedy():
+    (few,) = (one for one in remarks(fakes.FakeEvolution(_with((0.0, 10.0), 30))) if "harmonics:" in one)
+    assert "of 30 stand for scatter by 44 % (30 % are trusted)" in few
+    assert "by up to about 0.079 within 40 cycles" in few
+    assert "solve_realizations" in few
+    (low,) = (one for one in remarks(fakes.FakeEvolution(_with((1.0, 6.0), 100))) if "covers" in one)
+    assert "[1, 6] covers 0.18 of the Melnikov variance of white noise (0.85 is wanted)" in low
+
+
+def test_doubts_stand_in_tables_and_summaries_of_one_density():
+    density = fakes.FakeEvolution(_with((1.0, 6.0), 100))
+    (doubt,) = (one for one in remarks(density) if one.startswith("Not to be trusted"))
+    assert doubt in tables.result_table(density)[2]
+    assert doubt in summary.result_summary(density)["remarks"]
+
+
+def test_no_doubts_where_no_white_noise_stands_for_the_band():
+    scene = _with((1.0, 6.0), 10)
+    other = dataclasses.replace(scene, noise=WhiteNoise(0.1))
+    for results in ((fakes.FakeEnsemble(scene),), (fakes.FakeEnsemble(scene), fakes.FakeEnsemble(other, seed=2))):
+        assert not any("trusted" in one for one in remarks(*results))

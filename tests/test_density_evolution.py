@@ -79,9 +79,9 @@ def test_refuses_cycles_that_are_not_there(band, cycle):
 
 @pytest.mark.parametrize("edges", [[0.0], [0.0, 0.0], [1.0, 0.0], [[0.0, 1.0]], [0.0, np.nan, 1.0], []])
 def test_refuses_bad_edges(band, edges):
-    with pytest.raises(ValueError, match=r"angle_edges: got .*, accepted: two or more ascending numbers"):
+    with pytest.raises(ValueError, match=r"angle_edges: got .*, accepted: two or more finite numbers"):
         band.bin_probabilities(1, edges, [0.0, 1.0])
-    with pytest.raises(ValueError, match=r"velocity_edges: got .*, accepted: two or more ascending numbers"):
+    with pytest.raises(ValueError, match=r"velocity_edges: got .*, accepted: two or more finite numbers"):
         band.bin_probabilities(1, [0.0, 1.0], edges)
 
 
@@ -140,3 +140,9 @@ def test_progress_is_told_and_can_interrupt():
 
     with pytest.raises(KeyboardInterrupt):
         solve_fpk(MAIN, cycles=2, tol=1e-2, progress=interrupt)
+
+
+def test_a_point_that_is_no_number_has_no_density(band):
+    density = band.at(1)
+    assert np.isnan(density([np.nan, 0.3, 0.3], [0.1, np.nan, 0.1])).tolist() == [True, True, False]
+    assert np.isnan(density.marginal_angle([np.nan, 0.3])).tolist() == [True, False]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, simpson
 
-from fpk_rocking import BandNoise, NoNoise, WhiteNoise, melnikov
+from fpk_rocking import BandNoise, NoNoise, WhiteNoise, equivalence, melnikov
 
 BANDS = [(0.0, 10.0), (0.0, 2.7), (1.0, 6.0), (2.0, 10.0), (4.0, 10.0), (0.0, 1e4), (100.0, 101.0)]
 
@@ -83,3 +83,46 @@ def test_synthesized_noise_seen_along_the_heteroclinic_orbit():
     standard_error = squares.std() / math.sqrt(realizations)
     assert abs(squares.mean() - melnikov.noise_variance(noise)) < 4.5 * standard_error
     assert standard_error < 0.03 * melnikov.noise_variance(noise)
+
+
+def test_cover_of_known_bands():
+    """(1/π) ∫ 4/(1+ω²)² dω over the band, by quadrature; all of it for a wide band, whatever σ and N."""
+    for low, high in BANDS[:5]:
+        part, _ = quad(lambda w: 4.0 / (1.0 + w * w) ** 2 / math.pi, low, high, epsabs=1e-13)
+        assert melnikov.cover(BandNoise(0.3, (low, high), 5)) == pytest.approx(part, rel=1e-9)
+    assert melnikov.cover(BandNoise(2.0, (0.0, 1e4), 1)) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("band", "restitution"), [((0.0, 10.0), 0.5), ((1.0, 6.0), 0.7), ((0.0, 1e4), 0.3)])
+def test_spread_and_rival_against_quadrature_of_the_response(band, restitution):
+    (low, high), e = band, restitution
+
+    def kernel(w):
+        return ((1 + e) ** 2 + (1 - e) ** 2 * w * w) / (1 + w * w) ** 2 / (1 + e * e)
+
+    breaks = [low, *(edge for edge in (1.0, 10.0, 100.0) if low < edge < high), high]
+    exact = {"epsabs": 0, "epsrel": 1e-11}
+    pieces = list(itertools.pairwise(breaks))
+    mean = sum(quad(kernel, a, b, **exact)[0] for a, b in pieces) / (high - low)
+    square = sum(quad(lambda w: kernel(w) ** 2, a, b, **exact)[0] for a, b in pieces) / (high - low)
+    noise = BandNoise(0.3, band, 7)
+    assert equivalence.jump_diffusion(noise, e) == pytest.approx(0.3 * mean, rel=1e-9)
+    spread = math.sqrt((square / mean**2 - 1.0) / 7)
+    assert melnikov.realized_spread(noise, e) == pytest.approx(spread, rel=1e-8)
+
+
+def test_both_closures_agree_where_they_should():
+    """White noise is the same for both; without loss the kernels are the same for every band."""
+    wide = BandNoise(0.3, (0.0, 1e6), 1)
+    assert equivalence.jump_diffusion(wide, 0.3) == pytest.approx(equivalence.equivalent_diffusion(wide), rel=1e-5)
+    for band in BANDS[:5]:
+        noise = BandNoise(0.3, band, 5)
+        plain = equivalence.equivalent_diffusion(noise)
+        assert equivalence.jump_diffusion(noise, 1.0) == pytest.approx(plain, rel=1e-10)
+
+
+@pytest.mark.parametrize("noise", [WhiteNoise(0.01), NoNoise(), BandNoise(0.0, (0.0, 10.0), 10)])
+def test_cover_and_spread_need_a_band(noise):
+    for measure in (melnikov.cover, lambda one: melnikov.realized_spread(one, 0.5)):
+        with pytest.raises(ValueError, match=r"noise: got .* accepted: band noise of a variance > 0"):
+            measure(noise)

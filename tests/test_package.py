@@ -16,14 +16,14 @@ ROOT = pathlib.Path(__file__).parents[1]
 
 # From the bottom up: a module imports from lower rows and from its own package, never sideways or upward.
 LAYERS = [
-    {"fpk_rocking.jit", "fpk_rocking.checks", "fpk_rocking.equivalence"},
+    {"fpk_rocking.jit", "fpk_rocking.checks", "fpk_rocking.equivalence", "fpk_rocking.layout", "fpk_rocking.process"},
     {"fpk_rocking.units", "fpk_rocking.physics"},
     {"fpk_rocking.parts"},
     {"fpk_rocking.scene"},
-    {"fpk_rocking.storage", "fpk_rocking.remarks", "fpk_rocking.binning", "fpk_rocking.distances"},
+    {f"fpk_rocking.{name}" for name in ("storage", "limits", "remarks", "binning", "distances")},
     {"fpk_rocking.analytics"},
     {"fpk_rocking.density", "fpk_rocking.compare", "montecarlo"},
-    {"fpk_rocking.output", "fpk_rocking.realizations"},
+    {"fpk_rocking.output", "fpk_rocking.realizations", "fpk_rocking.horizon"},
     {"fpk_rocking.cli"},
 ]
 HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, Dimensions, Forcing, NoNoise, Scene, storage
+from fpk_rocking.layout import Layout
 
 SCENE = Scene(Block(1 / 3, Dimensions(0.4, 1.7)), Forcing(4.6, 2.7, math.pi), NoNoise())
 ARRAYS = {
@@ -16,6 +17,10 @@ ARRAYS = {
     "flags": np.array([True, False]),
     "empty": np.zeros((0, 4)),
 }
+LAYOUT = Layout(
+    {"survival": "f8 n", "counts": "i4 2 k+1", "flags": "? 2", "empty": "f8 m n"},
+    {"seed": int, "method": str, "wall_s": float, "closure": str, "tol": type(None), "bins": list},
+)
 ATTRIBUTES = {"seed": 2**63, "method": "rk4", "wall_s": 0.1, "closure": "σ_M²/2", "tol": None, "bins": [1, 2.5]}
 
 
@@ -27,7 +32,7 @@ def saved(tmp_path):
 
 
 def test_result_comes_back_bit_by_bit(saved):
-    scene, arrays, attributes = storage.read_result(saved, "ensemble")
+    scene, arrays, attributes = storage.read_result(saved, "ensemble", LAYOUT)
     assert scene == SCENE
     assert attributes == ATTRIBUTES
     assert arrays.keys() == ARRAYS.keys()
@@ -48,7 +53,7 @@ def test_header_names_the_versions(saved):
 
 def test_another_kind_is_refused(saved):
     with pytest.raises(ValueError, match=r"result\.npz: got a result of kind 'ensemble', accepted: 'evolution'"):
-        storage.read_result(saved, "evolution")
+        storage.read_result(saved, "evolution", LAYOUT)
 
 
 @pytest.mark.parametrize("number", [1, 3])
@@ -62,7 +67,7 @@ def test_another_format_is_refused(saved, number):
 def test_truncated_file_is_refused(saved, kept):
     whole = saved.read_bytes()
     saved.write_bytes(whole[: kept if kept >= 1 else int(kept * len(whole))])
-    for read in (storage.result_kind, lambda path: storage.read_result(path, "ensemble")):
+    for read in (storage.result_kind, lambda path: storage.read_result(path, "ensemble", LAYOUT)):
         with pytest.raises(ValueError, match=r"result\.npz: not a saved result, or truncated"):
             read(saved)
 
@@ -73,7 +78,21 @@ def test_damaged_array_is_refused(saved):
     content[where + 3] ^= 255
     saved.write_bytes(content)
     with pytest.raises(ValueError, match=r"result\.npz: a damaged saved result"):
-        storage.read_result(saved, "ensemble")
+        storage.read_result(saved, "ensemble", LAYOUT)
+
+
+def test_a_flipped_bit_of_a_shape_is_refused(tmp_path):
+    """A smaller shape or type reads only a part of the array: its checksum must be taken over all of it."""
+    path, layout = tmp_path / "large.npz", Layout({"values": "f8 n k"}, {})
+    values = np.arange(3200.0).reshape(800, 4)
+    storage.write_result(path, "ensemble", SCENE, {"values": values}, {})
+    whole = path.read_bytes()
+    for k in range(8 * 128):
+        spoiled = bytearray(whole)
+        spoiled[whole.index(b"\x93NUMPY", whole.index(b"values.npy")) + k // 8] ^= 1 << k % 8
+        path.write_bytes(spoiled)
+        with pytest.raises(ValueError, match="a damaged saved result"):
+            storage.read_result(path, "ensemble", layout)
 
 
 def test_other_files_are_refused(tmp_path):
@@ -83,9 +102,9 @@ def test_other_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"notes\.txt: not a saved result"):
         storage.result_kind(text)
     with pytest.raises(ValueError, match=r"plain\.npz: not a saved result \(no header\)"):
-        storage.read_result(plain, "ensemble")
+        storage.read_result(plain, "ensemble", LAYOUT)
     with pytest.raises(FileNotFoundError, match=r"no result file .*absent\.npz"):
-        storage.read_result(tmp_path / "absent.npz", "ensemble")
+        storage.read_result(tmp_path / "absent.npz", "ensemble", LAYOUT)
 
 
 @pytest.mark.parametrize(

@@ -33,9 +33,11 @@ class Density:
         Returns
         -------
         ndarray
-            Of the broadcast shape; 0 outside the mesh. At angle 0 it is the value on the positive side.
+            Of the broadcast shape; 0 outside the mesh, nan where a point has one. At angle 0 it is the value on the
+            positive side.
         """
-        return self.space.evaluate(self.coefficients, angle, velocity)
+        unknown = np.isnan(angle) | np.isnan(velocity)
+        return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
 
     @property
     def mesh_lines(self):
@@ -124,7 +126,7 @@ class Density:
         cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
         reference = (points - lines[cell]) / np.diff(lines)[cell]
         values = np.einsum("...a,...a->...", coefficients[cell], shapes(reference, self.degree))
-        return np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0)
+        return np.where(np.isnan(points), np.nan, np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0))
 
     def moment(self, angle_power, velocity_power):
         """Integral of x^m v^n times the density, exact; m = n = 0 is the probability of not having overturned."""

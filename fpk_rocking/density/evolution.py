@@ -5,16 +5,26 @@ import dataclasses
 import numpy as np
 
 from fpk_rocking import checks
+from fpk_rocking.binning import ascending_edges
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.space import Space
+from fpk_rocking.layout import Layout
 from fpk_rocking.scene import Scene
 from fpk_rocking.storage import read_result, write_result
 
 _KIND = "evolution"
-_SCALARS = (
-    "diffusion", "closure", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s",
-    "settings",
-)  # fmt: skip
+_FLOATS = ("diffusion", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s")
+_LAYOUT = Layout(
+    {
+        "survival": "f8 k+1",
+        "overturned": "f8 k+1 2",
+        "lost": "f8 k+1",
+        "coefficients": "f8 k+1 x v d d",
+        "angle_lines": "f8 x+1",
+        "velocity_lines": "f8 v+1",
+    },
+    {"closure": str, "settings": dict} | dict.fromkeys(_FLOATS, float),
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,16 +128,11 @@ class Evolution:
 
         Raises
         ------
-        ValueError
+        TypeError, ValueError
             There is no such cycle, the edges do not ascend, or the density has no non-negative view.
         """
         self._check(cycle)
-        edges = []
-        for name, given in (("angle_edges", angle_edges), ("velocity_edges", velocity_edges)):
-            values = np.asarray(given, dtype=float)
-            if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0.0):
-                raise ValueError(checks.refusal(name, values, "two or more ascending numbers"))
-            edges.append(values)
+        edges = [ascending_edges("angle_edges", angle_edges), ascending_edges("velocity_edges", velocity_edges)]
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
@@ -141,12 +146,12 @@ class Evolution:
         """Write the result to a file (.npz), whole or not at all."""
         arrays = {name: getattr(self, name) for name in ("survival", "overturned", "lost", "coefficients")}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
-        write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _SCALARS})
+        write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _LAYOUT.attributes})
 
     @classmethod
     def load(cls, path):
         """Read a saved result; raises as `fpk_rocking.storage.read_result`."""
-        scene, arrays, attributes = read_result(path, _KIND)
+        scene, arrays, attributes = read_result(path, _KIND, _LAYOUT)
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
         return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)

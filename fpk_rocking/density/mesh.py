@@ -7,6 +7,9 @@ import numpy as np
 ANGLE_GRADING = 1.5
 VELOCITY_GRADING = 1.3
 
+GROWTH = 1.15
+"""Of cells beyond the velocity that matters most."""
+
 
 def graded_lines(half_width, cells, exponent):
     """Symmetric mesh lines on [-half_width, half_width] at half_width (j/n)^exponent, with 0 among them.
@@ -26,6 +29,30 @@ def graded_lines(half_width, cells, exponent):
     """
     half = half_width * (np.arange(cells // 2 + 1) / (cells // 2)) ** exponent
     return np.concatenate([-half[:0:-1], half])
+
+
+def extended_lines(lines, half_width):
+    """Symmetric mesh lines continued to a wider interval by cells that grow, each by `GROWTH` or so.
+
+    Parameters
+    ----------
+    lines : ndarray
+        Symmetric about 0.
+    half_width : float
+        At least this far; nondimensional.
+
+    Returns
+    -------
+    ndarray
+        The lines as they are where they go as far.
+    """
+    gap, size = half_width - lines[-1], lines[-1] - lines[-2]
+    if gap <= 0.0:
+        return lines
+    count = math.ceil(math.log1p(gap / size * (GROWTH - 1.0) / GROWTH) / math.log(GROWTH) - 1e-9)
+    places = np.cumsum(GROWTH ** np.arange(count))
+    beyond = lines[-1] + gap * places / places[-1]
+    return np.concatenate([-beyond[::-1], lines, beyond])
 
 
 def window_lines(low, high, cells):

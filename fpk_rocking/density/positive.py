@@ -10,7 +10,15 @@ import time
 import numpy as np
 
 from fpk_rocking import checks
-from fpk_rocking.density.acceptance import Progress, bins_tolerance, closure_of, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.acceptance import (
+    Progress,
+    bins_tolerance,
+    closure_of,
+    refuse_broken,
+    refuse_large,
+    refuse_unsolvable,
+    warn_beyond,
+)
 from fpk_rocking.density.chain import Chain, ladder
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.mesh import velocity_bound
@@ -100,6 +108,7 @@ def _refined(white, cycles, tol, progress):
     if len(fitting) < 2:
         accepted = f"noise for which fewer than {rungs[1].nodes:.1e} nodes do; solve_fpk() needs no such fine mesh"
         raise ValueError(checks.refusal("noise", f"white noise of D = {white.noise.diffusion:g}", accepted))
+    refuse_large(0.0, 32.0 * fitting[1].nodes * (cycles + 1), cycles)
     departure, fine = NodeDeparture(Dynamics.of(white), white.start, white.period), None
     for resolution in fitting:
         coarse, chain = fine, Chain(white, resolution, bound)
@@ -114,6 +123,7 @@ def _refined(white, cycles, tol, progress):
 
 def _judge(result):
     """Refuse what is not resolved, and warn of what is not within the tolerance."""
+    refuse_broken(result)
     if result.settings["origin_mass"] > RATTLING:
         accepted = (
             "a scene whose density a mesh can resolve; the nodes around the origin hold a mass of "

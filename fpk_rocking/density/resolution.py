@@ -47,8 +47,8 @@ class Resolution:
         """
         cutoff, layer = scene.overturning.angle, rattling_speed(scene)
         finer = max((_MAIN_DIFFUSION / scene.noise.diffusion) ** 0.25, 0.7)
-        angle = 2 * math.ceil(0.5 * self.angle_cells * finer * cutoff / (math.pi / 2) - 1e-9)
-        velocity = 2 * math.ceil(0.5 * self.velocity_cells * finer * bound / 3.24 - 1e-9)
+        angle = 2 * max(2, math.ceil(0.5 * self.angle_cells * finer * cutoff / (math.pi / 2) - 1e-9))
+        velocity = 2 * max(2, math.ceil(0.5 * self.velocity_cells * finer * bound / 3.24 - 1e-9))
         steps = self.steps / 16 * scene.period / longest_step(scene)
         return dataclasses.replace(
             self,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from fpk_rocking.density.mesh import graded_lines
+from fpk_rocking.density.mesh import extended_lines, graded_lines
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.start import Departure, first_resolved, initial_density
 from fpk_rocking.density.step import Dynamics, Step, Trace, deposit_buffers
@@ -53,14 +53,16 @@ class Run:
         A cell that has never held more is not covered: what comes to it is lost, and counted.
     guide : Run, optional
         A run of the same scene that tells which cells to cover.
+    beyond : float
+        Velocity to which coarser cells continue the mesh, where it is above the bound.
     """
 
-    def __init__(self, white, resolution, bound, negligible, guide=None):
+    def __init__(self, white, resolution, bound, negligible, guide=None, beyond=0.0):
         self.scene, self.dynamics, self.resolution = white, Dynamics.of(white), resolution
         self.steps, self.negligible = resolution.steps, negligible
         self.space = Space(
             graded_lines(white.overturning.angle, resolution.angle_cells, resolution.angle_grading),
-            graded_lines(bound, resolution.velocity_cells, resolution.velocity_grading),
+            extended_lines(graded_lines(bound, resolution.velocity_cells, resolution.velocity_grading), beyond),
             resolution.degree,
         )
         self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
@@ -99,7 +101,6 @@ class Run:
         coefficients = np.zeros((cycles + 1, *self.space.shape))
         coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
         inside[0] -= out[0].sum()
-        edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
         first = first_resolved(departure, self.space, steps)
         now, gone = departure.land(first * self.duration, self.space)
         # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
@@ -117,8 +118,13 @@ class Run:
             now, sinks = self._covering(k % (steps // 2), now).apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
         # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
-        bins = np.array([self.space.bin_integrals(density, *edges) for density in coefficients])
+        bins = np.array([self.bins(density) for density in coefficients])
         return Solution(inside, out, coefficients, bins)
+
+    def bins(self, coefficients):
+        """Probabilities of equal bins between the bounds, shape `BINS`."""
+        edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
+        return self.space.bin_integrals(coefficients, *edges)
 
     def _covering(self, k, coefficients):
         """Step k of the half cycle, which covers all cells that hold something."""

@@ -6,7 +6,16 @@ import time
 import numpy as np
 
 from fpk_rocking import checks
-from fpk_rocking.density.acceptance import Progress, bins_tolerance, closure_of, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.acceptance import (
+    Progress,
+    bins_tolerance,
+    closure_of,
+    refuse_broken,
+    refuse_large,
+    refuse_unsolvable,
+    safe_difference,
+    warn_beyond,
+)
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.resolution import ENOUGH, LADDER
@@ -19,6 +28,9 @@ UNRESOLVED = 0.05
 
 NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be covered."""
+
+BYTES = 2.0
+"""Bytes that a run holds, about, over the `work` of its resolution."""
 
 MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
@@ -87,6 +99,8 @@ def _refined(white, cycles, tol, progress):
     """Climb the ladder until all errors are acceptable: the last run, its solution, and its errors by name."""
     bound = velocity_bound(white, white.noise.diffusion)
     enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
+    least = LADDER[enough].of(white, bound)
+    refuse_large(BYTES * least.work, least.stored(cycles), cycles)
     run, fine, differences, departures = None, None, [], {}
     for rung in range(enough - 2, len(LADDER)):
         resolution = LADDER[rung].of(white, bound)
@@ -116,17 +130,16 @@ def _refined(white, cycles, tol, progress):
 def estimated_error(differences, solution):
     """Error in survival of the last of three or more solutions, from the differences (survival, bins) of neighbours.
 
-    The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
-    tells, up to two and a half times as much; and 1.4 for safety. Not less than a hundredth of the difference in the
-    bins, and than what was lost.
+    The `safe_difference` of survival, and not less than a hundredth of the difference in the bins, and what was lost.
     """
     (before, _), (last, bins) = differences[-2:]
     lost = float(np.abs(solution.gone[:, 2]).max())
-    return max(1.4 * max(last, min(0.3 * before, 2.5 * last)), 0.01 * bins, lost)
+    return max(safe_difference(before, last), 0.01 * bins, lost)
 
 
 def _judge(result):
     """Refuse what is not resolved, and warn of what is not within the tolerance."""
+    refuse_broken(result)
     if result.negative_mass > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "

@@ -148,6 +148,10 @@ class Space:
         values = np.maximum(-self.cell_values(coefficients, nodes, nodes), 0.0)
         return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
 
+    def absolute_mass(self, coefficients):
+        """Integral of |p|, by Gauss quadrature in every cell."""
+        return float(self.masses(coefficients).sum()) + 2.0 * self.negative_mass(coefficients)
+
 
 def _locate(lines, points):
     cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)

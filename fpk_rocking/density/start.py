@@ -33,6 +33,9 @@ RESOLVED = 0.3
 BARELY = 0.2
 """The same, where it must."""
 
+BROKEN = 100.0
+"""Sum of the sizes of the masses of a window's cells above which its density grows without bound."""
+
 _RATTLE, _MOST_STEPS = 0.25, 800
 
 
@@ -140,10 +143,13 @@ class Departure:
         duration = min(self.windows.growth * (now.time + self._gathered), self._longest(now.time), self.period / 32)
         free = self._free_time(now, self.period - now.time)
         quiet = free >= duration
-        duration = max(free, duration)
-        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(now.time, quiet))
-        target = next_window(self.windows, trace, now.coefficients, self.dynamics.cutoff)
+        duration, dynamics = max(free, duration), self.dynamics
+        trace = Trace(now.window, now.time, duration, dynamics, self._sampling(now.time, quiet))
+        target = next_window(self.windows, trace, now.coefficients, dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
+        if not np.abs(target.masses(coefficients)).sum() < BROKEN:
+            accepted = "a start that small meshes can follow: the block rattles at rest (use simulate())"
+            raise ValueError(checks.refusal("scene", f"diffusion {dynamics.diffusion:g}", accepted))
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
     def _sampling(self, time, quiet):

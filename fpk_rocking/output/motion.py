@@ -1,6 +1,6 @@
 """What single blocks and ensembles do: time histories, Poincaré points and their mean, overturning, impact speeds."""
 
-import textwrap
+import pathlib
 
 import numpy as np
 
@@ -15,7 +15,6 @@ ANGLE = "angle, in units of the critical angle"
 VELOCITY = "velocity, nondimensional"
 
 _SIZE = (10.5, 12.4)
-_NOTE_WIDTH = 115
 _INTERVALS = "density, 95 % intervals"
 
 
@@ -43,13 +42,8 @@ def motion_figure(path, histories, ensemble, maps, passage, speeds, title):
         The file written.
     """
     scene = ensemble.scene
-    with style.drawing() as new_figure:
-        figure = new_figure(figsize=_SIZE, layout="constrained")
-        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle(title, fontsize=15)
-        notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}.", *remarks(ensemble)]
-        notes = "\n".join(line for note in notes for line in textwrap.wrap(note, _NOTE_WIDTH))
-        figure.supxlabel(notes, x=0.02, ha="left", color="#333333", fontsize=10, linespacing=1.5)
+    notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}.", *remarks(ensemble)]
+    with style.page(path, _SIZE, title, notes) as figure:
         top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.15, 1.0, 0.8))
         rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for r, axes in enumerate(rows):
@@ -66,7 +60,7 @@ def motion_figure(path, histories, ensemble, maps, passage, speeds, title):
         first.set_ylabel(_INTERVALS)
         _bars(impacts, speeds, "Speed just before an impact", "speed, nondimensional")
         impacts.set_ylabel(_INTERVALS)
-        return style.save(figure, path)
+    return pathlib.Path(path)
 
 
 def history_panel(axes, histories, r):

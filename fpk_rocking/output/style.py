@@ -2,15 +2,17 @@
 
 import contextlib
 import pathlib
+import textwrap
 
 from fpk_rocking.storage import replaced_atomically
 
-__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "save", "shades"]
+__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "page", "save", "shades"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 OVERTURNED = "#D55E00"
 SURFACE = "GnBu"
 
+_NOTE_WIDTH = 13.0  # letters an inch
 _SETTINGS = {
     "font.size": 10,
     "axes.titlesize": 11,
@@ -41,6 +43,31 @@ def drawing():
 
     with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):
         yield figure
+
+
+@contextlib.contextmanager
+def page(path, size, title, notes=()):
+    """Yield a figure for several panels, with a title above and notes below them; it is saved at the end.
+
+    Parameters
+    ----------
+    path : path
+        Where to write; the suffix chooses the format.
+    size : (float, float)
+        In inches.
+    title : str
+    notes : sequence of str
+        What a reader has to know to judge the panels; each begins a line of its own.
+    """
+    with drawing() as new_figure:
+        figure = new_figure(figsize=size, layout="constrained")
+        figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
+        figure.suptitle(title, fontsize=15)
+        if notes:
+            text = "\n".join(line for note in notes for line in textwrap.wrap(note, round(_NOTE_WIDTH * size[0])))
+            figure.supxlabel(text, x=0.02, ha="left", color="#333333", fontsize=10, linespacing=1.5)
+        yield figure
+        save(figure, path)
 
 
 def shades(count) -> list:

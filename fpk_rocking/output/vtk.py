@@ -21,7 +21,7 @@ import numpy as np
 from fpk_rocking.binning import joint_edges
 from fpk_rocking.storage import replaced_atomically, write_text
 
-__all__ = ["write_series"]
+__all__ = ["write_function", "write_series"]
 
 _VIEW = "_nonnegative_view"
 
@@ -59,6 +59,35 @@ def write_series(folder, name, result, cycles) -> pathlib.Path:
     listing = folder / f"{name}.pvd"
     write_text(listing, _collection(entries))
     return listing
+
+
+def write_function(file, function, name) -> pathlib.Path:
+    """Write a function on a finite-element mesh: a `Density`, or a `PlaneMap` of the starts.
+
+    Parameters
+    ----------
+    file : path
+        Where to write, a .vtu file; its folder is created if missing.
+    function : object
+        With ``mesh_lines``, ``degree`` and ``cell_values(points)``.
+    name : str
+        Of the point values. They are as computed, one-sided at the edges of cells.
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    file = pathlib.Path(file)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    pieces = max(function.degree, 1)
+    lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in function.mesh_lines]
+    points, quads = _lattice_mesh(*lines)
+    import meshio
+
+    values = np.ascontiguousarray(function.cell_values(pieces + 1)).ravel()
+    with replaced_atomically(file) as temporary:
+        meshio.Mesh(points, [("quad", quads)], point_data={name: values}).write(temporary, file_format="vtu")
+    return file
 
 
 def _mesh(result, cycle):
@@ -126,14 +155,7 @@ def _histogram(ensemble, cycle):
 
 def _lattices(angle, velocity, values, probability):
     """Mesh of separate lattices, one an element; shapes (n_angle, n), (n_velocity, n), (n_angle, n_velocity, n, n)."""
-    n_angle, n_velocity, n, _ = values.shape
-    shape = (n_angle, n_velocity, n, n)
-    points = np.zeros((values.size, 3))
-    points[:, 0] = np.broadcast_to(angle[:, None, :, None], shape).ravel()
-    points[:, 1] = np.broadcast_to(velocity[None, :, None, :], shape).ravel()
-    index = np.arange(values.size).reshape(shape)
-    corners = (index[..., :-1, :-1], index[..., 1:, :-1], index[..., 1:, 1:], index[..., :-1, 1:])
-    quads = np.stack([corner.ravel() for corner in corners], axis=-1)
+    points, quads = _lattice_mesh(angle, velocity)
     areas = np.diff(angle)[:, None, :, None] * np.diff(velocity)[None, :, None, :]
     within = (2, 3)
     element = probability.sum(axis=within, keepdims=True) / areas.sum(axis=within, keepdims=True)
@@ -143,6 +165,17 @@ def _lattices(angle, velocity, values, probability):
         "element_density": [np.broadcast_to(element, probability.shape).ravel()],
     }
     return _mesh_of(points, [("quad", quads)], values.ravel(), cell_data)
+
+
+def _lattice_mesh(angle, velocity):
+    """Points and quadrilaterals of separate lattices, one an element; shapes (n_angle, n), (n_velocity, n)."""
+    shape = (len(angle), len(velocity), angle.shape[1], velocity.shape[1])
+    points = np.zeros((np.prod(shape), 3))
+    points[:, 0] = np.broadcast_to(angle[:, None, :, None], shape).ravel()
+    points[:, 1] = np.broadcast_to(velocity[None, :, None, :], shape).ravel()
+    index = np.arange(len(points)).reshape(shape)
+    corners = (index[..., :-1, :-1], index[..., 1:, :-1], index[..., 1:, 1:], index[..., :-1, 1:])
+    return points, np.stack([corner.ravel() for corner in corners], axis=-1)
 
 
 def _atom(scene):

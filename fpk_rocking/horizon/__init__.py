@@ -1,0 +1,6 @@
+"""The long horizon: the map of densities over one forcing cycle, its modes, and what every start is worth."""
+
+from fpk_rocking.horizon.operator import CycleOperator, Outlook
+from fpk_rocking.horizon.plane import PlaneMap
+
+__all__ = ["CycleOperator", "Outlook", "PlaneMap"]

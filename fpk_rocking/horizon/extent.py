@@ -1,0 +1,62 @@
+"""How fast a block may start and still stand for a cycle: the velocity bound of a mesh for starts anywhere."""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking.density.resolution import LADDER
+from fpk_rocking.density.run import turn
+from fpk_rocking.horizon.half import HalfCycle
+
+_SEEN = 1e-6
+"""Part of the largest product of reach and chance below which a cell does not count."""
+
+
+def plane_bound(white):
+    """Velocity that no block needs that stands for a cycle, wherever it starts at the scene's phase.
+
+    A block that starts inward far faster than one from rest ever moves may lose so much at its impact that it stands.
+    How fast that can be follows in closed form for the worst phase, and for the scene's own phase from a coarse mesh up
+    to that bound: the cells that are reached from a start that stands for the cycle, before they overturn.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+
+    Returns
+    -------
+    float
+        At least `velocity_bound`, nondimensional.
+    """
+    own, wide = velocity_bound(white, white.noise.diffusion), worst_bound(white)
+    scout = HalfCycle(white, LADDER[0].of(white, wide), wide)
+    chances = [scout.one]
+    for _ in range(2):
+        chances.append(turn(chances.pop()))
+        for step in reversed(scout.run.half):
+            chances.append(step.apply_adjoint(chances[-1], np.zeros(3)))
+    reached, used = np.where(_largest(chances[-1]) > _SEEN, 1.0, 0.0), np.zeros(scout.space.shape[1], dtype=bool)
+    density = scout.one * reached[:, :, None, None]
+    for _ in range(2):
+        for step in scout.run.half:
+            both = _largest(density) * _largest(chances.pop())
+            used |= (both > _SEEN * both.max()).any(axis=0)
+            density, _ = step.apply(density)
+        density = turn(density)
+    lines = scout.space.velocity_lines
+    fastest = max(-lines[:-1][used].min(initial=0.0), lines[1:][used].max(initial=0.0))
+    return max(own, float(fastest))
+
+
+def worst_bound(white):
+    """Bound for every phase: to stand after an impact at v, e v must be below the speed of a sure escape."""
+    forcing, cutoff = white.forcing, white.overturning.angle
+    swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
+    escape = max(1.0, cutoff - 1.0) + swing + 8.0 * math.sqrt(white.noise.diffusion)
+    return escape / white.block.restitution + cutoff + 2.0 * swing
+
+
+def _largest(coefficients):
+    return np.abs(coefficients).max(axis=(2, 3))

@@ -1,0 +1,93 @@
+"""Half a forcing cycle as a linear map of densities, and its adjoint: the solver's own steps, one after the other.
+
+The second half of a cycle is the mirror image of the first, (x, v) -> (-x, -v). With H the map over the first half and
+R the turn about the origin, a cycle is R H R H = K^2, K = R H: the map of this module.
+"""
+
+import numpy as np
+
+from fpk_rocking.density.run import Run, turn
+
+_NOTHING = np.zeros(3)
+
+
+class HalfCycle:
+    """The map K of densities over half a cycle, turned at its end, on one mesh.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    resolution : Resolution
+        Adapted to the scene.
+    bound, beyond : float
+        Velocity bound of the mesh, and that to which coarser cells continue it.
+
+    Attributes
+    ----------
+    run : Run
+        Of the scene, every cell covered, so that nothing is lost but beyond the velocity bound.
+    space : Space
+    """
+
+    def __init__(self, white, resolution, bound, beyond=0.0):
+        self.run = Run(white, resolution, bound, negligible=0.0, beyond=beyond)
+        self.space = self.run.space
+        self._root = np.sqrt(self.space.areas)[:, :, None, None]
+        everything = np.ones(self.space.shape[:2], dtype=bool)
+        for step in self.run.half:
+            step.cover(everything)
+
+    @property
+    def one(self):
+        """Coefficients of the function 1."""
+        coefficients = np.zeros(self.space.shape)
+        coefficients[:, :, 0, 0] = 1.0
+        return coefficients
+
+    def vector(self, coefficients):
+        """Vector (unknowns,) whose Euclidean products are the integrals of products of functions."""
+        return (coefficients * self._root).ravel()
+
+    def coefficients(self, vector):
+        """Coefficients of the function that a real vector stands for."""
+        return vector.reshape(self.space.shape) / self._root
+
+    def forward(self, coefficients):
+        """Density after the half cycle, turned, and the masses (3,) that went left, right and were lost in it."""
+        gone = np.zeros(3)
+        for step in self.run.half:
+            coefficients, sinks = step.apply(coefficients)
+            gone += sinks
+        return turn(coefficients), gone
+
+    def backward(self, values):
+        """Return what a function of the turned state after the half cycle is worth, on average, before it."""
+        values = turn(values)
+        for step in reversed(self.run.half):
+            values = step.apply_adjoint(values, _NOTHING)
+        return values
+
+    def time_inside(self):
+        """Mean time until overturning or the end of the half cycle, in cycles, from every state.
+
+        Coefficients of a function; by the trapezoidal rule over the steps.
+        """
+        half_step = 0.5 / self.run.steps * self.one
+        spent = np.zeros(self.space.shape)
+        for step in reversed(self.run.half):
+            spent = half_step + step.apply_adjoint(half_step + spent, _NOTHING)
+        return spent
+
+    def matvec(self, vector):
+        """K, of vectors."""
+        return self.vector(self.forward(self.coefficients(vector))[0])
+
+    def rmatvec(self, vector):
+        """Its transpose."""
+        return self.vector(self.backward(self.coefficients(vector)))
+
+    def l1(self, vector):
+        """Bound on the integral of the absolute value of a function, by Schwarz in every cell."""
+        squares = np.sum(vector.reshape(self.space.shape) ** 2, axis=(2, 3))
+        return float(np.sqrt(squares * self.space.areas).sum())

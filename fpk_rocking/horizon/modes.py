@@ -1,0 +1,163 @@
+"""Leading modes of a linear map, and vectors after many applications of it by them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+
+from fpk_rocking import checks
+
+COUNT = 6
+"""Modes that are computed: those left out have fallen to 1e-9 within some ten cycles in the main scene."""
+
+PRECISION, ACCEPTED = 1e-11, 1e-8
+"""Relative residual that is asked of the iteration, and the largest that is taken for the leading mode."""
+
+SETTLED = 1e-10
+"""Part of a vector that the modes may leave out, in L1, when they take over."""
+
+FEW = 40
+"""Applications for which no modes are asked."""
+
+MOST = 4000
+"""Applications within which the modes have to take over."""
+
+_SUBSPACE = 30
+
+
+class Modes(NamedTuple):
+    """Leading modes of a real map K, in real arithmetic: K basis = basis block.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (modes,)
+        Eigenvalues of the map and of the block, descending in modulus.
+    basis : ndarray, shape (unknowns, modes)
+        Real eigenvectors of norm 1; for a conjugate pair the real and the imaginary part of one.
+    block : ndarray, shape (modes, modes)
+        Block diagonal.
+    residuals : ndarray, shape (modes,)
+        Norms of the columns of K basis - basis block.
+    """
+
+    values: np.ndarray
+    basis: np.ndarray
+    block: np.ndarray
+    residuals: np.ndarray
+
+
+def leading_modes(apply, start, count=COUNT):
+    """Leading modes of a map, by implicitly restarted Arnoldi iteration (ARPACK).
+
+    Parameters
+    ----------
+    apply : callable
+        The real map of vectors (unknowns,).
+    start : ndarray, shape (unknowns,)
+        Where the iteration starts.
+    count : int
+        Modes; of a conjugate pair both or none are returned.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    ValueError
+        The iteration does not converge, or the leading eigenvalue is not real and positive: no density keeps its shape.
+    """
+    operator = LinearOperator((len(start), len(start)), apply, dtype=float)
+    try:
+        values, vectors = eigs(operator, k=count, v0=start, tol=PRECISION, ncv=_SUBSPACE)
+    except ArpackError as error:
+        accepted = "one whose leading modes can be told apart on this mesh"
+        raise ValueError(checks.refusal("scene", f"no convergence of the modes ({error})", accepted)) from error
+    kept, columns, blocks = [], [], []
+    for k in np.argsort(-np.abs(values), kind="stable"):
+        value = values[k]
+        if value.imag == 0.0:
+            kept, columns, blocks = [*kept, value], [*columns, vectors[:, k].real], [*blocks, [[value.real]]]
+        elif value.imag > 0.0 and value.conj() in values:
+            kept += [value, value.conj()]
+            columns += [vectors[:, k].real, vectors[:, k].imag]
+            blocks.append([[value.real, value.imag], [-value.imag, value.real]])
+    basis, block = np.stack(columns, axis=1), block_diag(*blocks)
+    images = np.stack([apply(np.ascontiguousarray(column)) for column in basis.T], axis=1)
+    residuals = np.linalg.norm(images - basis @ block, axis=0)
+    if not (kept[0].imag == 0.0 < kept[0].real and residuals[0] <= ACCEPTED * kept[0].real):
+        accepted = "one whose density keeps its shape in the long run: a leading eigenvalue that is real and positive"
+        got = f"eigenvalue {kept[0]:.3g} of half a cycle, residual {residuals[0]:.1e}"
+        raise ValueError(checks.refusal("scene", got, accepted))
+    return Modes(np.array(kept), basis, block, residuals)
+
+
+class Powers:
+    """A vector after more and more applications of a map: step by step, then by the map's modes.
+
+    Parameters
+    ----------
+    apply : callable
+        The map of vectors (unknowns,).
+    modes : callable
+        Returns its `Modes`; asked for after `FEW` applications.
+    l1 : callable
+        Bound on the integral of the absolute value of what a vector stands for.
+    leading_log : callable
+        Returns the logarithm of the leading eigenvalue, as exact as high powers want it.
+    vector : ndarray, shape (unknowns,)
+    """
+
+    def __init__(self, apply, modes, l1, leading_log, vector):
+        self._apply, self._modes, self._l1, self._leading_log = apply, modes, l1, leading_log
+        self._vector, self._count = vector, 0
+        self._amplitudes, self._left_out = None, 0.0
+
+    def after(self, count):
+        """Vector after so many applications, not fewer than were asked for before."""
+        while self._count < count and self._amplitudes is None:
+            self._advance()
+        if self._amplitudes is None:
+            return self._vector
+        return self._by_modes(count - self._count)
+
+    def total(self):
+        """Sum of the vectors after every number of applications, 0 included."""
+        total = np.zeros_like(self._vector)
+        while self._amplitudes is None:
+            before = self._vector
+            self._advance()
+            total += before if self._amplitudes is None else 0.0
+        modes, log = self._modes(), self._leading_log()
+        further = np.zeros_like(modes.block)
+        further[0, 0] = -1.0 / np.expm1(log)
+        further[1:, 1:] = np.linalg.inv(np.eye(len(further) - 1) - modes.block[1:, 1:])
+        return total + modes.basis @ (further @ self._amplitudes)
+
+    def left_out(self, count):
+        """Estimate of what the modes leave out after so many applications, in L1."""
+        if self._amplitudes is None:
+            return 0.0
+        return self._left_out * abs(self._modes().values[-1]) ** (count - self._count)
+
+    def _advance(self):
+        """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
+        if self._count == MOST:
+            accepted = f"one whose leading {COUNT} modes say all after {MOST} half cycles"
+            raise ValueError(checks.refusal("scene", "modes that decay more slowly", accepted))
+        if self._count >= FEW:
+            modes = self._modes()
+            amplitudes = np.linalg.lstsq(modes.basis, self._vector, rcond=None)[0]
+            left_out = self._l1(self._vector - modes.basis @ amplitudes)
+            if left_out <= SETTLED * self._l1(self._vector):
+                self._amplitudes, self._left_out = amplitudes, left_out
+                return
+        self._vector, self._count = self._apply(self._vector), self._count + 1
+
+    def _by_modes(self, further):
+        modes = self._modes()
+        power = np.zeros_like(modes.block)
+        power[0, 0] = np.exp(further * self._leading_log())
+        power[1:, 1:] = np.linalg.matrix_power(modes.block[1:, 1:], further)
+        return modes.basis @ (power @ self._amplitudes)

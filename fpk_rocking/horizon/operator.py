@@ -1,0 +1,239 @@
+"""`CycleOperator`: the map of densities over one forcing cycle, and what it says about the long run."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from fpk_rocking import checks
+from fpk_rocking.density.acceptance import closure_of, refuse_unsolvable
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.resolution import ENOUGH
+from fpk_rocking.density.start import Departure
+from fpk_rocking.horizon.ladder import Level, climb
+from fpk_rocking.horizon.plane import PlaneMap
+from fpk_rocking.scene import Scene
+
+
+class Outlook(NamedTuple):
+    """Survival from the scene's start.
+
+    Parameters
+    ----------
+    cycles : ndarray of int, shape (n,)
+    survival : ndarray, shape (n,)
+        Probability of not having overturned after so many cycles.
+    left_out : ndarray, shape (n,)
+        What the modes that are not computed may hold of it.
+    error_estimate : ndarray, shape (n,)
+        Of survival: its difference from the next coarser mesh, and what the estimated error of the escape rate makes
+        of it, with `left_out`.
+    """
+
+    cycles: np.ndarray
+    survival: np.ndarray
+    left_out: np.ndarray
+    error_estimate: np.ndarray
+
+
+class CycleOperator(LinearOperator):
+    """The map of densities over one forcing cycle of a scene with white noise.
+
+    As a SciPy linear operator it acts on vectors (unknowns,) whose Euclidean products are the integrals of products of
+    functions, see `vector` and `density`; ``rmatvec`` is its adjoint, which takes a function of the state after a cycle
+    to its mean before it. It is made of the steps of `solve_fpk`; the second half of a cycle is the mirror image of the
+    first.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white or band noise; band noise is replaced by white noise of equal Melnikov variance, see `closure`.
+    tol : float
+        Wanted error in survival from a start on the attractor after any number of cycles, from 1e-4 up: the relative
+        error of the escape rate is wanted to e tol. The mesh is refined until the estimates say so.
+
+    Attributes
+    ----------
+    scene, tol, diffusion, closure
+        As in `Evolution`.
+    escape_rate : float
+        -log of the leading eigenvalue: rate of overturning per cycle in the long run, computed from what leaves the
+        quasi-stationary density, not from 1 minus the eigenvalue.
+    escape_error : float
+        Estimate of the relative error of `escape_rate`, from three meshes.
+    refinement : list of (int, float)
+        Unknowns and escape rate of every mesh, from coarse to fine.
+    leakage : ndarray, shape (2,)
+        Probability that a block of the quasi-stationary density overturns within a cycle, to the left and to the right.
+    lost : float
+        What it loses beyond the velocity bound in a cycle.
+    eigenvalues : ndarray of complex
+        Leading eigenvalues of the cycle, descending in modulus.
+    residuals : ndarray
+        Of the modes of half a cycle, in the norm of L2.
+    negative_mass : float
+        Of the quasi-stationary density.
+    settings : dict
+        Mesh, degree, quadrature and steps.
+
+    Warns
+    -----
+    RuntimeWarning
+        The finest mesh that memory allows is not within the tolerance by its own estimate.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is not acceptable; scenes without noise, with a restitution below `CRITICAL_RESTITUTION`, in which
+        next to everything overturns within a cycle or nothing does that could be told, and whose quasi-stationary
+        density the finest mesh does not resolve, are refused.
+    """
+
+    def __init__(self, scene, tol=1e-3):
+        checks.instance("scene", scene, Scene)
+        self.scene, self._white = scene, scene.white_equivalent()
+        refuse_unsolvable(self._white)
+        self.closure, self.diffusion = closure_of(scene, self._white), self._white.noise.diffusion
+        self.tol = checks.number("tol", tol, at_least=min(ENOUGH))
+        self._fine, self._coarse, self.escape_error, self.refinement = climb(self._white, self.tol)
+        fine = self._fine
+        self.escape_rate, self.leakage, self.lost = fine.rate, fine.leaks[:2], float(fine.leaks[2])
+        self.eigenvalues = fine.modes.values**2
+        self.residuals, self.negative_mass, self.settings = fine.modes.residuals, fine.negative_mass, fine.settings
+        super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
+
+    def _matvec(self, vector):
+        half = self._fine.half
+        return half.matvec(half.matvec(np.ascontiguousarray(vector, dtype=float).ravel()))
+
+    def _rmatvec(self, vector):
+        half = self._fine.half
+        return half.rmatvec(half.rmatvec(np.ascontiguousarray(vector, dtype=float).ravel()))
+
+    @property
+    def space(self):
+        """Mesh and polynomial degree."""
+        return self._fine.space
+
+    def vector(self, coefficients):
+        """Vector (unknowns,) of a function with coefficients of shape ``space.shape``."""
+        return self._fine.half.vector(coefficients)
+
+    def density(self, vector):
+        """Density that a vector (unknowns,) stands for."""
+        return Density(self.space, self._fine.half.coefficients(np.asarray(vector, dtype=float)))
+
+    @property
+    def quasi_stationary(self):
+        """Density (of mass 1) that keeps its shape while it leaks, at whole cycles: the noisy attractor."""
+        return Density(self.space, self._fine.quasi_stationary)
+
+    @property
+    def memory_cycles(self):
+        """Cycles in which the second mode falls by a factor e against the first: how long a start is remembered."""
+        first, second = np.abs(self.eigenvalues[:2])
+        return float(-1.0 / math.log(second / first))
+
+    @property
+    def mean_cycles(self):
+        """Mean number of the cycle in which a block of the quasi-stationary density overturns."""
+        return -1.0 / math.expm1(-self.escape_rate)
+
+    def modes(self, adjoint=False):
+        """Eigenvalues of the cycle and functions whose span holds their eigenfunctions.
+
+        Parameters
+        ----------
+        adjoint : bool
+            Whether of the adjoint.
+
+        Returns
+        -------
+        eigenvalues : ndarray of complex, shape (modes,)
+        functions : list of ndarray, shape ``space.shape``
+            Coefficients, of norm 1 in L2; for a conjugate pair the real and the imaginary part of an eigenfunction.
+        """
+        modes = self._fine.left_modes if adjoint else self._fine.modes
+        return modes.values**2, [self._fine.half.coefficients(column) for column in modes.basis.T]
+
+    def survival(self, cycles):
+        """Probability of not having overturned after numbers of cycles, from the scene's start.
+
+        Parameters
+        ----------
+        cycles : int or sequence of int
+            0 or more each, without a bound.
+
+        Returns
+        -------
+        ndarray, shape of `cycles`
+        """
+        shape = np.shape(cycles)
+        return self.outlook(np.ravel(cycles)).survival.reshape(shape)
+
+    def outlook(self, cycles):
+        """Survival from the scene's start with its errors.
+
+        Parameters
+        ----------
+        cycles : sequence of int
+            0 or more each, without a bound: step by step at first, then by the leading modes.
+
+        Returns
+        -------
+        Outlook
+        """
+        cycles = np.array([checks.count("cycles", one, at_least=0) for one in cycles], dtype=np.int64)
+        survival, left_out = self._fine.survival(self._departure(self._fine), cycles)
+        rough, _ = self._coarse.survival(self._departure(self._coarse), cycles)
+        slope = np.abs(survival) * -np.expm1(-cycles * self.escape_rate * self.escape_error)
+        error = np.maximum(np.abs(survival - rough), slope) + left_out
+        return Outlook(cycles, survival, left_out, error)
+
+    def _departure(self, level):
+        run = level.half.run
+        return Departure(run.dynamics, self._white.start, run.resolution.windows, self._white.period)
+
+    def survival_map(self, cycles, phase=None):
+        """Probability of not overturning within a number of cycles, for every start.
+
+        Parameters
+        ----------
+        cycles : int
+            0 or more, without a bound.
+        phase : float, optional
+            Forcing phase Psi at the start; by default the scene's.
+
+        Returns
+        -------
+        PlaneMap
+        """
+        cycles = checks.count("cycles", cycles, at_least=0)
+        return self._map(lambda level: level.backward_powers().after(2 * cycles), phase)
+
+    def first_passage_map(self, cycle, phase=None):
+        """Probability of overturning within one cycle, the first being 1, for every start; see `survival_map`."""
+        cycle = checks.count("cycle", cycle)
+
+        def passage(level):
+            powers = level.backward_powers()
+            before = powers.after(2 * cycle - 2)
+            return before - powers.after(2 * cycle)
+
+        return self._map(passage, phase)
+
+    def mean_cycles_map(self, phase=None):
+        """Mean time until overturning, in cycles, for every start; see `survival_map`."""
+        return self._map(Level.mean_time, phase)
+
+    def _map(self, function, phase):
+        phase = self.scene.forcing.phase if phase is None else checks.number("phase", phase)
+        levels = self._fine, self._coarse
+        if phase != self.scene.forcing.phase:
+            levels = [level.at_phase(phase) for level in levels]
+        fine, coarse = (level.half.coefficients(function(level)) for level in levels)
+        space = self.space
+        difference = fine - space.transfer(coarse, levels[1].space)
+        error = space.absolute_mass(difference) / space.masses(fine).sum()
+        return PlaneMap(space, fine, phase, float(error))

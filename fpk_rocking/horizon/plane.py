@@ -1,0 +1,64 @@
+"""Functions of the start: what the adjoint says about every state of the phase plane at once."""
+
+import dataclasses
+
+import numpy as np
+
+from fpk_rocking.density.space import Space
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PlaneMap:
+    """A function of the state (angle, velocity) from which a block starts, 0 for one that has overturned.
+
+    Parameters
+    ----------
+    space : Space
+        Mesh and polynomial degree.
+    coefficients : ndarray, shape ``space.shape``
+    phase : float
+        Forcing phase Psi at the start.
+    error_estimate : float
+        Integral of the absolute difference from the next coarser mesh, over the integral of the function.
+    """
+
+    space: Space
+    coefficients: np.ndarray
+    phase: float
+    error_estimate: float
+
+    def __call__(self, angle, velocity):
+        """Values at points.
+
+        Parameters
+        ----------
+        angle, velocity : array_like
+            Points, broadcast against each other; nondimensional.
+
+        Returns
+        -------
+        ndarray
+            Of the broadcast shape; 0 outside the mesh. As it was computed: where the function is steep it may pass its
+            bounds a little. On a mesh line, x = 0 among them, it is the value on the upper side.
+        """
+        return self.space.evaluate(self.coefficients, angle, velocity)
+
+    @property
+    def mesh_lines(self):
+        """Mesh lines (angle, velocity), nondimensional."""
+        return self.space.lines
+
+    @property
+    def degree(self):
+        """Polynomial degree in each direction."""
+        return self.space.degree
+
+    def cell_values(self, points):
+        """Values on a lattice in every cell, one-sided at its edges: (angle cells, velocity cells, points, points)."""
+        lattice = np.linspace(0.0, 1.0, points)
+        return self.space.cell_values(self.coefficients, lattice, lattice)
+
+    @property
+    def integral(self):
+        """Integral over the phase plane; of a survival probability this is the safe area, nondimensional."""
+        return float(self.space.masses(self.coefficients).sum())

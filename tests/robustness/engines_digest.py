@@ -1,0 +1,33 @@
+"""Digests of what every engine returns for small scenes, one a line: run under several numbers of threads."""
+
+import hashlib
+import math
+import sys
+
+import numpy as np
+
+from fpk_rocking import BandNoise, Block, Forcing, Scene, Start, WhiteNoise, solve_fpk, solve_positive
+from montecarlo import histories, restarted_poincare_map, simulate, split, tally
+
+
+def digest(name, *arrays):
+    """Write the name of a result and the digest of its bytes."""
+    text = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
+    sys.stdout.write(f"{name} {text}\n")
+
+
+if __name__ == "__main__":
+    band = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+    start = Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01)))
+    white = Scene(Block(0.7), Forcing(3.0, 2.7, math.pi), WhiteNoise(0.012), start)
+    for method, scene in (("exact", band), ("rk4", band), ("white", white)):
+        made = simulate(scene, cycles=4, realizations=1000, method=method)
+        digest(method, made.angle, made.velocity, made.overturn_time, made.overturn_side)
+        digest(f"{method} tally", *tally(scene, cycles=4, realizations=1000, method=method).counts)
+        kept = histories(scene, cycles=2, realizations=200, method=method)
+        digest(f"{method} histories", kept.angle, kept.impact_time, kept.impact_velocity)
+        digest(f"{method} map", restarted_poincare_map(scene, cycles=3, realizations=500, method=method).points)
+    digest("split", split(white, cycles=2, walkers=50, repeats=4).repeat_overturned)
+    for solve in (solve_fpk, solve_positive):
+        found = solve(white, cycles=2, tol=1e-2)
+        digest(solve.__name__, found.survival, found.overturned, found.lost, found.coefficients)

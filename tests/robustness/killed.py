@@ -1,0 +1,28 @@
+"""A checkpointed tally that saves after every small batch, and says on standard output what it has saved.
+
+Run as ``python killed.py CHECKPOINT REALIZATIONS``; tests stop it in every way there is.
+"""
+
+import math
+import sys
+
+import fuzz
+
+from montecarlo import Tally, checkpoint, engines, tally
+
+SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
+ASKED = {"cycles": 4, "angle_edges": [-1.6, 0.0, 1.6], "velocity_edges": [-3.0, 0.0, 3.0]}
+
+
+def told(self, path):
+    """Save, and only then say so."""
+    save(self, path)
+    sys.stdout.write(f"{self.realizations}\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    save, Tally.save = Tally.save, told
+    engines._BATCH_S, engines._SMALLEST_BATCH = 1e-9, 256
+    checkpoint._BETWEEN_S, checkpoint._SHARE = 0.0, math.inf
+    tally(SCENE, **ASKED, realizations=int(sys.argv[2]), checkpoint=sys.argv[1])

@@ -1,0 +1,179 @@
+"""A full disk, a folder that cannot be written to, and two runs into one folder.
+
+The disk is full for whoever may write no file beyond some bytes (RLIMIT_FSIZE); a folder that takes no files is a file
+in its place or a name too long, which holds for the superuser too.
+"""
+
+import contextlib
+import json
+import pathlib
+import subprocess
+import sys
+import threading
+
+import fakes
+import fuzz
+import numpy as np
+import pytest
+from test_fuzz_files import ASKED, EDGES, content, evolution
+
+from fpk_rocking import cli, storage
+from fpk_rocking.output import curves, summary, vtk
+from montecarlo import Ensemble, Tally, histories, simulate, tally
+
+resource = pytest.importorskip("resource", reason="limits of a process are those of Unix")
+WHITE = ASKED["scene"]
+
+
+@contextlib.contextmanager
+def disk_with(room):
+    """Let no file of this process grow beyond some bytes within the block."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def writers():
+    """Everything that writes a file: what it is called with is the path."""
+    fake = fakes.FakeEvolution(WHITE, cycles=2)
+    return {
+        "evolution": evolution().save,
+        "ensemble": simulate(**ASKED).save,
+        "tally": tally(**ASKED, **EDGES).save,
+        "histories": histories(**ASKED).save,
+        "text": lambda path: storage.write_text(path, "σ" * 4000),
+        "summary": lambda path: summary.write_summary(path, {"survival": [0.5] * 1000}),
+        "figure": lambda path: curves.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
+        "series": lambda path: vtk.write_series(path.parent, "jpdf", fake, [1, 2]),
+    }
+
+
+@pytest.fixture(scope="module")
+def every_writer():
+    made = writers()
+    assert made.keys() == set(NAMES)
+    return made
+
+
+NAMES = ["evolution", "ensemble", "tally", "histories", "text", "summary", "figure", "series"]
+
+
+def state(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(name, every_writer, tmp_path):
+    """However much still fits: nothing, a header, or all but the end."""
+    write, path = every_writer[name], tmp_path / "kept.npz"
+    write(path)
+    before = state(tmp_path)
+    largest = max(len(content) for content in before.values())
+    for room in (0, 100, largest // 2, largest - 1):
+        with disk_with(room), pytest.raises(OSError, match=r"File too large|No space"):
+            write(path)
+        assert state(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_folder_that_takes_no_files_is_an_error(name, every_writer, tmp_path):
+    (tmp_path / "file").write_text("in the way\n")
+    for folder in (tmp_path / "file", tmp_path / ("x" * 300)):
+        with pytest.raises(OSError, match=r"file|File"):
+            every_writer[name](folder / "kept.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_tally_on_a_full_disk_keeps_the_last_checkpoint(tmp_path):
+    path = tmp_path / "state.npz"
+    tally(**ASKED, **EDGES, checkpoint=path)
+    before = state(tmp_path)
+    with disk_with(200), pytest.raises(OSError, match=r"File too large|No space"):
+        tally(**ASKED | EDGES | {"realizations": 200}, checkpoint=path)
+    assert state(tmp_path) == before
+    found = tally(**ASKED | EDGES | {"realizations": 200}, checkpoint=path)
+    assert content(found)[1:3] == content(tally(**ASKED | EDGES | {"realizations": 200}))[1:3]
+
+
+def test_the_command_line_on_a_full_disk(tmp_path, capfd):
+    scene, out = tmp_path / "scene.toml", tmp_path / "out"
+    scene.write_text(WHITE.to_toml(), encoding="utf-8")
+    command = ["mc", str(scene), "--cycles", "2", "--realizations", "2000", "--out", str(out)]
+    assert cli.main(command) == 0
+    before = state(out)
+    capfd.readouterr()
+    with disk_with(2000):
+        assert cli.main(command) == 2
+    printed, said = capfd.readouterr()
+    assert printed == ""
+    assert said.startswith("fpk-rocking mc: ")
+    assert said.count("\n") == 1
+    assert state(out) == before
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path, capsys, monkeypatch):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(WHITE.to_toml(), encoding="utf-8")
+    (tmp_path / "file").write_text("in the way\n")
+    command = ["mc", str(scene), "--cycles", "1", "--realizations", str(2**31), "--tally", "--out"]
+    assert cli.main([*command, str(tmp_path / "file" / "deeper" / "still")]) == 2
+    assert "--out: got the file" in capsys.readouterr().err
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert cli.main([*command, str(tmp_path / "new")]) == 2
+    assert capsys.readouterr().err.endswith("accepted: a folder that can be written to\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "scene.toml"]
+
+
+def test_a_reader_sees_whole_results_while_others_write(tmp_path):
+    """Two writers of one file, 60 times each: whoever reads meanwhile finds one of the two, whole."""
+    path = tmp_path / "result.npz"
+    results = [simulate(**ASKED | {"seed": seed, "realizations": 500}) for seed in (1, 2)]
+    known = [content(result) for result in results]
+    results[0].save(path)
+
+    def write(result):
+        for _ in range(60):
+            result.save(path)
+
+    writers = [threading.Thread(target=write, args=(result,)) for result in results]
+    for writer in writers:
+        writer.start()
+    seen = []
+    while any(writer.is_alive() for writer in writers) or not seen:
+        seen.append(known.index(content(Ensemble.load(path))))
+    assert len(seen) > 5
+    assert [file.name for file in tmp_path.iterdir()] == ["result.npz"]
+
+
+def test_two_runs_into_one_folder(tmp_path):
+    """Two processes at once: every file is whole and that of one of them."""
+    scene, out, white = tmp_path / "scene.toml", tmp_path / "out", fuzz.scene(noise=fuzz.WhiteNoise(0.006))
+    scene.write_text(white.to_toml(), encoding="utf-8")
+    command = [sys.executable, "-m", "fpk_rocking.cli", "mc", str(scene), "--cycles", "2", "--realizations", "3000"]
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    runs = [subprocess.Popen([*command, "--out", str(out), "--seed", seed], **pipes) for seed in "12"]
+    assert [(run.wait(120), run.stderr.read()) for run in runs] == [(0, b"")] * 2
+    assert {path.name for path in out.iterdir()} == {"result.npz", "summary.json"}
+    alone = {seed: simulate(white, cycles=2, realizations=3000, seed=seed) for seed in (1, 2)}
+    found = Ensemble.load(out / "result.npz")
+    assert found.angle.tobytes() == alone[found.seed].angle.tobytes()
+    told = json.loads(pathlib.Path(out / "summary.json").read_text(encoding="utf-8"))
+    assert np.array_equal(told["survival"], alone[told["seed"]].survival)
+
+
+def test_two_runs_on_one_checkpoint(tmp_path):
+    """Runs that overwrite each other's checkpoint leave a whole one, and both end with the right counts."""
+    path, asked = tmp_path / "state.npz", ASKED | EDGES | {"realizations": 3000}
+    found = []
+    runs = [threading.Thread(target=lambda: found.append(tally(**asked, checkpoint=path))) for _ in range(2)]
+    for run in runs:
+        run.start()
+    for run in runs:
+        run.join()
+    expected = [array.tobytes() for array in tally(**asked).counts]
+    for result in [*found, Tally.load(path)]:
+        assert [array.tobytes() for array in result.counts] == expected
+    assert [file.name for file in tmp_path.iterdir()] == ["state.npz"]

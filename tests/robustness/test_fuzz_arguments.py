@@ -1,0 +1,134 @@
+"""Every public entry point, with one argument after another that it does not take: refused by that argument's name."""
+
+import math
+import pathlib
+
+import fuzz
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from fpk_rocking import load_scene, solve_fpk, solve_positive
+from fpk_rocking.density import Evolution
+from fpk_rocking.density.space import Space
+from montecarlo import (
+    bin_errors,
+    first_passage,
+    histories,
+    impact_speeds,
+    mean_poincare_map,
+    overturning_rate,
+    restarted_poincare_map,
+    simulate,
+    split,
+    tally,
+)
+
+BAND = fuzz.scene(noise=fuzz.BandNoise(0.04, (0.0, 10.0), 3))
+WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
+SMALL = {"cycles": 1, "realizations": 3}
+ENSEMBLE = simulate(WHITE, cycles=2, realizations=40)
+TALLY = tally(WHITE, cycles=2, realizations=40)
+HISTORIES = histories(WHITE, cycles=2, realizations=4, samples_per_cycle=4)
+EDGES = np.linspace(-1.6, 1.6, 5)
+LINES = np.linspace(-2.0, 2.0, 5)
+EVOLUTION = Evolution(
+    WHITE, 0.006, "", 1e-2, np.ones(3), np.zeros((3, 2)), np.zeros(3), 1e-3, 1e-3, 0.0, 0.0, 0.1, {},
+    np.ones((3, 4, 4, 2, 2)), Space(LINES, LINES, 1),
+)  # fmt: skip
+
+TOO_MANY = st.integers(2**33, 10**30)
+WRONG_SCENES = st.one_of(fuzz.NOT_NUMBERS, fuzz.NUMBERS, st.just(BAND.to_toml()), st.just(BAND.forcing))
+WRONG_SEEDS = st.one_of(fuzz.NOT_NUMBERS, st.floats(), st.integers(max_value=-1), st.integers(min_value=2**64))
+GIVEN = fuzz.NOT_NUMBERS.filter(lambda x: x is not None)
+WRONG_METHODS = st.one_of(GIVEN, fuzz.NUMBERS, st.sampled_from(["RK4", "white "]))
+WRONG_STEPS = st.one_of(fuzz.NOT_COUNTS, st.integers(max_value=7), st.integers(min_value=10**6 + 1))
+WRONG_PROGRESS = st.one_of(GIVEN.filter(lambda x: x is not int), fuzz.NUMBERS)
+WRONG_LEVELS = st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(max_value=0.0), st.floats(min_value=1.0))
+WRONG_EDGES = st.one_of(
+    fuzz.NOT_NUMBERS.filter(lambda x: x is not int and not isinstance(x, list)), fuzz.NOT_FINITE, fuzz.NUMBERS,
+    st.lists(st.floats(), max_size=1), st.lists(st.just(0.5), min_size=2, max_size=4),
+    st.lists(st.floats(allow_infinity=False), min_size=2).map(lambda x: [*x, math.nan]),
+    st.lists(st.floats(-2, 2), min_size=2).map(lambda x: [*sorted(x), -3.0]),
+    st.sampled_from([[0.0, math.inf], [-math.inf, 0.0, 1.0], ["0", "1"], [[0.0, 1.0]], [[0.0, 1.0], [2.0]], [0j, 1]]),
+)  # fmt: skip
+WRONG_CYCLES = st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(), st.integers(max_value=-1), st.just(3))
+WRONG_PATHS = st.one_of(fuzz.NOT_NUMBERS.filter(lambda x: not isinstance(x, str)), fuzz.NUMBERS, st.just("a\0b"))
+OTHER_EDGES, OTHER_PATHS = (bad.filter(lambda x: x is not None) for bad in (WRONG_EDGES, WRONG_PATHS))
+RUN = {
+    "scene": WRONG_SCENES, "cycles": fuzz.NOT_COUNTS | TOO_MANY, "realizations": fuzz.NOT_COUNTS | TOO_MANY,
+    "seed": WRONG_SEEDS, "method": WRONG_METHODS, "steps_per_cycle": WRONG_STEPS, "progress": WRONG_PROGRESS,
+}  # fmt: skip
+SOLVE = {
+    "scene": WRONG_SCENES, "cycles": fuzz.NOT_COUNTS | TOO_MANY, "progress": WRONG_PROGRESS,
+    "tol": st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(max_value=9e-5)),
+}  # fmt: skip
+BINS = {"cycle": WRONG_CYCLES, "angle_edges": WRONG_EDGES, "velocity_edges": WRONG_EDGES}
+BINNED = {"cycle": 1, "angle_edges": EDGES, "velocity_edges": EDGES}
+KEPT = {"cycle": 1, "angle_edges": TALLY.counts.angle_edges, "velocity_edges": TALLY.counts.velocity_edges}
+WRONG_ENSEMBLES = st.one_of(fuzz.NOT_NUMBERS, st.just(WHITE), st.just(EVOLUTION))
+
+ENTRIES = {
+    "simulate": (simulate, {"scene": BAND} | SMALL, RUN),
+    "simulate white": (simulate, {"scene": WHITE} | SMALL, RUN),
+    "tally": (
+        tally,
+        {"scene": WHITE} | SMALL,
+        RUN | {"angle_edges": OTHER_EDGES, "velocity_edges": OTHER_EDGES, "checkpoint": OTHER_PATHS},
+    ),
+    "histories": (histories, {"scene": BAND} | SMALL, RUN | {"samples_per_cycle": fuzz.NOT_COUNTS | TOO_MANY}),
+    "split": (
+        split,
+        {"scene": WHITE, "cycles": 1, "walkers": 10, "repeats": 2},
+        {name: RUN[name] for name in RUN.keys() - {"realizations", "method"}}
+        | {"walkers": RUN["realizations"] | st.integers(1, 9), "repeats": RUN["realizations"] | st.just(1)},
+    ),
+    "restarted_poincare_map": (
+        restarted_poincare_map, {"scene": BAND} | SMALL, RUN | {"overturned": WRONG_METHODS},
+    ),
+    "mean_poincare_map": (
+        mean_poincare_map, {"ensemble": ENSEMBLE}, {"ensemble": WRONG_ENSEMBLES, "overturned": WRONG_METHODS},
+    ),
+    "overturning_rate": (
+        overturning_rate,
+        {"ensemble": ENSEMBLE, "after": 1},
+        {"ensemble": WRONG_ENSEMBLES, "after": fuzz.NOT_COUNTS | st.integers(min_value=2), "level": WRONG_LEVELS},
+    ),
+    "first_passage": (
+        first_passage,
+        {"result": ENSEMBLE, "edges": EDGES},
+        {"result": WRONG_ENSEMBLES, "edges": WRONG_EDGES, "level": WRONG_LEVELS},
+    ),
+    "impact_speeds": (
+        impact_speeds,
+        {"histories": HISTORIES, "edges": EDGES},
+        {"histories": WRONG_ENSEMBLES, "edges": WRONG_EDGES, "level": WRONG_LEVELS},
+    ),
+    "bin_errors": (bin_errors, {"probabilities": [0.5], "realizations": 3}, {"realizations": fuzz.NOT_COUNTS}),
+    "Ensemble.survival_interval": (ENSEMBLE.survival_interval, {}, {"level": WRONG_LEVELS}),
+    "Ensemble.bin_probabilities": (ENSEMBLE.bin_probabilities, BINNED, BINS),
+    "Tally.bin_probabilities": (TALLY.bin_probabilities, KEPT, BINS),
+    "Evolution.bin_probabilities": (EVOLUTION.bin_probabilities, BINNED, BINS),
+    "Evolution.at": (EVOLUTION.at, {"cycle": 1}, {"cycle": WRONG_CYCLES}),
+    "solve_fpk": (solve_fpk, {"scene": WHITE, "cycles": 1, "tol": 1e-2}, SOLVE),
+    "solve_positive": (solve_positive, {"scene": WHITE, "cycles": 1, "tol": 1e-2}, SOLVE),
+    "load_scene": (load_scene, {}, {"path": WRONG_PATHS}),
+}  # fmt: skip
+for result in (EVOLUTION, ENSEMBLE, TALLY, HISTORIES):
+    for method in (result.save, type(result).load):
+        ENTRIES[f"{type(result).__name__}.{method.__name__}"] = (method, {}, {"path": WRONG_PATHS})
+ALSO = {"cycles": ("realizations", "walkers"), "samples_per_cycle": ("realizations",), "repeats": ("realizations",)}
+"""Other names that a refusal may bear: a product of two is too large."""
+
+
+@pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry, (_, _, bad) in ENTRIES.items() for name in bad])
+@fuzz.sizes(8, 60)
+def test_a_bad_argument_is_refused_by_name(examples, entry, name, tmp_path, monkeypatch):
+    call, good, bad = ENTRIES[entry]
+    monkeypatch.chdir(tmp_path)
+
+    def claim(value):
+        assert fuzz.refused(lambda: call(**good | {name: value}), name, *ALSO.get(name, ()))
+
+    fuzz.hold(examples, claim, value=bad[name])
+    assert list(pathlib.Path().iterdir()) == []

@@ -1,0 +1,143 @@
+"""The command line with anything for arguments and scene files: a result, or one line that says what is wrong.
+
+`mc` runs its engines on a few realizations; the density solver, which takes seconds, has a stand-in of a known law.
+"""
+
+import contextlib
+import io
+import json
+import pathlib
+import subprocess
+import sys
+import warnings
+
+import fakes
+import fuzz
+import pytest
+from hypothesis import strategies as st
+from test_fuzz_scenes import spoiled_texts
+
+import fpk_rocking.density
+from fpk_rocking import cli
+
+SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006)).to_toml()
+FEW = {"mc": ["--cycles", "1", "--realizations", "3"], "fpk": ["--cycles", "1"]}
+ODD = st.one_of(
+    st.sampled_from(["", "0", "-1", "1.5", "nan", "inf", "1e400", "two", "--json", "-", "--", "σ", "٣", "\n"]),
+    st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=8),
+    st.integers().map(str),
+    st.floats().map(str),
+)
+OPTIONS = ["--cycles", "--realizations", "--seed", "--method", "--steps-per-cycle", "--tol", "--tally", "--checkpoint"]
+OPTIONS += ["--json", "--nonsense", "--help", "-h", "--out"]
+
+
+def run(*arguments):
+    """Exit status, standard output and standard error of one command."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = cli.main([str(argument) for argument in arguments])
+        except SystemExit as left:
+            status = left.code
+    return status, out.getvalue(), err.getvalue()
+
+
+def check(status, out, err, as_json):
+    """Assert what holds for whatever was asked."""
+    assert status in {0, 2}, (status, err)
+    if status == 2:
+        assert out == ""
+        assert err.count("\n") == 1, err
+        assert err.startswith("fpk-rocking")
+        assert len(err) > len("fpk-rocking mc: \n"), err
+    elif as_json and not out.startswith("usage"):
+        assert 0.0 <= json.loads(out)["survival"][-1] <= 1.0
+
+
+def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):  # noqa: ARG001
+    """Refuse what the solver refuses, and return a result of a known law."""
+    fpk_rocking.density.acceptance.refuse_unsolvable(scene.white_equivalent())
+    if cycles > 50:
+        raise ValueError("cycles: got more than this stand-in takes, accepted: up to 50")
+    return fakes.FakeEvolution(scene, cycles=fpk_rocking.density.solver.checks.count("cycles", cycles))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(fpk_rocking.density, "solve_fpk", solve_fpk)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+@fuzz.sizes(150, 2000)
+def test_any_arguments(examples, folder):
+    def claim(command, options):
+        given = [command, "scene.toml", *FEW[command]]
+        for name, value in options:
+            given += [name, value] if value is not None else [name]
+        check(*run(*given), "--json" in given)
+
+    pairs = st.tuples(st.sampled_from(OPTIONS) | st.text("-abc", max_size=4), st.none() | ODD)
+    small = pairs.filter(lambda pair: len(pair[1] or "") < 2 or not pair[1].isdigit() or len(pair[1]) > 30)
+    fuzz.hold(examples, claim, command=st.sampled_from(["mc", "fpk"]), options=st.lists(small, max_size=3))
+    assert not list(folder.rglob(".*"))
+
+
+@fuzz.sizes(100, 1500)
+def test_any_scene_file(examples, folder):
+    path = folder / "any.toml"
+
+    def claim(text, command, as_json):
+        path.write_bytes(text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text)
+        status, out, err = run(command, path, *FEW[command], *as_json)
+        check(status, out, err, as_json)
+        assert status == 0 or err.startswith(f"fpk-rocking {command}: ")
+
+    texts = spoiled_texts() | st.binary(max_size=60)
+    commands, json_or_not = st.sampled_from(["mc", "fpk"]), st.sampled_from([[], ["--json"]])
+    fuzz.hold(examples, claim, text=texts, command=commands, as_json=json_or_not)
+    assert {path.name for path in folder.iterdir()} == {"scene.toml", "any.toml"}
+
+
+@pytest.mark.parametrize("problem", [MemoryError(), FloatingPointError("angle: not finite"), OverflowError("large")])
+@pytest.mark.usefixtures("folder")
+def test_what_an_engine_cannot_do_is_one_line_too(monkeypatch, problem):
+    def fails(*_, **__):
+        raise problem
+
+    monkeypatch.setattr(fpk_rocking.density, "solve_fpk", fails)
+    status, out, err = run("fpk", "scene.toml")
+    assert (status, out) == (2, "")
+    assert err == f"fpk-rocking fpk: {str(problem) or 'MemoryError'}\n"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_warning_is_one_line(monkeypatch):
+    def solve(scene, **asked):
+        warnings.warn("not within\nthe tolerance", RuntimeWarning, stacklevel=2)
+        return solve_fpk(scene, **asked)
+
+    monkeypatch.setattr(fpk_rocking.density, "solve_fpk", solve)
+    status, _, err = run("fpk", "scene.toml", "--cycles", 1)
+    assert status == 0
+    assert err == "fpk-rocking fpk: warning: not within the tolerance\n"
+
+
+def process(*arguments, **options):
+    """Run the command line as a process of its own."""
+    command = [sys.executable, "-m", "fpk_rocking.cli", *map(str, arguments)]
+    return subprocess.run(command, text=True, timeout=300, check=False, **{"capture_output": True} | options)
+
+
+def test_a_process_ends_as_plainly(folder):
+    """In a process of its own, bad input and a standard output that takes nothing: one line, and no traceback."""
+    done = process("mc", folder / "absent.toml")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    if pathlib.Path("/dev/full").exists():
+        asked = ["mc", folder / "scene.toml", *FEW["mc"], "--json"]
+        with pathlib.Path("/dev/full").open("w") as full:
+            done = process(*asked, capture_output=False, stdout=full, stderr=subprocess.PIPE)
+        assert done.returncode == 2
+        assert done.stderr == "fpk-rocking mc: [Errno 28] No space left on device\n"

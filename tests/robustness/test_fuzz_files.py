@@ -1,0 +1,250 @@
+"""Saved results from anything: damage of any kind is refused with the file's name, or changes nothing that is read.
+
+What is damage to the archive: bits, cuts, bytes too many. What is a whole archive of other content: names, types,
+shapes, pickles, headers; all of that has right checksums and has to be refused for what it is.
+"""
+
+import io
+import json
+import shutil
+
+import fuzz
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from fpk_rocking import Start
+from fpk_rocking.density import Evolution
+from fpk_rocking.density.space import Space
+from fpk_rocking.storage import KINDS, result_kind
+from montecarlo import Ensemble, Histories, Tally, histories, simulate, tally
+
+WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01))))
+EDGES = {"angle_edges": [-1.0, 0.0, 1.0], "velocity_edges": [-2.0, 0.0, 2.0]}
+ASKED = {"scene": WHITE, "cycles": 2, "realizations": 6}
+
+
+def evolution():
+    """A small evolution that no solver made."""
+    lines = np.linspace(-1.5, 1.5, 3)
+    survival, gone, figures = np.array([1.0, 0.9, 0.8]), np.full((3, 2), 0.05), (1e-3, 1e-3, 0.0, 0.0, 0.1)
+    coefficients = np.arange(48.0).reshape(3, 2, 2, 2, 2)
+    return Evolution(
+        WHITE, 0.006, "", 1e-2, survival, gone, np.zeros(3), *figures, {"n": 1}, coefficients, Space(lines, lines, 1)
+    )
+
+
+def content(result):
+    """Everything that a result holds, as bytes and text."""
+    values = [getattr(result, name) for name in sorted(vars(result)) if not name.startswith("_")]
+    if isinstance(result, Evolution):
+        values += result.space.lines
+    return [value.tobytes() if isinstance(value, np.ndarray) else repr(value) for value in values]
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """Class, file and its bytes of a small result of every kind."""
+    folder = tmp_path_factory.mktemp("saved")
+    results = [evolution(), simulate(**ASKED), tally(**ASKED, **EDGES), histories(**ASKED, samples_per_cycle=2)]
+    files = {}
+    for kind, result in zip(KINDS, results, strict=True):
+        result.save(folder / f"{kind}.npz")
+        files[kind] = (type(result), folder / f"{kind}.npz", (folder / f"{kind}.npz").read_bytes())
+    return files
+
+
+def loads(cls, path):
+    """Return what is loaded, or None where the file is refused by its name."""
+    try:
+        return cls.load(path)
+    except ValueError as error:
+        assert type(error) is ValueError
+        assert str(error).startswith(f"{path}: ")
+        assert "\n" not in str(error)
+        return None
+
+
+@st.composite
+def damages(draw):
+    """What happens to the bytes of a file, places as parts of its length."""
+    kind = draw(st.sampled_from(["flip", "flip", "flip", "cut", "lose", "insert", "zero", "append", "shuffle"]))
+    return kind, draw(st.floats(0.0, 1.0)), draw(st.integers(0, 7)), draw(st.binary(min_size=1, max_size=40))
+
+
+def damaged(content, damage):
+    """Return the bytes after the damage."""
+    kind, place, bit, other = damage
+    content, k = bytearray(content), int(place * (len(content) - 1))
+    if kind == "flip":
+        content[k] ^= 1 << bit
+    elif kind == "cut":
+        del content[k:]
+    elif kind == "lose":
+        del content[k : k + 1 + 64 * bit]
+    elif kind == "insert":
+        content[k:k] = other
+    elif kind == "zero":
+        content[k : k + 512] = bytes(len(content[k : k + 512]))
+    elif kind == "append":
+        content += other
+    else:
+        content[k : k + len(other)] = other
+    return bytes(content)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@fuzz.sizes(120, 1500)
+def test_damaged_files(examples, kind, saved, tmp_path):
+    cls, path, whole = saved[kind]
+    expected = content(cls.load(path))
+    spoiled = tmp_path / "spoiled.npz"
+
+    def claim(damage):
+        spoiled.write_bytes(damaged(whole, damage))
+        found = loads(cls, spoiled)
+        assert found is None or content(found) == expected
+
+    fuzz.hold(examples, claim, damage=damages())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_single_bit(kind, saved, tmp_path):
+    """One bit after another of the whole file, and every length that a cut may leave."""
+    cls, path, whole = saved[kind]
+    expected, spoiled, refused = content(cls.load(path)), tmp_path / "spoiled.npz", 0
+    for k in range(8 * len(whole)):
+        flipped = bytearray(whole)
+        flipped[k // 8] ^= 1 << k % 8
+        spoiled.write_bytes(flipped)
+        found = loads(cls, spoiled)
+        assert found is None or content(found) == expected, f"bit {k}"
+        refused += found is None
+    assert refused > 4 * len(whole)
+    for length in range(len(whole)):
+        spoiled.write_bytes(whole[:length])
+        assert loads(cls, spoiled) is None, length
+
+
+@fuzz.sizes(60, 600)
+def test_damaged_checkpoints(examples, saved, tmp_path):
+    """A run goes on from a file that holds what was saved, or refuses it and leaves it as it is."""
+    whole = saved["tally"][2]
+    more = ASKED | EDGES | {"realizations": 8}
+    expected = [array.tobytes() for array in tally(**more).counts]
+    spoiled = tmp_path / "state.npz"
+
+    def claim(damage):
+        spoiled.write_bytes(damaged(whole, damage))
+        before = spoiled.read_bytes()
+        try:
+            found = tally(**more, checkpoint=spoiled)
+        except ValueError as error:
+            assert str(error).startswith(f"checkpoint: {spoiled}: ")
+            assert spoiled.read_bytes() == before
+        else:
+            assert [array.tobytes() for array in found.counts] == expected
+        assert list(tmp_path.iterdir()) == [spoiled]
+
+    fuzz.hold(examples, claim, damage=damages())
+
+
+JSON = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=6)),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=5,
+)
+OTHER_ARRAYS = st.one_of(
+    st.sampled_from(["f4", "i8", "c16", "U3", "?", ">f8", "i4"]).map(lambda kind: lambda array: array.astype(kind)),
+    st.just(lambda array: array[..., None]),
+    st.just(lambda array: array[:-1]),
+    st.just(lambda array: np.concatenate([array, array])),
+    st.just(lambda array: array.reshape(-1)[0]),
+    st.just(lambda array: array.astype(object)),
+    st.just(lambda _: np.array([{"a": 1}, None], dtype=object)),
+    st.just(lambda _: np.zeros((0, 0))),
+)
+
+
+@st.composite
+def changes(draw, names, parts):
+    """Another content of an archive: what to change, how, and to what."""
+    kinds = ["array", "array", "gone", "added", "renamed", "header", "attribute", "lost attribute", "text"]
+    kind = draw(st.sampled_from(kinds))
+    return kind, draw(st.sampled_from(names)), draw(OTHER_ARRAYS), draw(st.sampled_from(parts)), draw(JSON)
+
+
+def change_arrays(arrays, kind, name, other):
+    """Change the arrays of an archive; return whether another type, shape or name came of it."""
+    before = arrays.pop(name)
+    if kind == "array":
+        with np.errstate(invalid="ignore"):
+            arrays[name] = other(before)
+        return (before.dtype, before.shape) != (arrays[name].dtype, arrays[name].shape)
+    if kind == "renamed":
+        arrays[name + "_"] = before
+    elif kind == "added":
+        arrays |= {name: before, "extra": np.zeros(2)}
+    return True
+
+
+def change_header(header, kind, name, part, value):
+    """Change the header of an archive; return whether it says something else now."""
+    attributes = header["attributes"]
+    if kind == "header":
+        before, header[part] = header[part], value
+        return before != value
+    if kind == "attribute":
+        key = sorted(attributes)[len(name) % len(attributes)]
+        wanted = type(attributes[key])
+        attributes[key] = value
+        return isinstance(value, bool) or not isinstance(value, (int, float) if wanted is float else wanted)
+    attributes.popitem()
+    return True
+
+
+def changed(path, archive, change):
+    """Write an archive of other content with right checksums; return whether it differs from a good one."""
+    kind, name, other, part, value = change
+    arrays = dict(archive)
+    header = json.loads(str(arrays.pop("header")))
+    if kind in {"header", "attribute", "lost attribute"}:
+        differs = change_header(header, kind, name, part, value)
+    else:
+        differs = kind == "text" or change_arrays(arrays, kind, name, other)
+    np.savez(path, header=np.array(json.dumps(value if kind == "text" else header)), **arrays)
+    return differs
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@fuzz.sizes(60, 600)
+def test_archives_of_other_content(examples, kind, saved, tmp_path):
+    cls, _, whole = saved[kind]
+    with np.load(io.BytesIO(whole)) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    other = tmp_path / "other.npz"
+    names = sorted(arrays.keys() - {"header"})
+
+    def claim(change):
+        if changed(other, arrays, change):
+            assert loads(cls, other) is None
+
+    fuzz.hold(examples, claim, change=changes(names, ["format", "kind", "scene", "attributes"]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_result_of_another_kind_is_refused(kind, saved, tmp_path):
+    for other, (_, path, _) in saved.items():
+        file = tmp_path / f"{other}.npz"
+        shutil.copy(path, file)
+        assert result_kind(file) == other
+        if other != kind:
+            with pytest.raises(ValueError, match=rf"{other}\.npz: got a result of kind '{other}', accepted: '{kind}'"):
+                saved[kind][0].load(file)
+
+
+def test_every_kind_has_its_class(saved):
+    assert {kind: cls for kind, (cls, _, _) in saved.items()} == {
+        "evolution": Evolution, "ensemble": Ensemble, "tally": Tally, "histories": Histories,
+    }  # fmt: skip

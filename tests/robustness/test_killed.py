@@ -1,0 +1,128 @@
+"""Runs that are interrupted, terminated or killed: what was said to be saved is there, and goes on to the same bits."""
+
+import json
+import pathlib
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from killed import ASKED, SCENE
+
+from montecarlo import Tally, simulate, tally
+
+HERE = pathlib.Path(__file__).parent
+COMMAND = [sys.executable, "-m", "fpk_rocking.cli"]
+RESUME = "; the same command goes on from the checkpoint"
+WORDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
+
+
+def counts(result):
+    return [array.tobytes() for array in result.counts]
+
+
+def killed_at(path, realizations, instant):
+    """Start a run, kill it some seconds after it has saved once, return what it last reported as saved."""
+    command = [sys.executable, str(HERE / "killed.py"), str(path), str(realizations)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
+        reported = run.stdout.readline()
+        time.sleep(instant)
+        run.send_signal(signal.SIGKILL)
+        lines = [reported, *run.stdout.read().splitlines(keepends=True)]
+    return max(int(line) for line in lines if line.endswith("\n"))
+
+
+@pytest.mark.parametrize("kills", [pytest.param(2, id="few"), pytest.param(50, marks=pytest.mark.slow, id="many")])
+def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
+    """One checkpoint through run after run, each killed at a random instant; the last goes on to an undisturbed one."""
+    path, target, instants = tmp_path / "state.npz", 2_000_000, random.Random(7)
+    before = 0
+    for _ in range(kills):
+        reported = killed_at(path, target, instants.uniform(0.0, 0.3))
+        found = Tally.load(path)
+        assert before < reported <= found.realizations
+        assert found.realizations < target, "ended before it was killed"
+        before = found.realizations
+    assert counts(tally(SCENE, **ASKED, realizations=before, checkpoint=path)) == counts(
+        tally(SCENE, **ASKED, realizations=before)
+    )
+    # A file that was being written when its run was killed stays behind under its temporary name, and is never read.
+    unfinished = [file for file in tmp_path.iterdir() if file != path]
+    assert all(file.name.startswith(".state-") for file in unfinished)
+    assert kills < 10 or len(unfinished) > kills // 10, "hardly a run was killed while it saved"
+
+
+def start(*arguments):
+    return subprocess.Popen([*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def stopped(run, sign, ready, limit=200.0):
+    """Stop a command once something is there; return its exit status and its output."""
+    end = time.monotonic() + limit
+    while not ready() and run.poll() is None and time.monotonic() < end:
+        time.sleep(0.02)
+    assert run.poll() is None, run.communicate()
+    run.send_signal(sign)
+    out, err = run.communicate(timeout=limit)
+    return run.returncode, out, err
+
+
+@pytest.mark.parametrize("sign", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
+def test_a_stopped_tally_ends_plainly_and_goes_on(sign, tmp_path):
+    scene, path, out = tmp_path / "scene.toml", tmp_path / "state.npz", tmp_path / "out"
+    scene.write_text(SCENE.to_toml(), encoding="utf-8")
+    asked = ["mc", scene, "--cycles", 2, "--tally", "--checkpoint", path, "--json"]
+    run = start(*asked, "--realizations", 2**31 - 1, "--out", out)
+    status, printed, said = stopped(run, sign, path.exists)
+    word, code = WORDS[sign]
+    assert (status, printed) == (code, "")
+    assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole{RESUME}"
+    assert [file.name for file in tmp_path.iterdir() if file.is_dir() or file.name.startswith(".")] == []
+    done = Tally.load(path).realizations
+    again = [*COMMAND, *map(str, asked), "--realizations", str(done + 500)]
+    values = json.loads(subprocess.run(again, capture_output=True, check=True, timeout=300).stdout)
+    assert values["survival"] == tally(SCENE, cycles=2, realizations=done + 500).survival.tolist()
+
+
+@pytest.mark.parametrize(
+    ("command", "sign"),
+    [
+        ("mc", signal.SIGTERM),
+        ("fpk", signal.SIGINT),
+        pytest.param("mc", signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param("fpk", signal.SIGTERM, marks=pytest.mark.slow),
+    ],
+)
+def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, tmp_path):
+    """At any instant once Python runs the command: while it loads libraries, compiles kernels, or works."""
+    scene, out = tmp_path / "scene.toml", tmp_path / "out"
+    scene.write_text(SCENE.to_toml(), encoding="utf-8")
+    instants = random.Random(f"{command} {sign}")
+    size = ["--realizations", 10**6] if command == "mc" else ["--tol", 1e-4]
+    started = time.monotonic()
+    run = start(command, scene, "--cycles", 200, *size, "--out", out)
+    instant = started + instants.uniform(0.3, 4.0)
+    status, printed, said = stopped(run, sign, lambda: time.monotonic() > instant)
+    word, code = WORDS[sign]
+    assert (status, printed) == (code, "")
+    assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
+    assert "Traceback" not in said
+    assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def test_a_signal_while_a_result_is_saved_leaves_the_old_one(tmp_path, monkeypatch):
+    """In the middle of the bytes: the file is the old one, and no other is left."""
+    path, results = tmp_path / "result.npz", [simulate(SCENE, cycles=1, realizations=9, seed=seed) for seed in (1, 2)]
+    results[0].save(path)
+    before = path.read_bytes()
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("numpy.lib.format.write_array", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        results[1].save(path)
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["result.npz"]

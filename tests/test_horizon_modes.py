@@ -1,0 +1,99 @@
+"""Modes of a linear map, and high powers by them, against what is known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+
+from fpk_rocking.density.space import Space
+from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.horizon import modes
+from fpk_rocking.horizon.modes import Powers, leading_modes
+
+LEADING = 1.0 - 1e-9
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A matrix of 60 with known modes, two of them a conjugate pair, and a basis that is not orthogonal."""
+    rng = np.random.default_rng(3)
+    pair = 0.7 * np.array([[math.cos(1.0), math.sin(1.0)], [-math.sin(1.0), math.cos(1.0)]])
+    diagonal = block_diag(LEADING, -0.9, pair, 0.5, np.diag(rng.uniform(-0.2, 0.2, 55)))
+    basis = np.linalg.qr(rng.normal(size=(60, 60)))[0] @ (np.eye(60) + 0.01 * rng.normal(size=(60, 60)))
+    return basis @ diagonal @ np.linalg.inv(basis), basis, diagonal
+
+
+def powers_of(matrix, vector):
+    """Powers of a matrix with its own modes; the leading logarithm is given as it is known."""
+    start = np.random.default_rng(4).random(len(vector))
+    found = leading_modes(lambda x: matrix @ x, start)
+    return Powers(lambda x: matrix @ x, lambda: found, lambda x: np.abs(x).sum(), lambda: math.log(LEADING), vector)
+
+
+def test_modes_of_a_known_matrix_from_two_starts(known):
+    """Eigenvalues to 1e-10 whatever the start, half of a conjugate pair never, residuals as they say."""
+    matrix, _, diagonal = known
+    expected = np.sort_complex(np.linalg.eigvals(diagonal[:5, :5]))
+    for seed in (1, 2):
+        found = leading_modes(lambda x: matrix @ x, np.random.default_rng(seed).random(60), count=5)
+        assert np.sort_complex(found.values) == pytest.approx(expected, abs=1e-10)
+        assert np.abs(matrix @ found.basis - found.basis @ found.block).max() < 1e-10
+        residuals = np.linalg.norm(matrix @ found.basis - found.basis @ found.block, axis=0)
+        assert found.residuals == pytest.approx(residuals)
+    three = leading_modes(lambda x: matrix @ x, np.random.default_rng(1).random(60), count=3)
+    assert len(three.values) == 2
+
+
+def test_powers_step_by_step_and_by_modes(known):
+    """A vector after 1 to 1e9 applications: exact powers of the diagonal; the change-over is not seen."""
+    matrix, basis, diagonal = known
+    vector = np.random.default_rng(5).random(60)
+    powers, amplitudes = powers_of(matrix, vector), np.linalg.solve(basis, vector)
+    for count in (1, modes.FEW - 1, modes.FEW, modes.FEW + 1, 100, 1000, 10**6, 10**9):
+        expected = basis @ np.linalg.matrix_power(diagonal, count) @ amplitudes
+        assert np.linalg.norm(powers.after(count) - expected) < 1e-7 * LEADING**count
+        assert powers.left_out(count) <= modes.SETTLED * np.abs(vector).sum()
+
+
+def test_total_is_the_inverse(known):
+    """The sum of all powers is (I - K)^-1, whose norm is 1e9 here."""
+    matrix, *_ = known
+    vector = np.random.default_rng(6).random(60)
+    expected = np.linalg.solve(np.eye(60) - matrix, vector)
+    assert powers_of(matrix, vector).total() == pytest.approx(expected, rel=1e-5)
+
+
+def test_modes_that_never_take_over_are_refused(monkeypatch):
+    """A map with as many equal modes as it has unknowns has none that say all."""
+    monkeypatch.setattr(modes, "MOST", 50)
+    matrix = np.diag(np.linspace(0.9, 0.95, 60))
+    with pytest.raises(ValueError, match=r"^scene: got 'modes that decay more slowly'"):
+        powers_of(matrix, np.ones(60)).after(100)
+
+
+@pytest.mark.parametrize("matrix", [-np.diag(np.linspace(0.1, 0.9, 60)), np.zeros((60, 60))])
+def test_no_positive_leading_eigenvalue_is_refused(matrix):
+    with pytest.raises(ValueError, match=r"^scene: got"):
+        leading_modes(lambda x: matrix @ x, np.ones(60))
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_spectrum_of_the_linear_saddle(transposed):
+    """Without impact the flow about x = 1 is a saddle with noise: eigenvalues e^(-(m + 1) t - n t), m, n = 0, 1, ...
+
+    Along the outward direction the noise leaves a uniform density that thins by e^-t, along the inward one a Gaussian.
+    The first three are tested, of which two coincide; the three of e^-3t are as exact as the mesh's edge lets them be.
+    """
+    duration, diffusion = 0.5, 0.004
+    dynamics = Dynamics((0.0, 1.0, 0.0), diffusion, 0.5, 50.0)
+    space = Space(np.linspace(0.2, 1.8, 25), np.linspace(-0.8, 0.8, 25), 3)
+    step = Step(Trace(space, 0.0, duration, dynamics, Quadrature(5, 5, 5, 2)), space)
+
+    def apply(vector):
+        coefficients = vector.reshape(space.shape)
+        moved = step.apply_adjoint(coefficients, np.zeros(3)) if transposed else step.apply(coefficients)[0]
+        return moved.ravel()
+
+    found = leading_modes(apply, np.random.default_rng(1).random(space.unknowns))
+    assert -np.log(np.abs(found.values[:3])) / duration == pytest.approx([1.0, 2.0, 2.0], abs=2e-5)
