@@ -217,10 +217,10 @@ def body(scenes, noise, horizon, memory):
     return f"""White noise, 10 cycles from rest, both cores. Errors against the solver's finest mesh
 ({finest.angle_cells} × {finest.velocity_cells} cells of degree {finest.degree}), which sampling confirms (sections
 below): dS is the largest in survival over the cycles, L1 after the tenth. The density solver's seconds are those of a
-whole call with its error estimates, at the largest tolerance that met the target. Sampling is **extrapolated** from the
-time of {SAMPLE:,} realizations (white {rates["white"] * 1e6:.1f}, exact {rates["exact"] * 1e6:.1f}, rk4 with 200 steps a
-cycle {rates["rk4"] * 1e6:.1f} μs each) by the expected error of a sample; exact and rk4 sample band noise, so theirs is
-the time to know their own law as well. The Eulerian baseline is **extrapolated** at fourth order from
+whole call with its error estimates, at the largest tolerance that met the target. Sampling is **extrapolated** from
+the time of {SAMPLE:,} realizations (white {rates["white"] * 1e6:.1f}, exact {rates["exact"] * 1e6:.1f}, rk4 with
+200 steps a cycle {rates["rk4"] * 1e6:.1f} μs each) by the expected error of a sample; exact and rk4 sample band noise,
+so theirs is the time to know their own law as well. The Eulerian baseline is **extrapolated** at fourth order from
 {BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine cycles (dS {base["survival"]:.1e}, L1 {base["coarse"]:.4f},
 {base["fine"]:.4f}). In brackets: time over that of the density solver.
 
