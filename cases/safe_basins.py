@@ -37,7 +37,7 @@ SHOWN = (0.0025, 0.01, 0.04)
 HORIZONS = (10, 50)
 _STATE = {"xlabel": motion.ANGLE, "ylabel": motion.VELOCITY}
 _BINS = 160, 240
-_SPREAD = 1.0, 1.2
+_SPREAD = 1.0, 1.7
 _FASTEST = 3.2
 
 

@@ -11,7 +11,7 @@ __all__ = ["ascending_edges", "joint_edges"]
 _BINS_PER_UNIT = 10
 
 
-def ascending_edges(name, value) -> np.ndarray:
+def ascending_edges(name, value, *, finite) -> np.ndarray:
     """Return the edges of bins as floats.
 
     Parameters
@@ -19,22 +19,25 @@ def ascending_edges(name, value) -> np.ndarray:
     name : str
         Of the parameter, for the message.
     value : array_like, shape (n + 1,)
+    finite : bool
+        Whether the outer edges have to be finite.
 
     Raises
     ------
     TypeError
         Not real numbers.
     ValueError
-        Fewer than two edges, or they are not finite or do not ascend.
+        Fewer than two edges, or they are nan, infinite against the rule, or do not ascend.
     """
-    accepted = "two or more finite numbers in ascending order"
+    accepted = f"two or more {'finite ' if finite else ''}numbers in ascending order"
     try:
         edges = np.asarray(value)
     except ValueError:
         raise TypeError(checks.refusal(name, value, accepted)) from None
     if edges.dtype.kind not in "fiu":
         raise TypeError(checks.refusal(name, value, accepted))
-    if edges.ndim != 1 or edges.size < 2 or not np.isfinite(edges).all() or not np.all(edges[:-1] < edges[1:]):
+    ascending = edges.ndim == 1 and edges.size >= 2 and np.all(edges[:-1] < edges[1:])
+    if not ascending or (finite and not np.isfinite(edges).all()):
         raise ValueError(checks.refusal(name, value, accepted))
     return edges.astype(float)
 

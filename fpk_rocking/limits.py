@@ -12,7 +12,7 @@ from fpk_rocking import checks
 
 _RANGES = {
     "forcing.amplitude": (0.0, 1e4),
-    "forcing.frequency": (1e-3, 1e3),
+    "forcing.frequency": (1e-3, 1e4),
     "forcing.phase": (0.0, 1e6),
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),

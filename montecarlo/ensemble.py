@@ -91,7 +91,8 @@ class Ensemble(Sample):
             The cycle is not one of the ensemble's, or the edges do not ascend.
         """
         cycle = self._checked_cycle(cycle)
-        edges = [ascending_edges("angle_edges", angle_edges), ascending_edges("velocity_edges", velocity_edges)]
+        named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
+        edges = [ascending_edges(*given, finite=False) for given in named]
         standing = np.isfinite(self.angle[:, cycle])
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations

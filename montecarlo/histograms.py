@@ -50,7 +50,7 @@ def first_passage(result, edges, level=0.95):
         The edges or the level are refused.
     """
     checks.instance("result", result, Ensemble, Histories)
-    edges = ascending_edges("edges", edges)
+    edges = ascending_edges("edges", edges, finite=True)
     times = np.asarray(result.overturn_time)
     counts = np.histogram(times[np.isfinite(times)], edges)[0]
     return _histogram(edges, counts, times.size, wilson_interval(counts, times.size, level))
@@ -84,7 +84,7 @@ def impact_speeds(histories, edges, level=0.95):
         The edges or the level are refused, or too few realizations had an impact.
     """
     checks.instance("histories", histories, Histories)
-    edges = ascending_edges("edges", edges)
+    edges = ascending_edges("edges", edges, finite=True)
     owners, owner = np.unique(histories.impact_realization, return_inverse=True)
     units, total = owners.size, owner.size
     if units < 2:

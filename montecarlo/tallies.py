@@ -155,7 +155,7 @@ def _places(name, edges, kept):
         f"two or more of the {kept.size} edges kept, ascending from {kept[0]:g} to {kept[-1]:g} "
         f"with the least distance {np.diff(kept).min():g}; others: tally with {name} of your own"
     )
-    edges = ascending_edges(name, edges)
+    edges = ascending_edges(name, edges, finite=True)
     middles = 0.5 * (kept[1:] + kept[:-1])
     places = np.searchsorted(middles, edges)
     strange = ~(np.abs(kept[places] - edges) <= _NEAR * np.diff(kept).min())

@@ -62,10 +62,7 @@ def tally(
     if run.realizations > LARGEST:
         raise ValueError(checks.refusal("realizations", run.realizations, f"a whole number from 1 to {LARGEST}"))
     angles, velocities = joint_edges(scene)
-    edges = (
-        _halved(angles) if angle_edges is None else ascending_edges("angle_edges", angle_edges),
-        _halved(velocities) if velocity_edges is None else ascending_edges("velocity_edges", velocity_edges),
-    )
+    edges = _edges("angle_edges", angle_edges, angles), _edges("velocity_edges", velocity_edges, velocities)
     _check_size(run.cycles, edges)
     counts, spent = empty_counts(scene, run.cycles, *edges), 0.0
     if checkpoint is not None and checks.path("checkpoint", checkpoint).exists():
@@ -99,6 +96,10 @@ def _batches(run, first, progress):
 def _halved(edges):
     """Return the edges and the middles between them, the edges as they are to the last bit."""
     return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
+
+
+def _edges(name, given, default):
+    return _halved(default) if given is None else ascending_edges(name, given, finite=True)
 
 
 def _check_size(cycles, edges):

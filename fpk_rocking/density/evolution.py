@@ -132,7 +132,8 @@ class Evolution:
             There is no such cycle, the edges do not ascend, or the density has no non-negative view.
         """
         self._check(cycle)
-        edges = [ascending_edges("angle_edges", angle_edges), ascending_edges("velocity_edges", velocity_edges)]
+        named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
+        edges = [ascending_edges(*given, finite=False) for given in named]
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]

@@ -148,7 +148,7 @@ def extreme_scenes(draw, noises):
     if noise.kind != "white":
         restitution = draw(st.one_of(st.sampled_from([0.0, restitution]), st.floats(0.0, 1.0), logarithmic(-12, -1)))
     amplitude = draw(st.one_of(st.sampled_from([0.0, 1.0]), _near_one(), st.floats(0.0, 10.0), logarithmic(-12, 4)))
-    frequency = draw(st.one_of(logarithmic(-1, 1), logarithmic(-3, 3)))
+    frequency = draw(st.one_of(logarithmic(-1, 1), logarithmic(-3, 4)))
     if noise.kind == "band":
         low, width = draw(st.one_of(st.just(0.0), logarithmic(-3, 0))), draw(logarithmic(-6, 3))
         noise = BandNoise(noise.variance, (low, low + min(width, 1e4 * frequency)), noise.harmonics)

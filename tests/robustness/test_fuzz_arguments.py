@@ -50,11 +50,12 @@ WRONG_EDGES = st.one_of(
     st.lists(st.floats(), max_size=1), st.lists(st.just(0.5), min_size=2, max_size=4),
     st.lists(st.floats(allow_infinity=False), min_size=2).map(lambda x: [*x, math.nan]),
     st.lists(st.floats(-2, 2), min_size=2).map(lambda x: [*sorted(x), -3.0]),
-    st.sampled_from([[0.0, math.inf], [-math.inf, 0.0, 1.0], ["0", "1"], [[0.0, 1.0]], [[0.0, 1.0], [2.0]], [0j, 1]]),
+    st.sampled_from([["0", "1"], [[0.0, 1.0]], [[0.0, 1.0], [2.0]], [0j, 1], [math.inf, math.inf], [math.inf, 0.0]]),
 )  # fmt: skip
 WRONG_CYCLES = st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(), st.integers(max_value=-1), st.just(3))
 WRONG_PATHS = st.one_of(fuzz.NOT_NUMBERS.filter(lambda x: not isinstance(x, str)), fuzz.NUMBERS, st.just("a\0b"))
-OTHER_EDGES, OTHER_PATHS = (bad.filter(lambda x: x is not None) for bad in (WRONG_EDGES, WRONG_PATHS))
+FINITE_EDGES = WRONG_EDGES | st.sampled_from([[0.0, math.inf], [-math.inf, 0.0, 1.0]])
+OTHER_EDGES, OTHER_PATHS = (bad.filter(lambda x: x is not None) for bad in (FINITE_EDGES, WRONG_PATHS))
 RUN = {
     "scene": WRONG_SCENES, "cycles": fuzz.NOT_COUNTS | TOO_MANY, "realizations": fuzz.NOT_COUNTS | TOO_MANY,
     "seed": WRONG_SEEDS, "method": WRONG_METHODS, "steps_per_cycle": WRONG_STEPS, "progress": WRONG_PROGRESS,
@@ -97,12 +98,12 @@ ENTRIES = {
     "first_passage": (
         first_passage,
         {"result": ENSEMBLE, "edges": EDGES},
-        {"result": WRONG_ENSEMBLES, "edges": WRONG_EDGES, "level": WRONG_LEVELS},
+        {"result": WRONG_ENSEMBLES, "edges": FINITE_EDGES, "level": WRONG_LEVELS},
     ),
     "impact_speeds": (
         impact_speeds,
         {"histories": HISTORIES, "edges": EDGES},
-        {"histories": WRONG_ENSEMBLES, "edges": WRONG_EDGES, "level": WRONG_LEVELS},
+        {"histories": WRONG_ENSEMBLES, "edges": FINITE_EDGES, "level": WRONG_LEVELS},
     ),
     "bin_errors": (bin_errors, {"probabilities": [0.5], "realizations": 3}, {"realizations": fuzz.NOT_COUNTS}),
     "Ensemble.survival_interval": (ENSEMBLE.survival_interval, {}, {"level": WRONG_LEVELS}),
