@@ -16,6 +16,7 @@ import numpy as np
 from density import CYCLES, FINE_EDGES, MAIN, TOLERANCES, run_of
 from eulerian_runs import EDGES, Row
 from eulerian_runs import Run as Baseline
+from fine_reference import load
 from report import PAGE, ROOT, medians, table, write_section
 
 from fpk_rocking import CycleOperator, distances, load_scene, solve_fpk
@@ -66,6 +67,12 @@ class Truth:
         worst = float(np.sqrt(self.survival * (1.0 - self.survival)).max())
         floors = {name: distances.l1_floor(bins, count, math.inf) for name, bins in self.bins.items()}
         return {"survival": worst / math.sqrt(count)} | floors
+
+    def against_paths(self):
+        """L1 on fine bins against the tracked paths, and what their sampling alone explains."""
+        kept = load()
+        apart = distances.l1(self.bins["fine"], kept.bins / kept.paths)
+        return apart, distances.l1_floor(np.clip(self.bins["fine"], 0.0, 1.0), kept.paths, math.inf), kept.paths
 
     def paths(self, kind, error):
         """Realizations that a sample needs for an expected error."""
@@ -213,16 +220,18 @@ def main():
 def body(scenes, noise, horizon, memory):
     """Text of the section."""
     rates, base = scenes["main"]["rates"], scenes["main"]["baseline"]
+    apart, floor, paths = scenes["main"]["truth"].against_paths()
     finest, held = LADDER[-1], ", ".join(f"{name} {value:.0f} MB" for name, value in memory.items())
     return f"""White noise, 10 cycles from rest, both cores. Errors against the solver's finest mesh
-({finest.angle_cells} × {finest.velocity_cells} cells of degree {finest.degree}), which sampling confirms (sections
-below): dS is the largest in survival over the cycles, L1 after the tenth. The density solver's seconds are those of a
-whole call with its error estimates, at the largest tolerance that met the target. Sampling is **extrapolated** from
-the time of {SAMPLE:,} realizations (white {rates["white"] * 1e6:.1f}, exact {rates["exact"] * 1e6:.1f}, rk4 with
-200 steps a cycle {rates["rk4"] * 1e6:.1f} μs each) by the expected error of a sample; exact and rk4 sample band noise,
-so theirs is the time to know their own law as well. The Eulerian baseline is **extrapolated** at fourth order from
-{BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine cycles (dS {base["survival"]:.1e}, L1 {base["coarse"]:.4f},
-{base["fine"]:.4f}). In brackets: time over that of the density solver.
+({finest.angle_cells} × {finest.velocity_cells} cells of degree {finest.degree}), which {paths:,} paths confirm: L1
+{apart:.4f} on bins of .025, of which sampling explains {floor:.4f}. dS is the largest in survival over the cycles,
+L1 after the tenth. The density solver's seconds are those of a whole call with its error estimates, at the largest
+tolerance that met the target. Sampling is **extrapolated** from the time of {SAMPLE:,} realizations (white
+{rates["white"] * 1e6:.1f}, exact {rates["exact"] * 1e6:.1f}, rk4 with 200 steps a cycle {rates["rk4"] * 1e6:.1f} μs)
+by the expected error of a sample; exact and rk4 sample band noise, so theirs is the time to know their own law as well.
+The Eulerian baseline is **extrapolated** at fourth order from {BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine
+cycles (dS {base["survival"]:.1e}, L1 {base["coarse"]:.4f}, {base["fine"]:.4f}).
+In brackets: time over that of the density solver.
 
 {table(["scene", "target", "density solver, s", *OTHERS], equal_lines(scenes))}
 

@@ -54,6 +54,7 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
     assert found.settings["angle_cells"] == LADDER[2].angle_cells
 
 
+@pytest.mark.slow
 def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
     """At rest under weak forcing and weak noise: a layer far below the cells."""
     monkeypatch.setattr(solver, "MEMORY", 0.0)

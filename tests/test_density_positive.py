@@ -135,6 +135,7 @@ def flight(steps):
     return error, np.abs(covariance / exact.covariance - 1.0).max()
 
 
+@pytest.mark.slow
 def test_gaussian_flight_keeps_its_covariance_and_converges():
     """Half the step takes 0.71 of the velocity cells and 0.35 of the angle's; second order in the former or better."""
     (coarse, moved), (fine, also) = flight(3), flight(6)
@@ -153,6 +154,7 @@ def test_mirrored_scene_has_the_mirrored_solution():
     assert theirs.gone[:, [1, 0]] == pytest.approx(ours.gone[:, :2], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_wide_start_has_its_tails_overturned():
     start = Start(1.0, 0.0, ((0.09, 0.0), (0.0, 0.04)))
     evolution = solve_positive(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)

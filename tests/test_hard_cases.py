@@ -17,7 +17,9 @@ ROWS = {row.name: row for row in hard_rows.rows()}
 REFERENCES = hard_rows.load()
 
 
-@pytest.mark.parametrize("name", ["D = 0.05", "e = 0.9", "start on the separatrix"])
+@pytest.mark.parametrize(
+    "name", ["D = 0.05", "e = 0.9", pytest.param("start on the separatrix", marks=pytest.mark.slow)]
+)
 def test_cheap_rows_are_inside_their_tolerance(name):
     """As in the table but looser; right in everything, a row fails by chance with a probability below 1e-3."""
     finding = hard_cases.judged(ROWS[name], REFERENCES[name], tol=1e-2)

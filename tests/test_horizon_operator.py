@@ -80,8 +80,8 @@ def test_survival_by_modes_is_that_step_by_step(operator):
 
 
 def test_survival_takes_numbers_of_cycles_in_any_order(operator):
-    ordered = operator.survival([3, 7, 200])
-    assert np.array_equal(operator.survival([200, 3, 7]), ordered[[2, 0, 1]])
+    ordered = operator.survival([3, 7, 9])
+    assert np.array_equal(operator.survival([9, 3, 7]), ordered[[2, 0, 1]])
     assert operator.survival(7) == ordered[1]
 
 
@@ -143,6 +143,7 @@ def test_half_a_turn_of_the_phase_turns_the_map(operator):
     assert np.abs(turn(there.coefficients) - here.coefficients).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_elastic_impacts_left_modes_mirror_right_ones(elastic):
     """With e = 1 and even forcing the adjoint is the map itself, velocities turned back (derived in docs/theory).
 
@@ -211,9 +212,12 @@ def test_too_little_memory_is_warned_of(monkeypatch):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"forcing": {"amplitude": 40.0}}, "not everything overturns within a cycle"),
         ({"forcing": {"amplitude": 15.0}}, "not everything overturns within a cycle"),
-        ({"forcing": {"amplitude": 2.0}, "noise": WhiteNoise(4e-4)}, "nothing overturns as far as one can see"),
+        pytest.param(
+            {"forcing": {"amplitude": 2.0}, "noise": WhiteNoise(4e-4)},
+            "nothing overturns as far as one can see",
+            marks=pytest.mark.slow,
+        ),
         ({"noise": NoNoise()}, "^noise"),
         ({"block": {"restitution": 0.1}}, "^block.restitution"),
     ],

@@ -40,9 +40,13 @@ def hold(examples, claim, **strategies):
     )
 
     def example(values):
-        began = time.process_time()
-        claim(**values)
-        assert time.process_time() - began < LONGEST, "too long"
+        # A first call may compile; what is too long is so twice.
+        for _ in range(2):
+            began = time.process_time()
+            claim(**values)
+            if time.process_time() - began < LONGEST:
+                return
+        raise AssertionError("too long")
 
     rules(given(st.fixed_dictionaries(strategies))(example))()
 

@@ -1,0 +1,43 @@
+"""Counts of white-noise paths on bins of .025, against which `equal_error.py` holds the finest mesh.
+
+python benchmarks/fine_reference.py            # about 2 minutes; writes tests/data/main_white_fine.npz
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from density import CYCLES, FINE_EDGES, MAIN
+from report import ROOT
+
+from fpk_rocking.storage import replaced_atomically
+from montecarlo import tally
+
+FILE = ROOT / "tests" / "data" / "main_white_fine.npz"
+PATHS, SEED = 5_000_000, 9
+
+
+class Counts(NamedTuple):
+    """Paths, those that stand after the last cycle, and how many of these are in each bin."""
+
+    paths: int
+    standing: int
+    bins: np.ndarray
+
+
+def load():
+    """Read the tracked counts."""
+    with np.load(FILE) as kept:
+        return Counts(int(kept["paths"]), int(kept["standing"]), kept["bins"].astype(float))
+
+
+def main():
+    """Sample, and write the counts."""
+    angle, velocity = FINE_EDGES
+    found = tally(MAIN, cycles=CYCLES, realizations=PATHS, seed=SEED, angle_edges=angle, velocity_edges=velocity)
+    bins = np.rint(found.bin_probabilities(CYCLES, angle, velocity) * PATHS).astype(np.uint16)
+    with replaced_atomically(FILE) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, paths=PATHS, standing=np.rint(found.survival[CYCLES] * PATHS), bins=bins)
+
+
+if __name__ == "__main__":
+    main()
