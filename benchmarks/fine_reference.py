@@ -1,6 +1,6 @@
 """Counts of white-noise paths on bins of .025, against which `equal_error.py` holds the finest mesh.
 
-python benchmarks/fine_reference.py            # about 2 minutes; writes tests/data/main_white_fine.npz
+python benchmarks/fine_reference.py            # about a minute; writes tests/data/main_white_fine.npz
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from fpk_rocking.storage import replaced_atomically
 from montecarlo import tally
 
 FILE = ROOT / "tests" / "data" / "main_white_fine.npz"
-PATHS, SEED = 5_000_000, 9
+PATHS, SEED = 3_000_000, 9
 
 
 class Counts(NamedTuple):
