@@ -65,7 +65,8 @@ class Truth:
     def sampled(self, count):
         """Return the expected errors of a sample: that of survival is the standard error where it is largest."""
         worst = float(np.sqrt(self.survival * (1.0 - self.survival)).max())
-        floors = {name: distances.l1_floor(np.clip(bins, 0.0, 1.0), count, math.inf) for name, bins in self.bins.items()}
+        laws = {name: np.clip(bins, 0.0, 1.0) for name, bins in self.bins.items()}
+        floors = {name: distances.l1_floor(law, count, math.inf) for name, law in laws.items()}
         return {"survival": worst / math.sqrt(count)} | floors
 
     def against_paths(self):
