@@ -89,6 +89,7 @@ def carry_nasty_states():
         assert -1e-14 <= side * x <= CUTOFF, trial
 
 
+@pytest.mark.slow
 def test_states_nearly_at_rest_under_forces_nearly_one_come_to_an_end():
     child = multiprocessing.get_context("spawn").Process(target=carry_nasty_states)
     child.start()
