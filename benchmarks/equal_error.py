@@ -1,11 +1,10 @@
 """Every method's time at equal error, and how the density solver's grows; a section of docs/benchmarks.md.
 
-Also docs/benchmarks/equal_error.json and .png.
+Also its pictures and its figures as JSON, in docs/benchmarks/.
 
 python benchmarks/equal_error.py            # about 5 minutes
 """
 
-import json
 import math
 import subprocess
 import sys
@@ -17,13 +16,18 @@ from density import CYCLES, FINE_EDGES, MAIN, TOLERANCES, run_of
 from eulerian_runs import EDGES, Row
 from eulerian_runs import Run as Baseline
 from fine_reference import load
-from report import PAGE, ROOT, medians, table, write_section
+from report import PAGE, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, distances, load_scene, solve_fpk
-from fpk_rocking.density.resolution import LADDER
+from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking.density.resolution import LADDER, Resolution
+from fpk_rocking.density.run import Run
+from fpk_rocking.density.solver import NEGLIGIBLE
+from fpk_rocking.density.start import Departure
+from fpk_rocking.density.step import Quadrature
+from fpk_rocking.density.window import Windows
 from fpk_rocking.output import style
 from fpk_rocking.scene import WhiteNoise
-from fpk_rocking.storage import write_text
 from montecarlo import simulate
 
 SCENES = {"main": MAIN, "second": load_scene(ROOT / "cases" / "scenes" / "second.toml")}
@@ -33,8 +37,17 @@ TARGETS = {"L1 = 0.01, bins of .1": ("coarse", 0.01), "L1 = 0.01, bins of .025":
            "dS = 5e-4": ("survival", 5e-4), "dS = 1e-4": ("survival", 1e-4)}  # fmt: skip
 OTHERS = "white", "exact", "rk4", "Eulerian"
 SAMPLE = 50_000
+_LEAN = Windows(8, 4.5, 1.0, 0.05, 4)
+ALONE = (
+    Resolution(50, 90, 1, Quadrature(3, 3, 5, 2, 9), 6, _LEAN),
+    Resolution(34, 60, 2, Quadrature(4, 4, 5, 2, 9), 8, _LEAN),
+    Resolution(44, 80, 2, Quadrature(4, 4, 5, 2, 9), 12, _LEAN),
+    *LADDER[1:4],
+)
 DIFFUSIONS = 0.05, 0.02, 0.00628, 0.0025, 6.3e-4, 2.5e-4, 6.3e-5, 2.5e-5
-HORIZONS = 10, 40, 200
+HORIZONS = 10, 40, 100, 200
+LOOSE = 1e-2
+TITLE = "Time at equal error"
 BINS = {"coarse": EDGES, "fine": FINE_EDGES}
 BASELINE = Row(24, 40, 3, 192)
 PEAK = """
@@ -95,6 +108,27 @@ def solver_rows(scene, truth):
     return rows
 
 
+def solved_alone(scene, resolution):
+    """Solve a scene once, at one resolution and with no estimate: the run and its solution."""
+    bound = velocity_bound(scene, scene.noise.diffusion)
+    run = Run(scene, resolution.of(scene, bound), bound, NEGLIGIBLE * TOLERANCES[0])
+    return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, resolution.windows, scene.period))
+
+
+def alone_rows(scene, truth):
+    """Seconds and errors of single runs by resolution."""
+    names = [f"{r.angle_cells} × {r.velocity_cells}, degree {r.degree}, {r.steps} steps" for r in ALONE]
+    calls = dict(zip(names, [lambda r=r: solved_alone(scene, r) for r in ALONE], strict=True))
+    seconds = medians(calls, rounds=3)
+    rows = {}
+    for name, call in calls.items():
+        run, found = call()
+        last = found.coefficients[CYCLES]
+        errors = truth.errors(found.inside, lambda edges, run=run, last=last: run.space.bin_integrals(last, *edges))
+        rows[name] = {"seconds": seconds[name]} | errors
+    return rows
+
+
 def sampling_rates(methods):
     """Seconds a realization by method, in turns."""
     calls = {
@@ -121,16 +155,15 @@ def baseline_row(truth):
     return {"seconds": time.perf_counter() - begin} | truth.errors(survival, run.bins)
 
 
-def at_equal_error(truth, solver, rates, baseline=None):
-    """Rows of seconds at each target: the cheapest tolerance that meets it, sampling extrapolated, ratios."""
+def at_equal_error(truth, solver, alone, rates, baseline=None):
+    """Rows of seconds at each target: the cheapest whole call and run alone that meet it, sampling extrapolated."""
     rows = []
     for name, (kind, error) in TARGETS.items():
-        meeting = [tol for tol in TOLERANCES if solver[tol][kind] <= error]
-        if not meeting:
-            continue
-        tol = meeting[0]
-        own = solver[tol]["seconds"]
-        entry = {"target": name, "tol": tol, "seconds": own, "error": solver[tol][kind]}
+        entry = {"target": name}
+        for method, found in {"whole": solver, "alone": alone}.items():
+            meeting = [(row["seconds"], row[kind], how) for how, row in found.items() if row[kind] <= error]
+            if meeting:
+                entry[method] = dict(zip(("seconds", "error", "how"), min(meeting), strict=True))
         for method, rate in rates.items():
             entry[method] = truth.paths(kind, error) * rate
         if baseline:
@@ -141,13 +174,13 @@ def at_equal_error(truth, solver, rates, baseline=None):
 
 
 def noise_rows():
-    """Seconds of the solver at tol 1e-2 and of the white engine at L1 = .01 of the bins of .1, as noise falls."""
+    """Seconds of the solver at `LOOSE` and of the white engine at L1 = .01 of the bins of .1, as noise falls."""
     rows = []
     for diffusion in DIFFUSIONS:
         scene = MAIN.varied(noise=WhiteNoise(diffusion))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            found = solve_fpk(scene, cycles=CYCLES, tol=1e-2)
+            found = solve_fpk(scene, cycles=CYCLES, tol=LOOSE)
         bins = np.clip(found.bin_probabilities(CYCLES, *EDGES), 0.0, 1.0)
         rate = sampling_rates({"white": scene})["white"]
         paths = SAMPLE * (distances.l1_floor(bins, SAMPLE, math.inf) / 0.01) ** 2
@@ -160,8 +193,8 @@ def noise_rows():
 
 def horizon_rows():
     """Seconds by number of cycles, and of the one-cycle operator for a million."""
-    rows = [{"cycles": k, "seconds": solve_fpk(MAIN, cycles=k, tol=1e-2).wall_s} for k in HORIZONS]
-    operator = medians({"": lambda: CycleOperator(MAIN, tol=1e-2).survival([10**6])}, rounds=1)[""]
+    rows = [{"cycles": k, "seconds": solve_fpk(MAIN, cycles=k, tol=LOOSE).wall_s} for k in HORIZONS]
+    operator = medians({"": lambda: CycleOperator(MAIN, tol=LOOSE).survival([10**6])}, rounds=1)[""]
     return [*rows, {"cycles": 10**6, "seconds": operator}]
 
 
@@ -175,25 +208,43 @@ def peaks():
     }
 
 
-def draw(path, scenes):
+def draw_errors(path, found):
     """Errors against seconds: the solver's measured, sampling as lines from the measured rate."""
-    with style.page(path, (11.0, 4.8), "Error against time, 10 cycles") as figure:
+    with style.page(path, (11.0, 4.8), f"Main scene, {CYCLES} cycles: error against time") as figure:
         axes = figure.subplots(1, 3)
-        found = scenes["main"]
-        kinds = (("survival", "largest error in survival"), ("coarse", "L1 of the density, bins of .1"),
-                 ("fine", "L1 of the density, bins of .025"))  # fmt: skip
+        kinds = (("survival", "largest error in survival"), ("coarse", "L1 of the density, bins of 0.1"),
+                 ("fine", "L1 of the density, bins of 0.025"))  # fmt: skip
+        marks = {"solver": ("D-", "black", "density solver, with estimate"), "alone": ("x", "black", "one run alone")}
         for ax, (kind, label) in zip(axes, kinds, strict=True):
-            own = found["solver"].values()
-            columns = [[row[name] for row in own] for name in ("seconds", kind)]
-            ax.plot(*columns, "D-", color="black", label="density solver")
+            for part, (mark, colour, name) in marks.items():
+                columns = [[row[value] for row in found[part].values()] for value in ("seconds", kind)]
+                ax.plot(*columns, mark, color=colour, label=name)
             for (method, rate), colour in zip(found["rates"].items(), style.COLOURS, strict=False):
-                counts = np.geomspace(1e4, 1e8, 20)
+                counts = np.geomspace(1e4, 1e9, 20)
                 errors = [found["truth"].sampled(count)[kind] for count in counts]
                 ax.plot(counts * rate, errors, color=colour, label=f"Monte Carlo {method}")
-            place = found["baseline"]["seconds"], found["baseline"][kind]
-            ax.plot(*place, "s", color="#777777", label="Eulerian baseline")
-            ax.set(xscale="log", yscale="log", xlabel="seconds, 2 cores", ylabel=label, xlim=(0.1, 5000.0))
-        axes[0].legend(fontsize=8)
+            ax.plot(found["baseline"]["seconds"], found["baseline"][kind], "s", color="#777777", label="Eulerian")
+            least = min(row[kind] for row in found["solver"].values())
+            limits = {"xlim": (0.05, 5000.0), "ylim": (0.5 * least, None)}
+            ax.set(xscale="log", yscale="log", xlabel="seconds, 2 cores", ylabel=label, **limits)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize=8)
+
+
+def draw_growth(path, noise, horizon):
+    """Seconds as the noise falls and as the horizon grows."""
+    with style.page(path, (9.0, 4.2), f"Main scene, tol {LOOSE:g}: time of the density solver") as figure:
+        left, right = figure.subplots(1, 2)
+        diffusions = [row["diffusion"] for row in noise]
+        left.plot(diffusions, [row["seconds"] for row in noise], "D-", color="black", label="density solver")
+        left.plot(diffusions, [row["white"] for row in noise], color=style.COLOURS[0], label="white, to L1 = 0.01")
+        left.set(xscale="log", xlabel="diffusion D", ylabel=f"seconds, {CYCLES} cycles", ylim=(0.0, None))
+        left.legend()
+        *steps, operator = horizon
+        right.plot([row["cycles"] for row in steps], [row["seconds"] for row in steps], "D-", color="black",
+                   label="density solver")  # fmt: skip
+        right.axhline(operator["seconds"], color=style.COLOURS[1], label="one-cycle operator, any number")
+        right.set(xlabel="cycles", ylabel="seconds", xlim=(0.0, None), ylim=(0.0, None))
+        right.legend()
 
 
 def main():
@@ -203,19 +254,19 @@ def main():
         truth = Truth(scene)
         methods = METHODS if name == "main" else {"white": scene}
         scenes[name] = {
-            "truth": truth, "solver": solver_rows(scene, truth), "rates": sampling_rates(methods),
+            "truth": truth, "solver": solver_rows(scene, truth), "alone": alone_rows(scene, truth),
+            "rates": sampling_rates(methods),
             "baseline": baseline_row(truth) if name == "main" else None,
         }  # fmt: skip
-        parts = (scenes[name][part] for part in ("solver", "rates", "baseline"))
+        parts = (scenes[name][part] for part in ("solver", "alone", "rates", "baseline"))
         scenes[name]["equal"] = at_equal_error(truth, *parts)
     noise, horizon, memory = noise_rows(), horizon_rows(), peaks()
-    folder = PAGE.parent / "benchmarks"
-    folder.mkdir(exist_ok=True)
-    draw(folder / "equal_error.png", scenes)
     kept = {name: {k: v for k, v in found.items() if k != "truth"} for name, found in scenes.items()}
     values = {"cycles": CYCLES, "scenes": kept, "noise": noise, "horizon": horizon, "peak_MB": memory}
-    write_text(folder / "equal_error.json", json.dumps(values, indent=1) + "\n")
-    write_section("Time at equal error", body(scenes, noise, horizon, memory))
+    write_section(TITLE, body(scenes, noise, horizon, memory), values=values)
+    folder = PAGE.with_suffix("")
+    draw_errors(folder / f"{slug(TITLE)}.png", scenes["main"])
+    draw_growth(folder / f"{slug(TITLE)}_growth.png", noise, horizon)
 
 
 def body(scenes, noise, horizon, memory):
@@ -226,26 +277,32 @@ def body(scenes, noise, horizon, memory):
     return f"""White noise, 10 cycles from rest, both cores. Errors against the solver's finest mesh
 ({finest.angle_cells} × {finest.velocity_cells} cells of degree {finest.degree}), which {paths:,} paths confirm: L1
 {apart:.4f} on bins of .025, of which sampling explains {floor:.4f}. dS is the largest in survival over the cycles,
-L1 after the tenth. The density solver's seconds are those of a whole call with its error estimates, at the largest
-tolerance that met the target. Sampling is **extrapolated** from the time of {SAMPLE:,} realizations (white
-{rates["white"] * 1e6:.1f}, exact {rates["exact"] * 1e6:.1f}, rk4 with 200 steps a cycle {rates["rk4"] * 1e6:.1f} μs)
-by the expected error of a sample; exact and rk4 sample band noise, so theirs is the time to know their own law as well.
-The Eulerian baseline is **extrapolated** at fourth order from {BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine
-cycles (dS {base["survival"]:.1e}, L1 {base["coarse"]:.4f}, {base["fine"]:.4f}).
-In brackets: time over that of the density solver.
+L1 after the tenth.
 
-{table(["scene", "target", "density solver, s", *OTHERS], equal_lines(scenes))}
+The density solver's seconds are those of a whole call with its error estimates, at the cheapest tolerance that met the
+target; beside them those of **one run alone**, the fastest of {len(ALONE)} resolutions that met it, which says nothing
+of its error: as sampling that is told its number of realizations. Sampling is **extrapolated** from the time of
+{SAMPLE:,} realizations (white {rates["white"] * 1e6:.1f}, exact {rates["exact"] * 1e6:.1f}, rk4 with 200 steps a cycle
+{rates["rk4"] * 1e6:.1f} μs) by the expected error of a sample; exact and rk4 sample band noise, so theirs is the time
+to know their own law as well. The Eulerian baseline is **extrapolated** at fourth order from {BASELINE.mesh} cells,
+{base["seconds"]:.0f} s for nine cycles (dS {base["survival"]:.1e}, L1 {base["coarse"]:.4f}, {base["fine"]:.4f}).
+
+In brackets: time over that of the whole call / of the run alone.
+
+{table(["scene", "target", "density solver, s", "one run alone, s", *OTHERS], equal_lines(scenes))}
 
 Peak memory of {SAMPLE:,} counted realizations: {held}.
 
-![Error against time](benchmarks/equal_error.png)
+![Error against time](benchmarks/{slug(TITLE)}.png)
 
-**As noise falls**: main scene at tol 1e-2; the white engine at L1 = 0.01 of the bins of .1 after the tenth cycle
+![Time against noise and cycles](benchmarks/{slug(TITLE)}_growth.png)
+
+**As noise falls**: main scene at tol {LOOSE:g}; the white engine at L1 = 0.01 of the bins of .1 after the tenth cycle
 (extrapolated), and its time over the solver's.
 
 {table(["D", "s", "unknowns", "error estimate", "white, s", "ratio"], [noise_line(row) for row in noise])}
 
-**As the horizon grows**, tol 1e-2; the last row is the one-cycle operator's.
+**As the horizon grows**, tol {LOOSE:g}; the last row is the one-cycle operator's.
 
 {table(["cycles", "s"], [[f"{row['cycles']:,}", f"{row['seconds']:.2f}"] for row in horizon])}
 """
@@ -256,9 +313,14 @@ def equal_lines(scenes):
     lines = []
     for name, found in scenes.items():
         for row in found["equal"]:
-            own = f"{row['seconds']:.2f} (tol {row['tol']:g}: {row['error']:.1e})"
-            others = [f"{row[m]:,.1f} ({row[m] / row['seconds']:,.0f})" if m in row else "-" for m in OTHERS]
-            lines.append([name, row["target"], own, *others])
+            own = [row[method] for method in ("whole", "alone") if method in row]
+            whole = f"{row['whole']['seconds']:.2f} (tol {row['whole']['how']:g}: {row['whole']['error']:.1e})"
+            alone = f"{row['alone']['seconds']:.2f} ({row['alone']['how']}: {row['alone']['error']:.1e})"
+            others = []
+            for method in OTHERS:
+                ratios = [f"{row[method] / entry['seconds']:,.0f}" for entry in own if method in row]
+                others.append(f"{row[method]:,.1f} ({' / '.join(ratios)})" if ratios else "-")
+            lines.append([name, row["target"], whole, alone, *others])
     return lines
 
 

@@ -75,7 +75,7 @@ noise in the field 1 - u (Burkhardt and Kotsev 2006 for a constant field). Two t
 **Balances** of momentum, energy and virial (docs/theory.md, section 5), exact as long as escape is negligible: M_k is
 the rate of impacts times the mean of w^(k-1) over their speeds w. e = {BALL.block.restitution:g},
 D = {BALL.noise.diffusion:g}, {BALL_PATHS:,} paths of the white-noise engine over a time of {BALL.period - SETTLED:g}.
-How the second one's error falls with the shortest step is what `benchmarks/white_order.py` prints.
+How the second one's error falls with the shortest step is in docs/benchmarks.md (`benchmarks/white_order.py`).
 
 {table(["", "left", "right", "difference"], balances())}
 

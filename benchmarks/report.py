@@ -1,5 +1,6 @@
 """What the benchmarks share: fair timing in one run, tables, and the sections of pages that they write."""
 
+import json
 import pathlib
 import re
 import statistics
@@ -12,8 +13,10 @@ PAGE = ROOT / "docs" / "benchmarks.md"
 HEAD = """# Benchmarks
 
 Written by the scripts in `benchmarks/` (`make bench`), a section each, on 2 cores. Times are ratios within one run, or
-stand beside their rival in the same run; a first call that compiles is never timed.
+stand beside their rival in the same run; a first call that compiles is never timed. The tables are also in
+`benchmarks/` beside this page, as JSON.
 """
+TABLE = re.compile(r"(?m)(?:^\|.*\|\n?)+")
 
 
 def medians(calls, rounds=5):
@@ -48,8 +51,26 @@ def table(head, rows):
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
-def write_section(title, body, page=PAGE, head=HEAD):
+def tables_of(body):
+    """Tables of a section: columns and rows, numbers where an entry is nothing but one."""
+    found = []
+    for block in TABLE.findall(body):
+        head, _, *rows = ([cell.strip() for cell in line[2:-2].split(" | ")] for line in block.splitlines())
+        found.append({"columns": head, "rows": [[_number(entry) for entry in row] for row in rows]})
+    return found
+
+
+def _number(text):
+    try:
+        return float(text.replace(",", ""))
+    except ValueError:
+        return text
+
+
+def write_section(title, body, page=PAGE, head=HEAD, values=None):
     """Print a section and put it into a page, in the place of the one with the same title or at the end.
+
+    What was measured goes into a JSON file of that title, in a folder that is named as the page.
 
     Parameters
     ----------
@@ -59,6 +80,8 @@ def write_section(title, body, page=PAGE, head=HEAD):
         By default docs/benchmarks.md.
     head : str
         What a new page begins with.
+    values : dict, optional
+        What was measured; by default the tables of the body.
     """
     section = f"## {title}\n\n{body.strip()}\n"
     print(section, flush=True)
@@ -70,3 +93,12 @@ def write_section(title, body, page=PAGE, head=HEAD):
     else:
         parts.append(section)
     storage.write_text(page, "\n".join(part.strip() + "\n" for part in parts))
+    folder = page.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    values = {"tables": tables_of(section)} if values is None else values
+    storage.write_text(folder / f"{slug(title)}.json", json.dumps(values, indent=1, ensure_ascii=False) + "\n")
+
+
+def slug(title):
+    """Name of a file for a title."""
+    return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")

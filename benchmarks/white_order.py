@@ -7,30 +7,32 @@ First where the truth is known: an unforced block, folded a bouncing ball with n
 2 D/(1 - e) for ever. Its energy balance (1 - e^2) M_3/2 = D, with M_3 the sum per time of the squared impact speeds, is
 off by the error of the method alone. Then survival and moments of the main and the second scene with m shortest steps a
 cycle. Where the error at the first m is significant, S(m) = S + c m^-p is fitted. The bias at the default is what is
-left of the difference at m = 256 if it falls with the first order from there on.
+left of the difference at m = 256 if it falls with the first order from there on. Writes its section of
+docs/benchmarks.md.
 
     python benchmarks/white_order.py            # 1 to 2 minutes
-    python benchmarks/white_order.py 4000000    # paths a row
+    python benchmarks/white_order.py 4000000    # paths a row, printed only
 """
 
 import contextlib
 import itertools
 import math
-import pathlib
 import sys
 
 import numpy as np
+from report import ROOT, table, write_section
 from scipy.optimize import curve_fit
 
 from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise, load_scene
 from montecarlo import engines, histories, white
 
-SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
+SCENES = ROOT / "cases" / "scenes"
+PATHS = 200_000
 STEPS = 200
 DEFAULT = white.FINEST * STEPS
 COARSE = (64, 128, 256, 512, 1024)
 REFERENCE = 256
-CYCLES = (1, 2, 4, 10)
+CYCLES = (2, 10)
 NAMES = ("S", "<x>", "<v>", "<xx>", "<vv>")
 
 
@@ -83,48 +85,63 @@ def order(rows):
     return found[2], math.sqrt(spread[2, 2])
 
 
-def print_balance(paths):
-    """Print the error of the energy balance, and its order between the steps."""
-    print(f"energy balance of the unforced block, {paths:,} paths; h: shortest step")
+def balance_table(paths):
+    """Table of the error of the energy balance by shortest step, with the order fitted to each block's."""
+    lines = []
     for restitution, diffusion in ((0.5, 0.01), (0.7, 0.005)):
-        steps, found = 2.0 ** -np.arange(7, 11), []
-        for step in steps:
-            found.append(balance(restitution, diffusion, step, paths))
-            text = "{:8.4f} ± {:.4f}".format(*found[-1])
-            print(f"  e {restitution}  D {diffusion}  h/D {step / diffusion:6.3f}  {text}")
+        steps = 2.0 ** -np.arange(7, 11)
+        found = [balance(restitution, diffusion, step, paths) for step in steps]
         error, noise = np.array(found).T
         slope, spread = np.polyfit(np.log(steps), np.log(error), 1, w=error / noise, cov="unscaled")
-        print(f"  order {slope[0]:.2f} ± {math.sqrt(spread[0, 0]):.2f}", flush=True)
+        cells = [f"{mean:.4f} ± {own:.4f}" for mean, own in found]
+        fitted = f"{slope[0]:.2f} ± {math.sqrt(spread[0, 0]):.2f}"
+        lines.append([restitution, diffusion, *cells, fitted])
+    return table(["e", "D", *(f"h = 1/{2**k}" for k in range(7, 11)), "order"], lines)
 
 
-def print_scene(name, scene, paths):
-    """Print survival and moments against the shortest step, their orders, and the bias at the default."""
+def scene_table(scene, paths):
+    """Table of survival and moments by shortest step, and the largest bias at the default with its standard error."""
     found = {m: survival_and_moments(scene, m, paths) for m in (*COARSE, DEFAULT)}
-    share, worst = REFERENCE / (DEFAULT - REFERENCE), (0.0, 0.0)
-    print(
-        f"{name}, {paths:,} paths; at {DEFAULT:,} shortest steps a cycle, then 1e4 x differences to that, order, bias"
-    )
+    share, worst, lines = REFERENCE / (DEFAULT - REFERENCE), (0.0, 0.0), []
     for cycle, i in itertools.product(CYCLES, range(len(NAMES))):
         rows = [(m, mean[cycle, i], error[cycle, i]) for m, (mean, error) in found.items()]
         best, noise = rows[-1][1:]
         if noise == 0.0:
             continue
-        differences = {m: 1e4 * np.array([value - best, math.hypot(error, noise)]) for m, value, error in rows}
+        differences = {m: 1e4 * np.array([value - best, math.hypot(error, noise)]) for m, value, error in rows[:-1]}
         bias = share * differences[REFERENCE]
         worst = max(worst, tuple(np.abs(bias)))
-        text = "".join(f"{value:8.1f} ± {error:4.1f}" for value, error in list(differences.values())[:-1])
-        fit = "   -         " if math.isnan(order(rows)[0]) else "{:5.2f} ± {:.2f} ".format(*order(rows))
-        print(f"  {NAMES[i]:>4}({cycle:2}) {best:8.4f} ± {noise:.4f} {text} {fit} {bias[0]:5.2f} ± {bias[1]:.2f}")
-    print(f"  largest bias at the default: {worst[0]:.2f} ± {worst[1]:.2f} in 1e-4", flush=True)
+        apart = [f"{value:.1f} ± {error:.1f}" for value, error in differences.values()]
+        fit = "-" if math.isnan(order(rows)[0]) else "{:.2f} ± {:.2f}".format(*order(rows))
+        lines.append([NAMES[i], cycle, f"{best:.4f} ± {noise:.4f}", *apart, fit, f"{bias[0]:.2f} ± {bias[1]:.2f}"])
+    return table(["", "cycle", f"m = {DEFAULT:,}", *map(str, COARSE), "order", "bias"], lines), worst
 
 
 def main():
-    """Print both parts."""
-    paths = int(sys.argv[1]) if len(sys.argv) > 1 else 200_000
-    print_balance(max(1000, paths // 50))
-    print(f"columns: {', '.join(map(str, COARSE))} shortest steps a cycle")
-    print_scene("second scene", load_scene(SCENES / "second.toml"), paths)
-    print_scene("main scene", load_scene(SCENES / "main.toml").white_equivalent(), paths)
+    """Measure, and write the section or print."""
+    paths = int(sys.argv[1]) if len(sys.argv) > 1 else PATHS
+    few = max(1000, paths // 50)
+    parts = []
+    for name in ("second", "main"):
+        lines, worst = scene_table(load_scene(SCENES / f"{name}.toml").white_equivalent(), paths)
+        bias = f"{worst[0]:.2f} ± {worst[1]:.2f}"
+        parts.append(f"**The {name} scene**, {paths:,} paths. Largest bias at the default: {bias}.\n\n{lines}")
+    text = f"""How the time step of the white-noise paths shifts what they tell. Their shortest step, a cycle over m, is
+taken far longer than any that `simulate` allows, and followed down to the default, m = {DEFAULT:,}. Differences to the
+default and its bias in 1e-4; the bias is what is left of the difference at m = {REFERENCE} if it falls with the first
+order. Orders are fitted where the first difference is 8 standard errors or more.
+
+**Energy balance** of an unforced block that rattles for ever, (1 - e²) M₃ / 2 = D, with M₃ the sum a time of the
+squared impact speeds: relative error by shortest step h, {few:,} paths.
+
+{balance_table(few)}
+
+{(chr(10) * 2).join(parts)}
+"""
+    if paths == PATHS:
+        write_section("White-noise paths: order of the time step", text)
+    else:
+        print(text)
 
 
 if __name__ == "__main__":

@@ -89,9 +89,7 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
 def _quiet(scene, horizons, count, seed, bound):
     """Basin without noise from random starts: part that stands in each bin (edges, parts), and its areas ± errors."""
     wide = Start(0.0, 0.0, tuple(map(tuple, np.diag(np.square(_SPREAD)).tolist())))
-    ensemble = simulate(
-        scene.varied(noise=NoNoise(), start=wide), cycles=max(horizons), realizations=count, seed=seed
-    )
+    ensemble = simulate(scene.varied(noise=NoNoise(), start=wide), cycles=max(horizons), realizations=count, seed=seed)
     x, v = ensemble.angle[:, 0], ensemble.velocity[:, 0]
     weights = 2.0 * math.pi * math.prod(_SPREAD) * np.exp(0.5 * ((x / _SPREAD[0]) ** 2 + (v / _SPREAD[1]) ** 2))
     inside = np.abs(v) < bound

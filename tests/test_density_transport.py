@@ -151,7 +151,7 @@ def test_a_step_that_covers_part_of_the_plane_moves_that_part(trace, coefficient
     """What is outside is lost; covering more later is the same as covering it from the start."""
     cells = np.random.default_rng(2).random(SOURCE.shape[:2]) < 0.4
     more = cells | (np.random.default_rng(3).random(cells.shape) < 0.3)
-    step = Step(Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, whole=False), SOURCE)
+    step = Step(Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, cells=False), SOURCE)
     whole = Step(trace, SOURCE)
     for covered in (cells, more):
         step.cover(covered)

@@ -147,7 +147,7 @@ class Chain:
             gone += sinks[[1, 0, 2]] if turned else sinks
             worst = np.maximum(worst, (excess, now[centre].sum(), np.maximum(-now, 0.0).sum()))
         edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(space.lines, BINS, strict=True)]
-        bins = np.array([space.bin_integrals(density, *edges) for density in coefficients])
+        bins = space.bin_integrals(coefficients, *edges)
         return Solution(inside, out, coefficients, bins, *worst.tolist())
 
     def _initial(self):

@@ -68,7 +68,7 @@ class Run:
         self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
         self.half = [
             Step(
-                Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature, whole=False),
+                Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature, cells=False),
                 self.space,
                 buffers,
             )
@@ -118,11 +118,11 @@ class Run:
             now, sinks = self._covering(k % (steps // 2), now).apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
         # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
-        bins = np.array([self.bins(density) for density in coefficients])
+        bins = self.bins(coefficients)
         return Solution(inside, out, coefficients, bins)
 
     def bins(self, coefficients):
-        """Probabilities of equal bins between the bounds, shape `BINS`."""
+        """Probabilities of equal bins between the bounds, shape (..., *BINS)."""
         edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
         return self.space.bin_integrals(coefficients, *edges)
 

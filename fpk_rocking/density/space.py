@@ -28,6 +28,12 @@ def gauss(count):
     return 0.5 * (points + 1.0), 0.5 * weights
 
 
+@functools.cache
+def gauss_shapes(count, degree):
+    """Shape functions at the Gauss points, (count, degree + 1); not to be written to."""
+    return shapes(gauss(count)[0], degree)
+
+
 class ElementQuadLegendre(ElementH1):
     """Products of orthonormal Legendre polynomials, all unknowns inside the cell: the mass matrix is the Jacobian."""
 
@@ -133,14 +139,14 @@ class Space:
 
     def cell_values(self, coefficients, angle_points, velocity_points):
         """Density on the lattice of reference points (n,), (m,) in every cell: (angle cells, velocity cells, n, m)."""
-        tables = shapes(angle_points, self.degree), shapes(velocity_points, self.degree)
-        return np.einsum("xvab,ia,jb->xvij", coefficients, *tables, optimize=True)
+        along, across = shapes(angle_points, self.degree), shapes(velocity_points, self.degree)
+        return along @ coefficients @ across.T
 
     def bin_integrals(self, coefficients, angle_edges, velocity_edges):
-        """Integrals over the rectangles between edges, (len(angle_edges) - 1, len(velocity_edges) - 1), exact."""
+        """Integrals over the rectangles between edges, (..., len(angle_edges) - 1, len(velocity_edges) - 1), exact."""
         left = _interval_integrals(self.angle_lines, angle_edges, self.degree)
         right = _interval_integrals(self.velocity_lines, velocity_edges, self.degree)
-        return np.einsum("mxa,xvab,nvb->mn", left, coefficients, right, optimize=True)
+        return np.einsum("mxa,...xvab,nvb->...mn", left, coefficients, right, optimize=True)
 
     def negative_mass(self, coefficients, points=8):
         """Integral of max(-p, 0), by Gauss quadrature in every cell."""

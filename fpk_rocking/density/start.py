@@ -36,7 +36,7 @@ BARELY = 0.2
 BROKEN = 100.0
 """Sum of the sizes of the masses of a window's cells above which its density grows without bound."""
 
-_RATTLE, _MOST_STEPS = 0.25, 800
+_RATTLE, _MOST_STEPS, _LEAST_STEPS = 0.25, 800, 16
 
 
 class Gaussian:
@@ -126,8 +126,7 @@ class Departure:
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
-        trace = Trace(now.window, now.time, duration, self.dynamics, self._sampling(now.time, quiet))
-        coefficients, sinks = Step(trace, target).apply(now.coefficients)
+        coefficients, sinks = Step(self._trace(now, duration, quiet), target).apply(now.coefficients)
         return coefficients, now.gone + sinks
 
     def _before(self, end):
@@ -140,11 +139,13 @@ class Departure:
 
     def _further(self, now):
         """Carry a density by one step, as long as its spread and what may happen to it allow."""
-        duration = min(self.windows.growth * (now.time + self._gathered), self._longest(now.time), self.period / 32)
+        duration = min(self.windows.growth * (now.time + self._gathered), self.period / _LEAST_STEPS)
+        if self._rattles(now, duration):
+            duration = min(duration, self._longest(now.time))
         free = self._free_time(now, self.period - now.time)
         quiet = free >= duration
         duration, dynamics = max(free, duration), self.dynamics
-        trace = Trace(now.window, now.time, duration, dynamics, self._sampling(now.time, quiet))
+        trace = self._trace(now, duration, quiet)
         target = next_window(self.windows, trace, now.coefficients, dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         if not np.abs(target.masses(coefficients)).sum() < BROKEN:
@@ -152,9 +153,12 @@ class Departure:
             raise ValueError(checks.refusal("scene", f"diffusion {dynamics.diffusion:g}", accepted))
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
-    def _sampling(self, time, quiet):
-        points = self.windows.points + (0 if abs(self.dynamics.force(time)) > 1.0 else MORE)
-        return Quadrature(points, points, *(LONG if quiet else SHORT))
+    def _trace(self, now, duration, quiet):
+        """Trace one step from the cells of a window that hold something."""
+        points = self.windows.points + (0 if abs(self.dynamics.force(now.time)) > 1.0 else MORE)
+        quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
+        holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
+        return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding)
 
     def _undisturbed(self, time):
         gaussian, cutoff = self.flight(time), self.dynamics.cutoff
@@ -184,6 +188,16 @@ class Departure:
         """Longest step next to x = 0: under |f| < 1 the noise must still lift the block off within it."""
         gap = 1.0 - abs(self.dynamics.force(time))
         return max(_RATTLE * self.dynamics.diffusion / gap**2, self.period / _MOST_STEPS) if gap > 0.0 else math.inf
+
+    def _rattles(self, now, duration):
+        """Whether mass that matters may come to rest at x = 0 within a step."""
+        slow = max(1.0 - abs(self.dynamics.force(now.time)), 0.0) * duration
+        slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.diffusion * duration)
+        angle, velocity = (
+            (lines[:-1] < size) & (lines[1:] > -size)
+            for lines, size in zip(now.window.lines, (slow * duration, slow), strict=True)
+        )
+        return np.abs(now.window.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > MISSING
 
     def _free_time(self, now, longest):
         """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""

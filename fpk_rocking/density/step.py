@@ -10,7 +10,7 @@ from fpk_rocking.density.adjoint import collect, fly_back
 from fpk_rocking.density.landing import classify, settle_in_cells, trace_cells
 from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.paths import hermite_nodes, principal_axes
-from fpk_rocking.density.space import Space, gauss, shapes
+from fpk_rocking.density.space import Space, gauss, gauss_shapes
 from fpk_rocking.density.transport import CHUNKS, deposit, gather
 from fpk_rocking.physics.gaussian import flight_covariance
 
@@ -85,8 +85,8 @@ class Trace:
         The step, nondimensional times.
     dynamics : Dynamics
     quadrature : Quadrature
-    whole : bool
-        Cover all cells now and keep the ends of their paths; else none is covered yet.
+    cells : bool or ndarray of bool, shape (angle cells, velocity cells)
+        Cells to cover now, whose paths' ends are kept; all unless given.
 
     Attributes
     ----------
@@ -95,13 +95,14 @@ class Trace:
     events : ndarray of int, shape (angle cells, velocity cells)
         Number of a covered cell that an event can reach, in the order in which they were traced; else -1.
     states, codes : ndarray
-        Ends of the paths of a whole trace, see `trace_cells`.
+        Ends of the paths of the cells covered at first, see `trace_cells`.
     """
 
-    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, whole=True):
+    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True):
         self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
         (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
         (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
+        self.tables = tuple(gauss_shapes(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
         self._nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
         axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
         self.blur = quadrature.blur
@@ -112,7 +113,7 @@ class Trace:
         self.marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, self._margin)
         self.covered = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
-        self.states, self.codes = self.cover(np.full_like(self.marks, whole))
+        self.states, self.codes = self.cover(np.full_like(self.marks, cells))
 
     def cover(self, cells):
         """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
@@ -146,7 +147,6 @@ class Step:
         self.trace, self.target = trace, target
         self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
         degree, modes = trace.source.degree, target.degree + 1
-        self._tables = shapes(trace.angle_points, degree), shapes(trace.velocity_points, degree)
         self._weights = trace.angle_weights, trace.velocity_weights
         self._affine = (
             trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
@@ -194,7 +194,7 @@ class Step:
         """Return the coefficients after the step and the masses (3,) that went left, right and were lost."""
         trace, source = self.trace, self.trace.source
         deposit(
-            coefficients, self._deposited, source.areas, self._tables, self._weights, trace.events, self._landed,
+            coefficients, self._deposited, source.areas, trace.tables, self._weights, trace.events, self._landed,
             self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._norms,
         )  # fmt: skip
         out = np.empty(self.target.shape)
@@ -228,7 +228,7 @@ class Step:
         if self._flight:
             fly_back(self._flight, values, worth, out)
         collect(
-            values.reshape(-1, self.buffers.shape[2]), worth, self._tables, self._weights, trace.events,
+            values.reshape(-1, self.buffers.shape[2]), worth, trace.tables, self._weights, trace.events,
             self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._norms,
         )  # fmt: skip
         out[~trace.covered, 0, 0] = worth[2]

@@ -70,7 +70,7 @@ def window_of(windows: Windows, mean, covariance, cutoff, box=None):
 def next_window(windows: Windows, trace: Trace, coefficients, cutoff):
     """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
-    values = source.cell_values(coefficients, trace.angle_points, trace.velocity_points)
+    values = trace.tables[0] @ coefficients @ trace.tables[1].T
     values *= np.outer(trace.angle_weights, trace.velocity_weights)
     values *= source.areas[..., None, None]
     total, x, v, xx, xv, vv, box = landing_sums(
