@@ -1,6 +1,6 @@
 """The density solver: speed against error; writes its section of docs/benchmarks.md.
 
-python benchmarks/density.py            # about 4 minutes
+python benchmarks/density.py            # about 2 minutes
 """
 
 import dataclasses

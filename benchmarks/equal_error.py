@@ -2,7 +2,7 @@
 
 Also its pictures and its figures as JSON, in docs/benchmarks/.
 
-python benchmarks/equal_error.py            # about 5 minutes
+python benchmarks/equal_error.py            # about 4 minutes
 """
 
 import math

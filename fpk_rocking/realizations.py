@@ -24,7 +24,7 @@ _SAMPLES, _SEED = 200_000, 1
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RealizationAverage:
-    """Evolutions for the diffusions of single realizations, and their weights in an ensemble.
+    """Evolutions for the diffusions of single realizations, and their weights in an ensemble: a result for `compare`.
 
     Attributes
     ----------
@@ -40,6 +40,29 @@ class RealizationAverage:
     diffusions: np.ndarray
     weights: np.ndarray
     evolutions: tuple[Evolution, ...]
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return self.evolutions[0].cycles
+
+    @property
+    def closure(self):
+        """How the noise was replaced."""
+        return (
+            f"Band noise replaced by a mixture of {len(self.weights)} white noises, of diffusions from "
+            f"{self.diffusions.min():.3g} to {self.diffusions.max():.3g}, as those of single realizations scatter."
+        )
+
+    @property
+    def error_estimate(self):
+        """Estimated error in survival: the mean of the parts'."""
+        return float(self.weights @ [evolution.error_estimate for evolution in self.evolutions])
+
+    @property
+    def wall_s(self):
+        """Seconds that all evolutions took."""
+        return sum(evolution.wall_s for evolution in self.evolutions)
 
     @property
     def survival(self):

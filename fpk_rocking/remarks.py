@@ -65,7 +65,7 @@ def remarks(*results) -> tuple[str, ...]:
         if getattr(result, "closure", ""):
             sentences.append(result.closure)
         if _stands_for(results, result):
-            sentences += _doubts(result.scene)
+            sentences += _doubts(result.scene, averaged=hasattr(result, "weights"))
     return tuple(dict.fromkeys(sentences))
 
 
@@ -79,8 +79,11 @@ def _stands_for(results, result) -> bool:
     return bool(getattr(result, "closure", "")) or any(math.isclose(white, diffusion) for white in whites)
 
 
-def _doubts(scene):
-    """Yield what speaks against white noise for the band noise of a scene; bounds and figures are of `equivalence`."""
+def _doubts(scene, averaged):
+    """Yield what speaks against white noise for the band noise of a scene; bounds and figures are of `equivalence`.
+
+    A result that is averaged over realizations has the scatter between them.
+    """
     noise = scene.noise
     low, high = noise.band
     part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, scene.block.restitution)
@@ -90,7 +93,7 @@ def _doubts(scene):
             f"noise ({equivalence.TRUSTED_COVER:g} is wanted); below, survival under the equivalent white noise was "
             f"found wrong by up to {equivalence.WORST:g}, either way. Take Monte Carlo (docs/paper.md)."
         )
-    if spread > equivalence.TRUSTED_SPREAD:
+    if spread > equivalence.TRUSTED_SPREAD and not averaged:
         excess = min(equivalence.EXCESS * spread**2, 1.0)
         yield (
             f"Few harmonics: the diffusions that single realizations of {noise.harmonics} stand for scatter by "

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, NoNoise, load_scene
+from fpk_rocking.compare import compare
 from fpk_rocking.equivalence import equivalent_diffusion
 from fpk_rocking.realizations import gauss_quadrature, realized_diffusions, solve_realizations
+from montecarlo import simulate
 
 CASES = pathlib.Path(__file__).parents[1] / "cases"
 MAIN = load_scene(CASES / "scenes" / "main.toml")
@@ -52,6 +54,18 @@ def test_average_is_that_of_its_evolutions(average):
     assert average.survival[4] + average.overturned[4].sum() + lost == pytest.approx(1.0, abs=1e-12)
     bins = average.bin_probabilities(4, np.linspace(-1.6, 1.6, 17), np.linspace(-4.0, 4.0, 17))
     assert bins.sum() == pytest.approx(average.survival[4], abs=1e-12)
+
+
+def test_average_is_compared_with_paths(average):
+    paths = simulate(average.scene, cycles=4, realizations=2000, seed=3)
+    found = compare(paths, average)
+    # 4.5 standard errors: a false alarm in 1e5, plus what the closure itself is off by within 4 cycles.
+    assert np.all(np.abs(found.difference) < 4.5 * found.standard_error + 0.02)
+    assert found.error_estimate[1] == average.error_estimate > 0.0
+    assert found.wall_s[1] == pytest.approx(sum(evolution.wall_s for evolution in average.evolutions))
+    remarks = " ".join(found.remarks)
+    assert "mixture of 3 white noises" in remarks
+    assert "Few harmonics" not in remarks
 
 
 @pytest.mark.parametrize(
