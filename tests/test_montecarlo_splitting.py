@@ -68,7 +68,9 @@ def lattice(walkers, steps, top, rough, repeats):
     return estimates, np.array(exact), extinct.mean()
 
 
-@pytest.mark.parametrize(("rough", "walkers"), [(False, 3), (False, 12), (True, 12)])
+@pytest.mark.parametrize(
+    ("rough", "walkers"), [pytest.param(False, 3, marks=pytest.mark.slow), (False, 12), (True, 12)]
+)
 def test_lattice_walk_is_split_without_bias(rough, walkers):
     """Ties at every level, extinctions, a good score and a bad one: exact by 10, 20 and 30; false alarm 9 x 6e-5."""
     estimates, exact, extinct = lattice(walkers, 30, 5, rough, 30_000)

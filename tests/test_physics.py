@@ -44,10 +44,11 @@ def random_scene(rng, kind):
     return scene, (x, v, int(np.sign(x)))
 
 
-def test_paths_of_random_scenes_agree_with_a_general_integrator():
+@pytest.mark.parametrize("rounds", [25, pytest.param(100, marks=pytest.mark.slow)])
+def test_paths_of_random_scenes_agree_with_a_general_integrator(rounds):
     # Compared at every segment's end up to tau = 4 while chaos, by the oracle's own bound, keeps the error below 1e-9.
     rng, events, compared = np.random.default_rng(20), Counter(), 0
-    for kind in ["anywhere", "rest", "chatter", "anywhere"] * 50:
+    for kind in ["anywhere", "rest", "chatter", "anywhere"] * rounds:
         scene, (x, v, side) = random_scene(rng, kind)
         oracle = Block(*scene, CUTOFF, x, v, side)
         count = math.ceil(4.0 * max(4.0, scene[1] / 0.79))
@@ -65,9 +66,9 @@ def test_paths_of_random_scenes_agree_with_a_general_integrator():
             if oracle.overturned:
                 break
         events.update(name for _, name in oracle.events)
-    assert compared > 2000
-    assert events["impact"] > 1000
-    assert min(events["rest"], events["uplift"], events["overturning"]) > 40
+    assert compared > 40 * rounds
+    assert events["impact"] > 20 * rounds
+    assert min(events["rest"], events["uplift"], events["overturning"]) > 0.8 * rounds
 
 
 @pytest.mark.parametrize("side", [1, -1])

@@ -83,6 +83,7 @@ def test_refuses_by_name(noise, nodes, message):
         solve_realizations(dataclasses.replace(MAIN, noise=noise), cycles=1, nodes=nodes)
 
 
+@pytest.mark.slow
 def test_equivalence_study_divides_the_difference(tmp_path):
     """The case, coarse: parts sum to the whole; few harmonics stand longer, and so does the average over them.
 
