@@ -15,7 +15,7 @@ from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space, gauss
 from fpk_rocking.density.start import Departure, Gaussian, first_resolved
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.density.window import Windows
+from fpk_rocking.density.window import Windows, window_of
 from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -121,6 +121,26 @@ def test_mass_that_overturns_as_a_whole_is_in_the_sink():
         after, sinks = Step(Trace(window, 0.0, 0.15, dynamics, QUADRATURE), target).apply(coefficients)
         assert sinks[1] == pytest.approx(window.masses(coefficients).sum(), abs=1e-13)
         assert np.abs(after).max() == 0.0
+
+
+@pytest.mark.parametrize(("amplitude", "cutoff"), [(13.0, 2.0), (3.0, 0.5)])
+def test_a_start_that_overturns_before_a_mesh_takes_over(amplitude, cutoff):
+    scene = Scene(Block(0.17), Forcing(amplitude, 1.0, 0.0), WhiteNoise(0.002), Start(-0.49, 0.0), Overturning(cutoff))
+    result = solve_fpk(scene, cycles=1, tol=1e-2)
+    assert result.survival[1] == pytest.approx(0.0, abs=1e-7)
+    assert result.overturned[1] == pytest.approx([1.0, 0.0], abs=1e-7)
+    assert result.mass_defect < 1e-12
+
+
+@pytest.mark.parametrize(("mean", "cutoff"), [(0.0, 1.0), (-0.7501, 0.5), (-0.7499, 0.5), (0.7501, 0.5)])
+def test_windows_have_no_thin_cells_at_the_cutoff(mean, cutoff):
+    """Cells of about 0.25 with a line at 0 that reach from the cut-off to the other side of 0, or to both cut-offs."""
+    window = window_of(Windows(8, 2.0, 0.4, 0.01, 4), np.array([mean, 0.0]), np.diag([0.25, 0.25]), cutoff)
+    lines, sizes = window.angle_lines, np.diff(window.angle_lines)
+    assert cutoff in np.abs(lines[[0, -1]])
+    assert 0.0 in lines
+    assert sizes[1:-1] == pytest.approx(sizes[1], rel=1e-12)
+    assert 0.1 * sizes[1] <= sizes[[0, -1]].min() <= sizes[[0, -1]].max() <= 1.1 * sizes[1]
 
 
 @pytest.fixture(scope="module")

@@ -64,13 +64,21 @@ def window_of(windows: Windows, mean, covariance, cutoff, box=None):
     low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
     counts = np.minimum(np.ceil((high - low) / sizes - 1e-9), max(MOST_CELLS, count)).astype(int)
     angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
-    return Space(np.clip(angle, -cutoff, cutoff), velocity, DEGREE)
+    return Space(_within(angle, cutoff), velocity, DEGREE)
+
+
+def _within(lines, cutoff):
+    """Equal cells cut off at both sides; what is left of a cell there and is too thin goes to its neighbour."""
+    first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
+    inner = lines[(lines > first + thin) & (lines < last - thin)]
+    return np.concatenate([[first], inner, [last]])
 
 
 def next_window(windows: Windows, trace: Trace, coefficients, cutoff):
     """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
-    values = trace.tables[0] @ coefficients @ trace.tables[1].T
+    # Cells that are not covered hold nothing, and were not traced: where they would land nobody knows.
+    values = np.where(trace.covered[..., None, None], trace.tables[0] @ coefficients @ trace.tables[1].T, 0.0)
     values *= np.outer(trace.angle_weights, trace.velocity_weights)
     values *= source.areas[..., None, None]
     total, x, v, xx, xv, vv, box = landing_sums(

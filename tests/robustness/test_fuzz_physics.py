@@ -71,7 +71,7 @@ def test_extreme_scenes_tallied_and_in_histories(examples):
         assert np.all(np.isfinite(run.impact_time))
         assert np.all(np.isfinite(run.impact_velocity))
         # Splitting looks ahead from every state at every time of a cycle: seconds where it is long or hardly damped.
-        if scene.noise.kind == "white" and scene.forcing.frequency > 3.0 and scene.block.restitution < 0.99:
+        if scene.noise.kind == "white" and scene.forcing.frequency > 3.0 and scene.block.restitution < 0.9:
             rare = split(scene, cycles=1, walkers=10, repeats=2)
             assert np.all((rare.repeat_overturned >= 0.0) & (rare.repeat_overturned <= 1.0 + 1e-12))
 
