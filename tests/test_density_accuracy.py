@@ -281,3 +281,25 @@ def test_starts_that_meet_impacts_agree_with_paths(amplitude, phase, start):
     assert evolution.mass_defect < 1e-12
     assert np.abs(evolution.lost).max() < 1e-6
     assert np.abs(standard_errors(evolution, simulate(scene, cycles=1, realizations=20_000, seed=3))).max() < 4.0
+
+
+LIFTED_OFF_LATE = {
+    "A = 1.5": (1.5, 1.0, 0.5, 0.003, 0.03672),
+    "A = 1.5, weak noise": (1.5, 1.0, 0.8, 0.001, 0.00421),
+    "A = 2.5": (2.5, 2.0, 0.5, 0.003, 0.03160),
+}
+"""Amplitude, frequency, restitution, D; P(standing after a cycle) by 400,000 paths of the white-noise engine."""
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency", "restitution", "diffusion", "standing"),
+    [LIFTED_OFF_LATE["A = 1.5"], *(pytest.param(*row, marks=pytest.mark.slow) for row in LIFTED_OFF_LATE.values())],
+)
+def test_block_at_rest_under_a_sine(amplitude, frequency, restitution, diffusion, standing):
+    """It rattles until |f| = 1, and what the noise does then decides; false alarm 6e-5 each on top of the estimate."""
+    forcing = Forcing(amplitude, frequency, 0.5 * math.pi)
+    scene = Scene(Block(restitution), forcing, WhiteNoise(diffusion), REST, Overturning())
+    evolution = solve_fpk(scene, cycles=1, tol=1e-3)
+    error = math.sqrt(standing * (1.0 - standing) / 400_000)
+    assert evolution.error_estimate < 1e-3
+    assert abs(evolution.survival[1] - standing) < 4.0 * error + evolution.error_estimate

@@ -36,7 +36,7 @@ BARELY = 0.2
 BROKEN = 100.0
 """Sum of the sizes of the masses of a window's cells above which its density grows without bound."""
 
-_RATTLE, _MOST_STEPS, _LEAST_STEPS = 0.25, 800, 16
+_RATTLE, _SINCE, _MOST_STEPS, _LEAST_STEPS = 0.25, 0.4, 320, 16
 
 
 class Gaussian:
@@ -185,9 +185,23 @@ class Departure:
         return quiet
 
     def _longest(self, time):
-        """Longest step next to x = 0: under |f| < 1 the noise must still lift the block off within it."""
-        gap = 1.0 - abs(self.dynamics.force(time))
-        return max(_RATTLE * self.dynamics.diffusion / gap**2, self.period / _MOST_STEPS) if gap > 0.0 else math.inf
+        """Longest step for a block that rattles at x = 0, and while it is lifted off.
+
+        Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
+        are a part of that; from |f| = 1 on they also grow with the time since.
+        """
+        dynamics, growth = self.dynamics, self.windows.growth
+        amplitude, frequency, phase = abs(dynamics.harmonic[0]), *dynamics.harmonic[1:]
+        angle = frequency * time + phase
+        gap, change = 1.0 - amplitude * abs(math.cos(angle)), amplitude * frequency * abs(math.sin(angle))
+        if gap > 0.0:
+            lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
+            return growth * max(_RATTLE * lifting, self.period / _MOST_STEPS)
+        since = (angle - math.pi * round(angle / math.pi) + math.acos(1.0 / amplitude)) / frequency
+        if since > time:
+            return math.inf
+        crossing = _crossing_time(dynamics, frequency * math.sqrt(amplitude**2 - 1.0))
+        return growth * (_SINCE * since + _RATTLE * crossing)
 
     def _rattles(self, now, duration):
         """Whether mass that matters may come to rest at x = 0 within a step."""
@@ -240,9 +254,13 @@ def _drift_time(dynamics: Dynamics):
     """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
     amplitude, frequency, _ = dynamics.harmonic
     drift = abs(abs(dynamics.force(0.0)) - 1.0)
-    change = amplitude * frequency
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
-    return min(steady, (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf, 1.0)
+    return min(steady, _crossing_time(dynamics, amplitude * frequency), 1.0)
+
+
+def _crossing_time(dynamics: Dynamics, change):
+    """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
+    return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf
 
 
 def _cell_size(lines, point):
