@@ -27,7 +27,7 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about ten minutes
 test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest
 
-bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 9 minutes
+bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 10 minutes
 	@set -e; for script in density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
 
 bench-full: bench  ## the slow tests, and the benchmarks that take longer

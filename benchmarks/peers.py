@@ -1,6 +1,6 @@
 """Other packages on the problems that they can state; writes docs/peers.md.
 
-make peers                 # 5 to 10 minutes on 2 cores, half of it compilation
+make peers                 # about 10 minutes on 2 cores, half of it compilation
 """
 
 import importlib.metadata

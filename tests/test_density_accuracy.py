@@ -286,6 +286,7 @@ def test_starts_that_meet_impacts_agree_with_paths(amplitude, phase, start):
 LIFTED_OFF_LATE = {
     "A = 1.5": (1.5, 1.0, 0.5, 0.003, 0.03672),
     "A = 1.5, weak noise": (1.5, 1.0, 0.8, 0.001, 0.00421),
+    "A = 2": (2.0, 1.5, 0.5, 0.005, 0.02409),
     "A = 2.5": (2.5, 2.0, 0.5, 0.003, 0.03160),
 }
 """Amplitude, frequency, restitution, D; P(standing after a cycle) by 400,000 paths of the white-noise engine."""
