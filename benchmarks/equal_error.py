@@ -246,10 +246,11 @@ def draw_errors(path, found):
                 errors = [found["truth"].sampled(count)[kind] for count in counts]
                 ax.plot(counts * rate, errors, color=colour, label=f"Monte Carlo {method}")
             ax.plot(found["baseline"]["seconds"], found["baseline"][kind], "s", color="#777777", label="Eulerian")
+            ax.axhline(found["truth"].unsure[kind], color="#777777", ls=":", lw=1.0, label="error of the truth")
             least = min(row[kind] for row in found["solver"].values())
-            limits = {"xlim": (0.05, 5000.0), "ylim": (0.5 * least, None)}
+            limits = {"xlim": (0.05, 5000.0), "ylim": (0.5 * min(least, found["truth"].unsure[kind]), None)}
             ax.set(xscale="log", yscale="log", xlabel="seconds", ylabel=label, **limits)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize=8)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
 
 
 def draw_growth(path, noise, horizon):

@@ -109,6 +109,7 @@ def test_bifurcation(tmp_path):
     assert written(tmp_path, "bifurcation", values)
 
 
+@pytest.mark.slow
 def test_survival_against_restitution(tmp_path):
     coarse = {"restitutions": (0.5, 0.7, 1.0), "density_restitutions": (0.7,), "realizations": 2000, "tol": 5e-2}
     values = case("survival_against_restitution").run(tmp_path, **coarse)

@@ -115,6 +115,7 @@ def test_viewer_names_what_is_missing(tmp_path, series, viewer, capsys):
     assert "--cycle: got 3, accepted: 0, 2, 4" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_viewer_takes_a_picture_or_says_why_not(tmp_path, series):
     """In a process of its own: where there is no OpenGL, VTK would end this one."""
     picture = tmp_path / "density.png"

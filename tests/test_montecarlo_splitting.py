@@ -95,7 +95,11 @@ MAIN = scene_of(2.5e-4)
 
 
 @pytest.mark.parametrize(
-    ("scene", "cycles", "which"), [(scene_of(0.004, 4.0, 0.6, 6.0, SPREAD), 2, (0, 1, 2)), (MAIN, 10, (5, 7, 10))]
+    ("scene", "cycles", "which"),
+    [
+        (scene_of(0.004, 4.0, 0.6, 6.0, SPREAD), 2, (0, 1, 2)),
+        pytest.param(MAIN, 10, (5, 7, 10), marks=pytest.mark.slow),
+    ],
 )
 def test_agrees_with_a_plain_ensemble(scene, cycles, which):
     """Each side at three cycles, where any overturned; false alarm 6 x 6e-5."""
@@ -152,7 +156,7 @@ def test_outlook_is_the_nearest_approach_of_an_independent_block():
     _, _, n_angle, n_velocity = outlook.table.shape
     shift = 4.6 / math.hypot(1.0, 2.7)
     cutoff, found = MAIN.overturning.angle, []
-    for j, side, a, b in ((0, 1, 20, 60), (5, -1, 40, 110), (17, 1, 70, 80), (30, -1, 5, 150), (9, 1, 90, 120)):
+    for j, side, a, b in ((5, -1, 40, 110), (17, 1, 70, 80), (30, -1, 5, 150)):
         u, w = cutoff * a / (n_angle - 1), outlook.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
         block = oracle.Block(4.6, 2.7, math.pi, 0.5, cutoff, side * u, side * w, side)
         block.t = begin = j * MAIN.period / intervals
