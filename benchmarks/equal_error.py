@@ -12,10 +12,11 @@ import time
 import warnings
 
 import numpy as np
-from density import CYCLES, FINE_EDGES, MAIN, TOLERANCES, peak_memory, run_of
+from density import CYCLES, MAIN, TOLERANCES, peak_memory
+from equal_pictures import draw_errors, draw_growth
+from equal_truth import Truth
 from eulerian_runs import EDGES, Row
 from eulerian_runs import Run as Baseline
-from fine_reference import load
 from report import PAGE, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, distances, load_scene, solve_fpk
@@ -26,7 +27,6 @@ from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.start import Departure
 from fpk_rocking.density.step import Quadrature
 from fpk_rocking.density.window import Windows
-from fpk_rocking.output import style
 from fpk_rocking.scene import WhiteNoise
 from montecarlo import simulate
 
@@ -41,7 +41,6 @@ METHODS = {
 TARGETS = {"L1 = 0.01, bins of .1": ("coarse", 0.01), "L1 = 0.01, bins of .025": ("fine", 0.01),
            "dS = 5e-4": ("survival", 5e-4), "dS = 1e-4": ("survival", 1e-4)}  # fmt: skip
 OTHERS = *METHODS, "Eulerian"
-DRAWN = 20_000
 SAMPLE = 50_000
 _LEAN = Windows(8, 4.5, 1.0, 0.05, 4)
 ALONE = (
@@ -54,7 +53,6 @@ DIFFUSIONS = 0.05, 0.02, 0.00628, 0.0025, 6.3e-4, 2.5e-4, 6.3e-5, 2.5e-5
 HORIZONS = 10, 40, 100, 200
 LOOSE = 1e-2
 TITLE = "Time at equal error"
-BINS = {"coarse": EDGES, "fine": FINE_EDGES}
 BASELINE = Row(24, 40, 3, 192)
 PEAK = """
 import pathlib, sys
@@ -65,50 +63,6 @@ tally(scene.white_equivalent() if sys.argv[2] == "white" else scene, cycles=10, 
       **everywhere)
 print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_text().splitlines() if "VmHWM" in line))
 """
-
-
-class Truth:
-    """Survival and last bins of a scene on the solver's finest mesh, and how far the next one is from them."""
-
-    def __init__(self, scene):
-        run, solution = run_of(scene, len(LADDER) - 1, 1e-4)
-        self.survival = solution.inside
-        last = solution.coefficients[CYCLES]
-        self.bins = {name: run.space.bin_integrals(last, *edges) for name, edges in BINS.items()}
-        run, solution = run_of(scene, len(LADDER) - 2, 1e-4)
-        last = solution.coefficients[CYCLES]
-        self.unsure = self.errors(solution.inside, lambda edges: run.space.bin_integrals(last, *edges))
-        joint = np.minimum.outer(self.survival, self.survival) - np.outer(self.survival, self.survival)
-        drawn = np.random.default_rng(1).multivariate_normal(np.zeros(CYCLES + 1), joint, DRAWN)
-        self._worst = float(np.abs(drawn).max(axis=1).mean())
-
-    def errors(self, survival, bins):
-        """Errors by kind: the largest in survival, and L1 after the last cycle."""
-        apart = {name: distances.l1(bins(edges), self.bins[name]) for name, edges in BINS.items()}
-        return {"survival": float(np.abs(survival - self.survival).max())} | apart
-
-    def sampled(self, count):
-        """Return the expected errors of a sample: that of survival is the largest over the cycles."""
-        laws = {name: np.clip(bins, 0.0, 1.0) for name, bins in self.bins.items()}
-        floors = {name: distances.l1_floor(law, count, math.inf) for name, law in laws.items()}
-        return {"survival": self._worst / math.sqrt(count)} | floors
-
-    def against_paths(self):
-        """Hold it against the tracked paths: their number, L1 on fine bins, its floor, survival less theirs, error."""
-        kept = load()
-        apart = distances.l1(self.bins["fine"], kept.bins / kept.paths)
-        floor = distances.l1_floor(np.clip(self.bins["fine"], 0.0, 1.0), kept.paths, math.inf)
-        standing = kept.standing / kept.paths
-        error = math.sqrt(standing * (1.0 - standing) / kept.paths)
-        return kept.paths, apart, floor, self.survival[CYCLES] - standing, error
-
-    def paths(self, kind, error):
-        """Realizations that a sample needs for an expected error."""
-        low, high = 1.0, 1e15
-        while high > 1.0001 * low:
-            middle = math.sqrt(low * high)
-            low, high = (middle, high) if self.sampled(middle)[kind] > error else (low, middle)
-        return high
 
 
 def solver_rows(scene, truth):
@@ -230,46 +184,6 @@ def peaks():
     return held | {f"density solver at tol {tol:g}": peak_memory(tol) for tol in TOLERANCES}
 
 
-def draw_errors(path, found):
-    """Errors against seconds: the solver's measured, sampling as lines from the measured rate."""
-    with style.page(path, (11.0, 4.8), f"Main scene, {CYCLES} cycles: error against time") as figure:
-        axes = figure.subplots(1, 3)
-        kinds = (("survival", "largest error in survival"), ("coarse", "L1 of the density, bins of 0.1"),
-                 ("fine", "L1 of the density, bins of 0.025"))  # fmt: skip
-        marks = {"solver": ("D-", "black", "density solver, with estimate"), "alone": ("x", "black", "one run alone")}
-        for ax, (kind, label) in zip(axes, kinds, strict=True):
-            for part, (mark, colour, name) in marks.items():
-                columns = [[row[value] for row in found[part].values()] for value in ("seconds", kind)]
-                ax.plot(*columns, mark, color=colour, label=name)
-            for (method, rate), colour in zip(found["rates"].items(), (*style.COLOURS[:3], "#66c2a5"), strict=False):
-                counts = np.geomspace(1e4, 1e9, 20)
-                errors = [found["truth"].sampled(count)[kind] for count in counts]
-                ax.plot(counts * rate, errors, color=colour, label=f"Monte Carlo {method}")
-            ax.plot(found["baseline"]["seconds"], found["baseline"][kind], "s", color="#777777", label="Eulerian")
-            ax.axhline(found["truth"].unsure[kind], color="#777777", ls=":", lw=1.0, label="error of the truth")
-            least = min(row[kind] for row in found["solver"].values())
-            limits = {"xlim": (0.05, 5000.0), "ylim": (0.5 * min(least, found["truth"].unsure[kind]), None)}
-            ax.set(xscale="log", yscale="log", xlabel="seconds", ylabel=label, **limits)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
-
-
-def draw_growth(path, noise, horizon):
-    """Seconds as the noise falls and as the horizon grows."""
-    with style.page(path, (9.0, 4.2), f"Main scene, tol {LOOSE:g}: time of the density solver") as figure:
-        left, right = figure.subplots(1, 2)
-        diffusions = [row["diffusion"] for row in noise]
-        left.plot(diffusions, [row["seconds"] for row in noise], "D-", color="black", label="density solver")
-        left.plot(diffusions, [row["white"] for row in noise], color=style.COLOURS[0], label="white, to L1 = 0.01")
-        left.set(xscale="log", xlabel="diffusion D", ylabel=f"seconds, {CYCLES} cycles", ylim=(0.0, None))
-        left.legend()
-        *steps, operator = horizon
-        right.plot([row["cycles"] for row in steps], [row["seconds"] for row in steps], "D-", color="black",
-                   label="density solver")  # fmt: skip
-        right.axhline(operator["seconds"], color=style.COLOURS[1], label="one-cycle operator, any number")
-        right.set(xlabel="cycles", ylabel="seconds", xlim=(0.0, None), ylim=(0.0, None))
-        right.legend()
-
-
 def main():
     """Measure, and write the section, the picture and the figures as JSON."""
     scenes = {}
@@ -289,7 +203,7 @@ def main():
     write_section(TITLE, body(scenes, noise, horizon, memory), values=values)
     folder = PAGE.with_suffix("")
     draw_errors(folder / f"{slug(TITLE)}.png", scenes["main"])
-    draw_growth(folder / f"{slug(TITLE)}_growth.png", noise, horizon)
+    draw_growth(folder / f"{slug(TITLE)}_growth.png", noise, horizon, LOOSE)
 
 
 def body(scenes, noise, horizon, memory):
