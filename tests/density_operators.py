@@ -10,8 +10,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
+from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+
 GAUSS, GAUSS_WEIGHTS = legendre.leggauss(4)
 NORMS = np.sqrt([1.0, 3.0, 5.0, 7.0])
+REST = Start()
 
 
 def affine(dynamics, start, duration, side):
@@ -154,3 +157,9 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
     now, second = move_along_velocity(now, mesh_lines, lambda _: 0.0, *blur, leave)
     now, out = move_along_angle(now, mesh_lines, drift, *fine, (side > 0, side < 0))
     return now, out, first + second
+
+
+def scene_of(amplitude=4.6, phase=math.pi, start=REST, diffusion=0.02, cutoff=math.pi / 2, frequency=2.7):
+    """Scene with white noise: the main one but for what is named, with more noise."""
+    forcing = Forcing(amplitude, frequency, phase)
+    return Scene(Block(0.5), forcing, WhiteNoise(diffusion), start, Overturning(cutoff))
