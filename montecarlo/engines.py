@@ -16,6 +16,7 @@ _ENGINES = {"exact": exact, "rk4": rk4, "white": white}
 _FITTING = {"band": ("exact", "rk4"), "none": ("exact", "rk4"), "white": ("white",)}
 _BATCH_S = 0.3
 _SMALLEST_BATCH = 64
+_FIRST_STATES = 4096
 _STATES = 2**28
 
 
@@ -94,7 +95,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     """
     engine = _ENGINES[run.method]
     problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, samples), stream_keys(run.seed)
-    size = _SMALLEST_BATCH
+    size = max(_SMALLEST_BATCH, _FIRST_STATES // run.cycles)
     while first < run.realizations:
         began = time.perf_counter()
         count = min(size, run.realizations - first)

@@ -7,6 +7,7 @@ bands is suppressed like exp(-pi WIDTH sqrt(1 - 1/OVERSAMPLING)), psi being a Ka
 G. Steidl, M. Tasche, 2001). Between two samples each piece of psi is a polynomial, and so is the interpolant.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -36,6 +37,12 @@ def pieces(spacing):
         Row i belongs to sample i - WIDTH/2 + 1 (0: at the interval's begin, 1: at its end); coefficients in the time
         since the interval's middle.
     """
+    return (_window_pieces() * (2.0 / np.longdouble(spacing)) ** np.arange(TERMS, dtype=np.longdouble)).astype(float)
+
+
+@functools.cache
+def _window_pieces():
+    """Polynomials (WIDTH, TERMS) of `pieces` for samples 2 apart; not to be written to."""
     # In long double where there is one: rounding of the window is what limits the derivative otherwise.
     order = np.arange(TERMS, dtype=np.longdouble)
     angles = np.longdouble("3.14159265358979323846264") * (order + 0.5) / TERMS
@@ -43,8 +50,7 @@ def pieces(spacing):
     window = _bessel(1.0 - ((nodes - 2.0 * order[:WIDTH, None] + (WIDTH - 1.0)) / WIDTH) ** 2) / _bessel(1.0)
     rows = window @ np.cos(order * angles[:, None]) * (2.0 / TERMS)
     rows[:, 0] *= 0.5
-    rows = np.array([np.polynomial.chebyshev.cheb2poly(row) for row in rows])
-    return (rows * (2.0 / np.longdouble(spacing)) ** order).astype(float)
+    return np.array([np.polynomial.chebyshev.cheb2poly(row) for row in rows])
 
 
 def _bessel(square):
@@ -57,8 +63,12 @@ def _bessel(square):
     return total
 
 
+@functools.cache
 def compensation():
-    """Return coefficients of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1."""
+    """Return coefficients of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1.
+
+    Not to be written to.
+    """
     nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
     argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
     inverse = special.i0(_SHAPE) * argument / (WIDTH * np.sinh(argument))
