@@ -120,20 +120,20 @@ def _well(axes):
 
 
 def _portrait(axes, restitution):
-    label = "without loss"
+    label = "samples, e = 1"
     for energy in (*INSIDE, *OUTSIDE):
         x, v = free_orbit(energy)
         for side in (1.0, -1.0):
-            axes.plot(side * x, side * v, color="#999999", linewidth=1.0, label=label)
+            axes.plot(side * x, side * v, "--", color="#999999", linewidth=1.0, label=label)
             label = None
             if energy > 0.5:
-                axes.plot(side * x, -side * v, color="#999999", linewidth=1.0)
-                axes.plot(-side * x, side * v, color="#999999", linewidth=1.0)
+                axes.plot(side * x, -side * v, "--", color="#999999", linewidth=1.0)
+                axes.plot(-side * x, side * v, "--", color="#999999", linewidth=1.0)
     x = np.array([-CUTOFF, 0.0, CUTOFF])
     for side in (1.0, -1.0):
         axes.plot(side * x, side * (1.0 - np.abs(x)), color=style.COLOURS[0], linewidth=2.4)
         axes.annotate("", (side * 0.62, side * 0.38), (side * 0.5, side * 0.5), arrowprops=_arrow(style.COLOURS[0]))
-    axes.plot([], [], color=style.COLOURS[0], linewidth=2.4, label="heteroclinic, and beyond")
+    axes.plot([], [], color=style.COLOURS[0], linewidth=2.4, label="heteroclinic, e = 1")
     speed, side = 0.97, 1.0
     for _ in range(IMPACTS):
         u, w = free_orbit(0.5 * speed**2)
@@ -141,10 +141,16 @@ def _portrait(axes, restitution):
         # The flight arrives at x = 0 as fast as it left.
         axes.plot([0.0, 0.0], [-side * speed, -side * restitution * speed], ":", color=style.COLOURS[1])
         speed, side = restitution * speed, -side
-    axes.plot([], [], color=style.COLOURS[1], label=f"with impacts, e = {restitution:g} (dotted)")
-    axes.plot([-1.0, 1.0], [0.0, 0.0], "o", color="black", markersize=5)
+    axes.plot([], [], color=style.COLOURS[1], label=f"e = {restitution:g}, dotted: impacts")
+    axes.plot([-1.0, 0.0, 1.0], [0.0, 0.0, 0.0], "o", color="black", markersize=5, zorder=3)
     _cutoff(axes, -1.5, 1.4)
-    axes.set(title="Phase portrait", xlabel=_ANGLE, ylabel=_VELOCITY, xlim=(-1.75, 1.75), ylim=(-1.5, 2.0))
+    axes.set(
+        title="Phase portrait: saddles at ±1, centre at 0",
+        xlabel=_ANGLE,
+        ylabel=_VELOCITY,
+        xlim=(-1.75, 1.75),
+        ylim=(-1.5, 2.0),
+    )
     axes.legend(loc="upper center", ncols=2, fontsize=9)
 
 

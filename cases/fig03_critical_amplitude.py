@@ -1,17 +1,19 @@
-"""Critical amplitude of the forcing against its frequency, with and without noise: cf. Fig. 3 of Lin and Yim (1996).
+"""Critical amplitude of the forcing against its frequency, with and without noise: Fig. 3 of Lin and Yim (1996).
 
 From the critical amplitude on, the Melnikov criterion lets blocks cross the separatrix. Shown are
 
-* the paper's criterion (14) for several restitutions, without noise and with σ² = 0.16,
-* at e = 0.5 the criteria against each other: (14), which adds the peak of the harmonic part to the mean square of the
-  noise; the mean square of both; and the exact crossing of the manifolds without noise,
+* the paper's figure: its criterion (14) at e = 0.5, without noise and with σ² = 0.286. Beside it the exact crossing of
+  the manifolds without noise, and the mean square of both parts of the Melnikov process in the place of (14), which
+  adds the peak of the harmonic part to the mean square of the noise,
+* criterion (14) for other restitutions,
 * (14) without noise over the exact amplitude: where the first order in 1 - e, A and σ holds,
-* (14) at Ω = 4 against the variance of the noise, for three bands; it is zero where the noise alone meets it.
+* (14) at Ω = 4 against the variance of the noise, for three bands. It is zero where the noise alone meets it.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band. That its noise leaves a critical amplitude, as its figure shows, excludes bands
+[0, b] below b = 6.4 (see band_inferred.py).
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
-122(8), 719-727, 1996, Fig. 3.
+122(8), 719-727, 1996, Fig. 3: e = 0.5, Ψ = 0 (of which nothing here depends).
 
 Run time: about two seconds.
 
@@ -26,18 +28,19 @@ import sys
 
 import numpy as np
 
-from fpk_rocking import BandNoise, NoNoise, melnikov
+from fpk_rocking import BandNoise, NoNoise, load_scene, melnikov
 from fpk_rocking.output import style, summary
 
+SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
+PAPER = 0.5
 BANDS = (5.0, 10.0, 20.0)
 SHOWN = (0.5, 1.0, 2.0, 2.7, 4.0, 6.0)
-_NOTE = "Noise band [0, 10] unless stated: inferred by this project; the paper states none."
 _AMPLITUDE = "amplitude A, nondimensional"
 _FREQUENCY = "frequency Ω, nondimensional"
 
 
-def run(out, variance=0.16, points=241) -> dict:
+def run(out, variance=0.286, points=241) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -45,7 +48,7 @@ def run(out, variance=0.16, points=241) -> dict:
     out : path
         Folder for the files; created if missing.
     variance : float
-        σ² of the noise on [0, 10].
+        σ² of the noise.
     points : int
         Of each curve.
 
@@ -54,13 +57,15 @@ def run(out, variance=0.16, points=241) -> dict:
     dict
         What ``fig03.json`` holds: amplitudes at the frequencies `SHOWN` by criterion, one row a restitution.
     """
-    out, noise = pathlib.Path(out), BandNoise(variance, (0.0, 10.0), 100)
+    ours = load_scene(SCENE).noise
+    out, noise = pathlib.Path(out), BandNoise(variance, ours.band, ours.harmonics, ours.remark)
     draw(out / "fig03.png", noise, points)
     e = np.reshape(RESTITUTIONS, (-1, 1))
     bands = [BandNoise(variance, (0.0, high), 100) for high in BANDS]
     values = {
         "figure": "Fig. 3 of Lin and Yim, J. Eng. Mech. 122(8), 1996",
         "variance": variance,
+        "deviation_of_the_process": melnikov.noise_variance(noise) ** 0.5,
         "restitutions": list(RESTITUTIONS),
         "frequencies": list(SHOWN),
         "impact_loss": melnikov.impact_loss(RESTITUTIONS).tolist(),
@@ -72,7 +77,7 @@ def run(out, variance=0.16, points=241) -> dict:
         "bands": list(BANDS),
         "deviation_by_band": [melnikov.noise_variance(band) ** 0.5 for band in bands],
         "amplitude_by_band_at_4": melnikov.critical_amplitude(4.0, e, bands).tolist(),
-        "remarks": [_NOTE],
+        "remarks": [noise.remark],
     }
     summary.write_summary(out / "fig03.json", values)
     return values
@@ -81,34 +86,44 @@ def run(out, variance=0.16, points=241) -> dict:
 def draw(path, noise, points):
     """Write the picture."""
     omega = np.linspace(0.05, 6.0, points)
-    with style.page(path, (10.5, 8.6), "Critical amplitude of the forcing (cf. paper Fig. 3)", [_NOTE]) as figure:
-        (paper, criteria), (ratio, noisy) = figure.subplots(2, 2)
+    title = "Critical amplitude of the forcing (cf. paper Fig. 3)"
+    notes = [f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
+    with style.page(path, (10.5, 9.0), title, notes) as figure:
+        (paper, others), (ratio, noisy) = figure.subplots(2, 2)
         _paper(paper, omega, noise)
-        _criteria(criteria, omega, noise)
+        _others(others, omega, noise)
         _ratio(ratio, omega)
         _noisy(noisy, points)
 
 
 def _paper(axes, omega, noise):
+    still, noisy = "no noise", f"σ² = {noise.variance:g}"
+    for criterion, colour, name in (
+        ("peak", style.COLOURS[0], "(14)"),
+        ("mean square", style.COLOURS[1], "mean square"),
+    ):
+        for one, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
+            amplitude = melnikov.critical_amplitude(omega, PAPER, one, criterion)
+            width = 2.2 if criterion == "peak" else 1.0
+            axes.plot(omega, amplitude, line, color=colour, linewidth=width, label=f"{name}, {label}")
+    exact = melnikov.exact_critical_amplitude(omega, PAPER)
+    axes.plot(omega, exact, color="black", linestyle="-.", linewidth=1.0, label="exact crossing, no noise")
+    axes.set(title=f"The paper's figure, e = {PAPER:g}; thin lines: ours", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
+    axes.set(ylim=(-0.1, 8.0))
+    axes.legend(loc="upper left")
+
+
+def _others(axes, omega, noise):
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
-        axes.plot(omega, melnikov.critical_amplitude(omega, e, NoNoise()), color=colour, label=f"e = {e:g}")
+        still = melnikov.critical_amplitude(omega, e, NoNoise())
+        axes.plot(omega, still, color=colour)
         axes.plot(omega, melnikov.critical_amplitude(omega, e, noise), "--", color=colour)
-    axes.plot([], [], "--", color="#555555", label=f"with noise, σ² = {noise.variance:g}")
-    _scenes(axes)
-    axes.set(title="Criterion (14)", xlabel=_FREQUENCY, ylabel=_AMPLITUDE, ylim=(-0.1, 8.0))
-    axes.legend(loc="upper left", title="solid: without noise")
-
-
-def _criteria(axes, omega, noise):
-    e = 0.5
-    for criterion, colour, label in zip(("peak", "mean square"), style.COLOURS, ("(14)", "mean square"), strict=False):
-        for one, line in ((NoNoise(), "-"), (noise, "--")):
-            amplitude = melnikov.critical_amplitude(omega, e, one, criterion)
-            axes.plot(omega, amplitude, line, color=colour, label=f"{label}, σ² = {getattr(one, 'variance', 0.0):g}")
-    exact = melnikov.exact_critical_amplitude(omega, e)
-    axes.plot(omega, exact, color="black", linestyle="-.", label="manifolds cross (exact), σ² = 0")
-    _scenes(axes)
-    axes.set(title=f"The criteria at e = {e:g}", xlabel=_FREQUENCY, ylabel=_AMPLITUDE, ylim=(-0.1, 8.0))
+        last = int(np.argmax(still > 7.6)) if still.max() > 7.6 else -1
+        axes.annotate(f"e = {e:g}", (omega[last], still[last]), xytext=(4, 0), textcoords="offset points", color=colour)
+    axes.plot([], [], color="#555555", label="no noise")
+    axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}; 0 for e = 0.7 and 0.9")
+    axes.set(title="Criterion (14) for other restitutions", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
+    axes.set(ylim=(-0.1, 8.0), xlim=(-0.25, 6.9))
     axes.legend(loc="upper left")
 
 
@@ -135,19 +150,11 @@ def _noisy(axes, points):
     axes.legend(ncols=2, loc="upper right")
 
 
-def _scenes(axes):
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-    look = {"textcoords": "offset points", "color": style.OVERTURNED, "bbox": box, "ha": "center"}
-    for omega, amplitude, name, place in ((2.7, 4.6, "main scene", (0, -16)), (4.0, 4.0, "(4, 4)", (24, -3))):
-        axes.plot(omega, amplitude, "x", color=style.OVERTURNED, markersize=8, mew=2, zorder=5)
-        axes.annotate(name, (omega, amplitude), xytext=place, **look)
-
-
 def main() -> int:
     """Read the command line, run, print the amplitudes and say where the files are."""
     parser = argparse.ArgumentParser(description="Fig. 3 of Lin and Yim (1996).")
     parser.add_argument("--out", type=pathlib.Path, default="results/fig03", help="folder (default: %(default)s)")
-    parser.add_argument("--variance", type=float, default=0.16, help="of the noise (default: %(default)s)")
+    parser.add_argument("--variance", type=float, default=0.286, help="of the noise (default: %(default)s)")
     options = parser.parse_args()
     values = run(options.out, options.variance)
     print(f"{'':34}" + "".join(f"Ω = {omega:<7g}" for omega in values["frequencies"]))

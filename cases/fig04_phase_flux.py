@@ -10,7 +10,7 @@ unit time, to first order. Around (A, Ω) = (4, 4), without noise and with σ² 
 Band noise of finitely many harmonics is not Gaussian; the mean of the positive part over many realizations tells how
 much of Φ rests on its being so.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 4.
@@ -29,15 +29,15 @@ import sys
 
 import numpy as np
 
-from fpk_rocking import BandNoise, Forcing, NoNoise, melnikov
+from fpk_rocking import BandNoise, Forcing, NoNoise, load_scene, melnikov
 from fpk_rocking.output import style, summary
 
+SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 FORCING = Forcing(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
 BANDS = (5.0, 10.0, 20.0)
 SHOWN_CYCLES = 12
 PHASES, APART = 32, 13
-_NOTE = "Noise band [0, 10] with 100 harmonics: inferred by this project; the paper states none."
 _FLUX = "phase flux Φ, nondimensional"
 
 
@@ -60,7 +60,8 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
     dict
         What ``fig04.json`` holds: fluxes without and with noise by method, one column a restitution.
     """
-    out, noise = pathlib.Path(out), BandNoise(variance, (0.0, 10.0), 100)
+    ours = load_scene(SCENE).noise
+    out, noise = pathlib.Path(out), BandNoise(variance, ours.band, ours.harmonics, ours.remark)
     noises = [[NoNoise()], [noise]]
     corrected = melnikov.phase_flux(FORCING, RESTITUTIONS, noises)
     sampled, error = melnikov.phase_flux_sampled(FORCING, RESTITUTIONS, noises, strata=strata, seed=seed)
@@ -82,7 +83,7 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
         "processes_standard_error": [deviation for _, deviation in processes],
         "bands": list(BANDS),
         "corrected_by_band": melnikov.phase_flux(FORCING, RESTITUTIONS, bands).tolist(),
-        "remarks": [_NOTE],
+        "remarks": [noise.remark],
     }
     draw(out / "fig04.png", noise, points, values, seed)
     summary.write_summary(out / "fig04.json", values)
@@ -112,7 +113,8 @@ def process_flux(noise, restitution, realizations, seed):
 
 def draw(path, noise, points, values, seed):
     """Write the picture."""
-    with style.page(path, (10.5, 11.2), "Phase flux (cf. paper Fig. 4)", [_NOTE]) as figure:
+    notes = [f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
+    with style.page(path, (10.5, 11.2), "Phase flux (cf. paper Fig. 4)", notes) as figure:
         rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 1.0))
         _process(panels["process"], noise, seed)

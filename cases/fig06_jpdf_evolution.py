@@ -9,7 +9,7 @@ Three results are held side by side: the density; Monte Carlo with the paper's b
 with the white noise that the density assumes (method white). The last isolates the error of the density solver, the
 other adds what the replacement of band by white noise costs.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 6.

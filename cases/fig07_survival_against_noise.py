@@ -1,18 +1,19 @@
 """Survival after 200 forcing cycles against the variance of the noise: Fig. 7 of Lin and Yim (1996).
 
-The main scene from rest, with the variance of the noise from 0 to 0.04. As in the paper each probability comes from
+A block from rest with Ψ = 0 and the variance of the noise from 0 to 0.04. As in the paper each probability comes from
 1,000 realizations, here with Wilson's intervals. Beside it stands the density after the same 200 cycles, by the modes
 of its one-cycle operator, one operator a noise level: nothing is evolved over 200 cycles, and survival far below what
 realizations can tell has an error estimate of its own. Without noise there is one motion, which the exact engine
 follows. Monte Carlo with the white noise that the density assumes tells the error of the solver from that of replacing
-noise of 100 harmonics by white noise, which 200 cycles multiply. The second panel has a logarithmic axis. The third
-shows how much the noise band matters.
+noise of 100 harmonics by white noise, which 200 cycles multiply. The second panel has a logarithmic axis, the third
+other noise bands and the fourth other phases Ψ: π, that of the paper's Fig. 6, is the mirror image of 0, so that from
+rest survival is the same by symmetry; π/2 is not.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims. The
+The axis of σ² is scaled like its square root, for the fall is over in the first quarter of the paper's axis. The
 paper's caption has the variance up to 0.4, its text up to 0.04; the latter is taken.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
-122(8), 719-727, 1996, Fig. 7.
+122(8), 719-727, 1996, Fig. 7: (A, Ω, e, Ψ) = (4.6, 2.7, 0.5, 0).
 
 Run time: about a minute and a half on 2 cores, most of it the densities: the less noise, the longer.
 
@@ -31,7 +32,6 @@ import numpy as np
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
-from fpk_rocking.remarks import remarks
 from montecarlo import simulate, tally
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
@@ -39,14 +39,18 @@ VARIANCES = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.005, 0.0075, 0.01, 0.
 DENSITY_VARIANCES = (0.0025, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.04)
 BANDS = (5.0, 10.0, 20.0)
 OURS = 10.0
+PHASES = {"0 (the paper's)": 0.0, "π/2": np.pi / 2, "π": np.pi}
+PHASE_VARIANCES = (0.001, 0.002, 0.003, 0.005, 0.0075, 0.01)
+PHASE_TIMES = 20
 WHITE_TIMES = 10
 _CLOSURE = "The density solver has white noise of equal Melnikov variance: a closure, to be judged by Monte Carlo."
 _VARIANCE = "variance of the noise σ², nondimensional"
 
 
 def run(
-    out, cycles=200, realizations=1000, variances=VARIANCES, density_variances=DENSITY_VARIANCES, tol=1e-2, seed=1
-) -> dict:
+    out, cycles=200, realizations=1000, variances=VARIANCES, density_variances=DENSITY_VARIANCES,
+    phase_variances=PHASE_VARIANCES, tol=1e-2, seed=1,
+) -> dict:  # fmt: skip
     """Compute, draw and write everything.
 
     Parameters
@@ -54,9 +58,9 @@ def run(
     out : path
         Folder for the files; created if missing.
     cycles, realizations, seed : int
-        Of each ensemble; those of white noise are ten times as large.
-    variances, density_variances : sequence of float
-        σ² of the ensembles and of the densities, above 0, nondimensional.
+        Of each ensemble; those of white noise are ten times as large, those of other phases twenty times.
+    variances, density_variances, phase_variances : sequence of float
+        σ² of the ensembles, of the densities and of other phases, above 0, nondimensional.
     tol : float
         Of the one-cycle operators.
 
@@ -65,9 +69,14 @@ def run(
     dict
         What ``fig07.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    out, scene = pathlib.Path(out), load_scene(SCENE).varied(forcing={"phase": 0.0})
     bands = {band: _ensembles(scene, band, variances, cycles, realizations, seed) for band in BANDS}
-    quiet = simulate(scene.varied(noise=NoNoise()), cycles=cycles, realizations=1)
+    turned = {name: scene.varied(forcing={"phase": phase}) for name, phase in PHASES.items()}
+    phases = {
+        name: _ensembles(one, OURS, phase_variances, cycles, PHASE_TIMES * realizations, seed)
+        for name, one in turned.items()
+    }
+    stands = {name: _stands(one.varied(noise=NoNoise()), cycles) for name, one in turned.items()}
     white = [_white(scene, variance, cycles, WHITE_TIMES * realizations, seed) for variance in density_variances]
     densities = [_density(scene.varied(noise={"variance": variance}), cycles, tol) for variance in density_variances]
     values = {
@@ -76,8 +85,13 @@ def run(
         "cycles": cycles,
         "realizations": realizations,
         "variances": list(variances),
-        "bands": [_plain(band, ensembles) for band, ensembles in bands.items()],
-        "stands_without_noise": bool(quiet.survivors[-1]),
+        "bands": [{"band": [0.0, band]} | _plain(ensembles) for band, ensembles in bands.items()],
+        "phase_variances": list(phase_variances),
+        "phases": [
+            {"phase": name, "stands_without_noise": stands[name]} | _plain(ensembles)
+            for name, ensembles in phases.items()
+        ],
+        "stands_without_noise": next(iter(stands.values())),
         "density": [one | {"variance": v} for v, one in zip(density_variances, densities, strict=True)],
         "white": [
             {
@@ -88,7 +102,7 @@ def run(
             }
             for variance, one in zip(density_variances, white, strict=True)
         ],
-        "remarks": list(dict.fromkeys((*remarks(*bands[OURS]), _CLOSURE))),
+        "remarks": [scene.noise.remark, _CLOSURE],
     }
     _draw(out / "fig07.png", values)
     summary.write_summary(out / "fig07.json", values)
@@ -109,6 +123,11 @@ def _density(scene, cycles, tol):
     }
 
 
+def _stands(scene, cycles):
+    """Whether the block without noise has not overturned."""
+    return bool(simulate(scene, cycles=cycles, realizations=1).survivors[-1])
+
+
 def _ensembles(scene, band, variances, cycles, realizations, seed):
     scenes = [scene.varied(noise={"variance": variance, "band": (0.0, band)}) for variance in variances]
     return [simulate(one, cycles=cycles, realizations=realizations, seed=seed) for one in scenes]
@@ -120,36 +139,57 @@ def _white(scene, variance, cycles, realizations, seed):
     return tally(noisy, cycles=cycles, realizations=realizations, seed=seed, **everywhere)
 
 
-def _plain(band, ensembles):
-    """Survival after the last cycle and its interval, one a variance."""
+def _plain(ensembles):
+    """Survival after the last cycle, its interval, and the share of the right among the overturned, one a variance."""
     return {
-        "band": [0.0, band],
         "survival": [float(one.survival[-1]) for one in ensembles],
         "interval": [one.survival_interval()[-1].tolist() for one in ensembles],
+        "to_the_right": [float(one.overturned[-1, 1] / max(one.overturned[-1].sum(), 1e-300)) for one in ensembles],
     }
 
 
 def _draw(path, values):
     title = f"Survival after {values['cycles']} cycles against noise (cf. paper Fig. 7)"
-    with style.page(path, (10.5, 9.6), title, values["remarks"]) as figure:
-        panels = figure.subplot_mosaic([["ours", "ours"], ["tail", "bands"]], height_ratios=(1.0, 0.9))
-        for name in ("ours", "tail"):
-            _both(panels[name], values)
-        panels["ours"].set(title=f"1 realization without noise, {values['realizations']:,} with", ylim=(-0.02, 1.05))
-        panels["ours"].legend()
-        panels["tail"].set(title="The same, logarithmic; a wedge is an upper limit", yscale="log", ylim=(1e-10, 3.0))
-        _bands(panels["bands"], values)
-        for axes in panels.values():
-            axes.set(xlabel=_VARIANCE, ylabel="P(not overturned)")
+    count = values["realizations"]
+    notes = [f"{count:,} realizations of band noise a point, {PHASE_TIMES * count:,} in the last panel.",
+             *values["remarks"]]  # fmt: skip
+    with style.page(path, (10.5, 10.0), title, notes) as figure:
+        (both, tail), (bands, phases) = figure.subplots(2, 2)
+        for axes in (both, tail):
+            _both(axes, values)
+        both.set(title="The paper's figure, and the density", ylim=(-0.02, 1.05))
+        both.legend(fontsize=9)
+        tail.set(title="The same, logarithmic; a wedge is an upper limit", yscale="log", ylim=(1e-10, 3.0))
+        _several(bands, values["variances"], values["bands"], lambda one: f"band [0, {one['band'][1]:g}]")
+        bands.set_title("Three noise bands")
+        _several(phases, values["phase_variances"], values["phases"], _phase_label)
+        phases.set_title("Three phases Ψ of the forcing")
+        for axes in (both, tail, bands, phases):
+            axes.set(xlabel=_VARIANCE, ylabel="P(not overturned)", xlim=(-1e-5, 0.043))
+            axes.set_xscale("function", functions=(_root, _square))
+            axes.set_xticks((0.0, 0.001, 0.005, 0.01, 0.02, 0.03, 0.04))
+        phases.set_xlim(-1e-5, 0.0125)
+
+
+def _phase_label(one):
+    return f"Ψ = {one['phase']}" + ("" if one["stands_without_noise"] else ", overturns without noise too")
+
+
+def _root(values):
+    return np.sign(values) * np.sqrt(np.abs(values))
+
+
+def _square(values):
+    return np.sign(values) * np.square(values)
 
 
 def _both(axes, values):
     ours = next(one for one in values["bands"] if one["band"][1] == OURS)
-    look = {"color": style.COLOURS[1], "label": "Monte Carlo exact, band [0, 10], 95 % intervals"}
+    look = {"color": style.COLOURS[1], "label": "Monte Carlo, band [0, 10], 95 % intervals"}
     _limited(axes, values["variances"], ours["survival"], ours["interval"], look)
     white, found = values["white"], values["density"]
     columns = ([one[name] for one in white] for name in ("variance", "survival", "interval"))
-    label = f"Monte Carlo white, {white[0]['realizations']:,} realizations"
+    label = f"Monte Carlo, white noise, {white[0]['realizations']:,}"
     _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label})
     columns = ([one[name] for one in found] for name in ("variance", "survival"))
     look = {"marker": "D", "markersize": 8.0, "markerfacecolor": "none", "linestyle": "none"}
@@ -165,13 +205,12 @@ def _limited(axes, variances, survival, interval, look):
     axes.plot(variances[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
 
 
-def _bands(axes, values):
-    look = zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True)
+def _several(axes, variances, rows, label_of):
+    look = zip(rows, style.shades(len(rows)), "osD", strict=True)
     for found, colour, marker in look:
-        label = f"band [0, {found['band'][1]:g}]"
-        shape = {"color": colour, "marker": marker, "linestyle": "-", "linewidth": 0.8, "label": label}
-        error_bars(axes, values["variances"], found["survival"], found["interval"], **shape)
-    axes.set(title="Three noise bands, Monte Carlo exact", ylim=(-0.02, 1.05))
+        shape = {"color": colour, "marker": marker, "linestyle": "-", "linewidth": 0.8, "label": label_of(found)}
+        error_bars(axes, variances, found["survival"], found["interval"], **shape)
+    axes.set_ylim(-0.02, 1.05)
     axes.legend()
 
 
@@ -191,6 +230,9 @@ def main() -> int:
     for one, white in zip(values["density"], values["white"], strict=True):
         beside = f"white Monte Carlo {white['survival']:.3g} ({white['interval'][0]:.3g} to {white['interval'][1]:.3g})"
         print(f"σ² = {one['variance']:<8g}   density {one['survival']:.3g} ({one['wall_s']:.1f} s), {beside}")
+    for one in values["phases"]:
+        right = f"{100 * one['to_the_right'][-1]:.0f} % of the overturned to the right"
+        print(f"Ψ = {one['phase']}: S {np.round(one['survival'], 4)}, {right} at the last σ²")
     print(f"Without noise: {'bounded' if values['stands_without_noise'] else 'overturned'}")
     print(f"Files in {options.out}: fig07.png, fig07.json")
     return 0

@@ -8,7 +8,7 @@ Shown are
 * those differences over their standard errors, for band noise and for the white noise that the density assumes. The
   last tells whether the density solver is right; band noise adds what its replacement by white noise costs.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
 Source: the scene is that of Fig. 6 of H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy
 periodic excitations", J. Eng. Mech. 122(8), 719-727, 1996.
@@ -77,7 +77,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
         "cycles": cycles,
         "noise": rows,
         "early": results[0].first_passage[1 : EARLY * PARTS + 1].tolist(),
-        "remarks": list(remarks(*results)),
+        "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*results)))),
     }
     _draw(out / "passage.png", scene, values)
     summary.write_summary(out / "passage.json", values)

@@ -12,7 +12,7 @@ Kendall's τ tells whether Φ puts the rates in the right order, their ratio how
 passage of the cut-off, not of the separatrix, and neither forcing nor loss is small here: the flux is asked for more
 than it promises.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, eqs. 17 to 20.
@@ -42,7 +42,6 @@ RESTITUTIONS = tuple(np.round(np.linspace(0.5, 0.9, 9), 2).tolist())
 BANDS = (5.0, 10.0, 20.0)
 OURS = 10.0
 FORGOTTEN = 20
-_NOTE = "Noise bands are inferred by this project; the paper states none."
 
 
 def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realizations=10_000, seed=1) -> dict:
@@ -78,7 +77,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
         "restitutions": list(restitutions),
         "over_noise": [{"band": [0.0, band]} | _held(scenes, sampled) for band, scenes in noises.items()],
         "over_restitution": _held(blocks, sampled),
-        "remarks": [_NOTE],
+        "remarks": [scene.noise.remark],
     }
     _draw(out / "flux.png", values)
     summary.write_summary(out / "flux.json", values)
@@ -101,7 +100,7 @@ def _held(scenes, sampled):
 
 
 def _draw(path, values):
-    notes = [f"{values['realizations']:,} realizations a point, {values['cycles']} cycles. {_NOTE}"]
+    notes = [f"{values['realizations']:,} realizations a point, {values['cycles']} cycles. {values['remarks'][0]}"]
     with style.page(path, (10.5, 5.6), "Phase flux and measured rate of overturning", notes) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
         for found, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):

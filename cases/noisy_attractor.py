@@ -5,7 +5,7 @@ beside the attractor of the block without noise, which the exact engine follows;
 other eigenvalues say how soon a start is forgotten. Survival from rest follows from the modes, beside Monte Carlo with
 the same white noise.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, for the scene; the operator is this project's (docs/theory.md).

@@ -6,7 +6,7 @@ exact engine tells start by start: here from random starts all over the plane. T
 cos(Ψ + atan Ω) are the moving separatrices: beyond them a block that meets no impact goes over. The integral of the
 probability over the plane is the safe area, an integrity measure; its fall as noise grows is the erosion curve.
 
-Noise is white here: D = σ_M²/2 of the main scene's band [0, 10], which is inferred by this project.
+Noise is white here: D = σ_M²/2 of the main scene's band [0, 10], which is inferred (band_inferred.py).
 
 Source: the moving separatrix and the adjoint are derived in docs/theory.md; safe areas as a measure of integrity: M. S.
 Soliman and J. M. T. Thompson, "Integrity measures quantifying the erosion of smooth and fractal basins of attraction",

@@ -4,7 +4,7 @@ The main scene from rest with other restitutions. Shown is the probability of st
 cycles by Monte Carlo with Wilson's intervals and by the density, on linear and logarithmic axes; survival after 20
 cycles under three noise bands; and for how many cycles, up to 200, the block stands without noise, from rest.
 
-The paper does not state the noise band. The band [0, 10] is inferred by this project from the paper's claims.
+The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996.
@@ -85,7 +85,7 @@ def run(
             for e, one in zip(density_restitutions, densities, strict=True)
         ],
         "cycles_without_noise": [_stood(scene, e) for e in restitutions],
-        "remarks": list(remarks(*ensembles[OURS], *densities[:1])),
+        "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS], *densities[:1])))),
     }
     _draw(out / "restitution.png", values)
     summary.write_summary(out / "restitution.json", values)

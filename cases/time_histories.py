@@ -10,7 +10,7 @@ restarted map carries the error of each mean on into the next cycle, which its i
 with another seed, and the largest distance between the two is printed.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
-122(8), 719-727, 1996. It does not state its noise band; [0, 10] is inferred by this project.
+122(8), 719-727, 1996. It does not state its noise band; [0, 10] is inferred (band_inferred.py).
 
 Run time: about ten seconds on 2 cores, once the kernels are compiled.
 

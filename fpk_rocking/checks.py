@@ -102,6 +102,16 @@ def interval(name, value):
     return low, high
 
 
+def sentence(name, value):
+    """Return a text of one line, or raise TypeError or ValueError."""
+    accepted = "a text of one line that can be printed"
+    if not isinstance(value, str):
+        raise TypeError(refusal(name, value, accepted))
+    if not value.isprintable():
+        raise ValueError(refusal(name, value, accepted))
+    return value
+
+
 def path(name, value):
     """Return a `pathlib.Path`, or raise TypeError where the value is no text or path."""
     if not isinstance(value, str | os.PathLike):

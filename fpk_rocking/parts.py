@@ -74,17 +74,22 @@ class BandNoise:
         Lowest and highest angular frequency, 0 <= lowest < highest.
     harmonics : int
         Number of harmonics, at least 1.
+    remark : str
+        What a reader of results has to know of these values, where they were assumed, say: shown with every result.
+        Noises that differ in it alone are equal.
     """
 
     kind: ClassVar[str] = "band"
     variance: float
     band: tuple[float, float]
     harmonics: int
+    remark: str = dataclasses.field(default="", compare=False)
 
     def __post_init__(self):
         _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
         _set(self, "band", checks.interval("noise.band", self.band))
         _set(self, "harmonics", checks.count("noise.harmonics", self.harmonics))
+        _set(self, "remark", checks.sentence("noise.remark", self.remark))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -6,8 +6,6 @@ from fpk_rocking import equivalence
 
 __all__ = ["label_of", "name_of", "noise_text", "remarks"]
 
-_INFERRED_BAND = (0.0, 10.0)
-
 
 def name_of(result) -> str:
     """Return the name of a result's engine, and of its method where it has one."""
@@ -52,16 +50,14 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        The inferred noise band, how band noise became white noise for a density, and whether that is to be trusted for
-        the band and its harmonics; each once, and empty if nothing applies.
+        What a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
+        trusted for the band and its harmonics; each once, and empty if nothing applies.
     """
     sentences = []
     for result in results:
         noise = result.scene.noise
-        if noise.kind == "band" and tuple(noise.band) == _INFERRED_BAND:
-            sentences.append(
-                "The noise band [0, 10] is inferred by this project from the paper's claims; the paper states no band."
-            )
+        if getattr(noise, "remark", ""):
+            sentences.append(noise.remark)
         if getattr(result, "closure", ""):
             sentences.append(result.closure)
         if _stands_for(results, result):

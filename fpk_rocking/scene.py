@@ -75,7 +75,8 @@ class Scene:
         Parameters
         ----------
         **parts : dict or part of a scene
-            New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``.
+            New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A
+            remark on the values of a part is dropped with them, unless it is given too.
 
         Returns
         -------
@@ -91,7 +92,8 @@ class Scene:
         for name, given in parts.items():
             if isinstance(given, dict):
                 cls = type(own[name])
-                parts[name] = cls(**checks.arguments(name, _fields(own[name]) | given, cls))
+                kept = {key: value for key, value in _fields(own[name]).items() if key != "remark"}
+                parts[name] = cls(**checks.arguments(name, kept | given, cls))
         return dataclasses.replace(self, **parts)
 
     def white_equivalent(self):
@@ -276,14 +278,16 @@ def _noise(table):
 def _table(name, part):
     lines = [f"[{name}]"]
     if name == "noise":
-        lines.append(f'kind = "{part.kind}"')
+        lines.append(f"kind = {_literal(part.kind)}")
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)
-        if value is not None and not dataclasses.is_dataclass(value):
+        if value not in (None, "") and not dataclasses.is_dataclass(value):
             lines.append(f"{field.name} = {_literal(value)}")
     return "\n".join(lines) + "\n"
 
 
 def _literal(value):
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     # Python's shortest exact forms of int and float are TOML too.
     return "[" + ", ".join(map(_literal, value)) + "]" if isinstance(value, tuple) else repr(value)

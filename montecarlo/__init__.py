@@ -2,14 +2,14 @@
 
 ``simulate`` turns a scene into an ``Ensemble``, every realization kept; ``tally`` into a ``Tally``, counts alone, for
 ensembles of any size. ``histories`` keeps whole time histories with their impacts; ``mean_poincare_map``,
-``restarted_poincare_map``, ``first_passage``, ``overturning_rate``, ``impact_speeds`` and ``bin_errors`` say what there
-is to see, and how much of it is sampling noise.
+``restarted_poincare_map``, ``correlation_dimension``, ``first_passage``, ``overturning_rate``, ``impact_speeds`` and
+``bin_errors`` say what there is to see, and how much of it is sampling noise.
 """
 
 from montecarlo.ensemble import Ensemble
 from montecarlo.histograms import first_passage, impact_speeds
 from montecarlo.history import Histories, histories
-from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
+from montecarlo.poincare import correlation_dimension, mean_poincare_map, restarted_poincare_map
 from montecarlo.rates import overturning_rate
 from montecarlo.simulation import simulate
 from montecarlo.splitting import Splitting, split
@@ -23,6 +23,7 @@ __all__ = [
     "Splitting",
     "Tally",
     "bin_errors",
+    "correlation_dimension",
     "first_passage",
     "histories",
     "impact_speeds",

@@ -8,6 +8,7 @@ paper's bookkeeping) or do not count ("left out").
 """
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,12 +26,14 @@ class MeanMap(NamedTuple):
 
     `points` (cycles + 1, 2): angle and velocity; nan where no realization counts. `standard_error` (cycles + 1, 2):
     sampling error of each mean, nan where fewer than two realizations count. `counted` (cycles + 1,): realizations that
-    the mean is over.
+    the mean is over. `overturned_after`: number of cycles after which the mean lies at the cut-off or has no
+    realization left; None if it never does.
     """
 
     points: np.ndarray
     standard_error: np.ndarray
     counted: np.ndarray
+    overturned_after: int | None
 
 
 def mean_poincare_map(ensemble, overturned="clamped"):
@@ -55,7 +58,8 @@ def mean_poincare_map(ensemble, overturned="clamped"):
     _checked(overturned)
     cutoff = ensemble.scene.overturning.angle
     columns = zip(ensemble.angle.T, ensemble.velocity.T, strict=True)
-    return _mapped(_mean(angle, velocity, ensemble.overturn_side, cutoff, overturned) for angle, velocity in columns)
+    rows = [_mean(angle, velocity, ensemble.overturn_side, cutoff, overturned) for angle, velocity in columns]
+    return _mapped(rows, cutoff)
 
 
 def restarted_poincare_map(
@@ -103,7 +107,43 @@ def restarted_poincare_map(
             rows += (cycles - cycle - 1) * rows[-1:]
             break
         place = Start(float(mean[0]), float(mean[1]))
-    return _mapped(rows)
+    return _mapped(rows, cutoff)
+
+
+def correlation_dimension(points, shortest, longest):
+    """Estimate the correlation dimension of a set of points between two lengths.
+
+    The number of pairs nearer than r grows like r to this power: 1 on a curve, 2 where a part of the plane is filled,
+    and between them on a fractal (P. Grassberger, I. Procaccia, Physica D 9, 189-208, 1983). It is taken from the pairs
+    within both lengths, which have to lie above the noise of the points and below the extent of the set.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 2)
+        For example Poincaré points; those with a nan are left out.
+    shortest, longest : float
+        Lengths r, 0 < shortest < longest, nondimensional; the angle and the velocity count alike.
+
+    Returns
+    -------
+    float
+        nan where no pair is nearer than `shortest`. It has no error of its own: repeat it with other points.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+    """
+    from scipy.spatial import KDTree
+
+    longest = checks.number("longest", longest, above=checks.number("shortest", shortest, above=0.0))
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(checks.refusal("points", f"an array of shape {points.shape}", "an array of shape (n, 2)"))
+    tree = KDTree(points[np.isfinite(points).all(axis=1)])
+    # Pairs are counted in both orders, and each point with itself.
+    near, far = (tree.count_neighbors(tree, np.array([shortest, longest])) - tree.n) / 2.0
+    return math.log(far / near) / math.log(longest / shortest) if near > 0.0 else math.nan
 
 
 def _checked(overturned):
@@ -134,6 +174,7 @@ def _mean(angle, velocity, side, cutoff, overturned):
     return mean, np.sqrt(np.square(states - mean[:, None]).sum(axis=1) / (counted - 1) / counted), counted
 
 
-def _mapped(rows):
-    points, errors, counted = zip(*rows, strict=True)
-    return MeanMap(np.array(points), np.array(errors), np.array(counted))
+def _mapped(rows, cutoff):
+    points, errors, counted = map(np.array, zip(*rows, strict=True))
+    beyond = ~(np.abs(points[:, 0]) < cutoff)
+    return MeanMap(points, errors, counted, int(np.argmax(beyond)) if beyond.any() else None)

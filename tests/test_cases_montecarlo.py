@@ -43,54 +43,65 @@ def sampled(known, realizations):
 
 
 def test_fig05(tmp_path):
-    values = case("fig05_overturning").run(tmp_path, realizations=2000, cycles=140, bounded_cycles=400)
+    """Known: 100,000 realizations of another seed stand after 125 cycles with .7330, .9064 and .9855."""
+    values = case("fig05_overturning").run(tmp_path, realizations=3000, cycles=140, bounded_cycles=400)
+    assert "variance = 0.0025" in values["scene"]
     assert sorted(x for x, _ in values["periodic_points"]) == pytest.approx([-0.0836, -0.0219], abs=5e-5)
-    assert values["bounded_without_noise"] == [True, True]
+    assert values["bounded_without_noise"] is True
     assert abs(values["overturned_after_cycles"] - 125.0) <= 5.0
-    late = {(one["amplitude"], one["band"][1]): one for one in values["late"]}
-    assert late[4.2, 20.0]["standing_after_125"] == sampled(0.1900, 2000)
-    assert late[4.6, 10.0]["survival"][10] == sampled(0.4787, 2000)
-    with pytest.raises(ValueError, match=r"realizations: got 3, accepted: enough for one to overturn after 125 cycles"):
+    late = {one["band"][1]: one["standing_after_125"] for one in values["late"]}
+    assert [late[band] for band in (5.0, 10.0, 20.0)] == [sampled(known, 3000) for known in (0.7330, 0.9064, 0.9855)]
+    with pytest.raises(ValueError, match=r"realizations: got 3, accepted: enough for one to overturn to the right"):
         case("fig05_overturning").run(tmp_path, realizations=3, cycles=131, bounded_cycles=100)
     assert written(tmp_path, "fig05", values)
 
 
 def test_fig07(tmp_path):
     coarse = {"cycles": 10, "realizations": 1000, "variances": (0.01, 0.04), "density_variances": (0.04,)}
-    values = case("fig07_survival_against_noise").run(tmp_path, **coarse)
+    values = case("fig07_survival_against_noise").run(tmp_path, **coarse, phase_variances=(0.04,))
+    assert "phase = 0.0" in values["scene"]
     assert values["density"][0]["survival"] == pytest.approx(0.4696, abs=2e-3)
     assert values["white"][0]["survival"] == sampled(0.4696, values["white"][0]["realizations"])
     assert values["white"][0]["realizations"] == 10_000
     assert values["bands"][1]["survival"][1] == sampled(0.4787, 1000)
     assert values["stands_without_noise"] is True
+    paper, quarter, half = values["phases"]
+    assert [one["stands_without_noise"] for one in (paper, quarter, half)] == [True, False, True]
+    assert paper["survival"][0] == sampled(0.4787, 20_000)
+    assert half["survival"][0] == sampled(0.4787, 20_000)
+    # The mirror image: as many to the right as else to the left.
+    assert paper["to_the_right"][0] == pytest.approx(1.0 - half["to_the_right"][0], abs=4.5 * math.sqrt(0.5 / 10_000))
     assert written(tmp_path, "fig07", values)
 
 
 def test_fig08(tmp_path):
-    values = case("fig08_mean_poincare").run(tmp_path, variances=(0.0004, 0.03), cycles=80, realizations=200)
-    low, high = values["maps"]
-    assert low["restarted_ended_at_cycle"] is None
-    assert high["restarted_ended_at_cycle"] <= 80
-    assert low["restarted"]["deviation"] == pytest.approx(values["without_noise"]["deviation"], rel=0.5)
+    values = case("fig08_mean_poincare").run(tmp_path, cycles=150, realizations=200, seeds=2)
+    assert "phase = 3.14\n" in values["scene"]
+    assert "variance = 0.0016" in values["scene"]
+    assert values["mean_overturned_after"] == [None, None]
+    restarted, still = values["restarted"], values["without_noise"]
+    assert restarted["deviation"] == pytest.approx(still["deviation"], rel=0.2)
+    # From 150 points each; 500 give 1.046 ± 0.016 and 1.057 ± 0.019.
+    assert restarted["dimension"] == pytest.approx(1.05, abs=0.2)
+    assert still["dimension"] == pytest.approx(1.05, abs=0.2)
     # The free ensemble has forgotten its start: its mean is that of the attractor, up to the correlation of its points.
-    assert low["ensemble_last"] == pytest.approx(values["without_noise"]["mean"], abs=0.1)
-    assert 1990 <= low["ensemble_standing"] <= 2000
+    assert values["free_last"] == pytest.approx(still["mean"], abs=0.1)
     assert written(tmp_path, "fig08", values)
 
 
 def test_fig09(tmp_path):
-    case_09 = case("fig09_onset")
-    case_09.MAP_SIZES = (250,)
-    coarse = {"variances": (0.0005, 0.01), "cycles": 60, "realizations": 400}
-    values = case_09.run(tmp_path, **coarse, map_variances=(0.005, 0.03), map_cycles=40)
-    rates = {one["band"][1]: [found["rate"] for found in one["per_cycle"]] for one in values["rates"]}
-    count = values["rates"][1]["per_cycle"][1]["count"]
-    assert rates[10.0][1] == pytest.approx(0.0277, rel=4.5 / math.sqrt(count))
-    assert rates[5.0][1] > rates[10.0][1] > rates[20.0][1]
-    ended = {(one["variance"], one["realizations"]): one["ended"] for one in values["maps"]}
-    assert ended[0.005, 250] == [None] * 3
-    assert max(ended[0.03, 250]) < 40
-    assert case_09._onset((1.0, 4.0), [{"rate": case_09.ONSET_RATE / 2}, {"rate": case_09.ONSET_RATE * 2}]) == 2.0
+    module = case("fig09_mean_map_and_noise")
+    paper = (0.0, 0.05, 0.06, 0.09, 0.16, 0.2)
+    values = module.run(tmp_path, paper=paper, between=(), seeds=2, realizations=200, cycles=120)
+    maps = {one["deviation"]: one for one in values["maps"]}
+    assert maps[0.05]["overturned_after"] == maps[0.09]["overturned_after"] == [None, None]
+    assert None not in maps[0.2]["overturned_after"]
+    assert max(maps[0.2]["overturned_after"]) < 120
+    assert maps[0.2]["dimension"] is None
+    # The attractor of the mean map shrinks between 0.05 and 0.06, from 1.35 to 0.53 in angle with 1,200 realizations.
+    assert min(maps[0.05]["largest_angle"]) > 1.2
+    assert max(maps[0.09]["largest_angle"]) < 0.9
+    assert maps[0.05]["dimension"] > maps[0.09]["dimension"]
     assert written(tmp_path, "fig09", values)
 
 
@@ -134,16 +145,30 @@ def test_first_passage(tmp_path):
 
 def test_band_inferred(tmp_path):
     module = case("band_inferred")
-    coarse = {"bands": (5.0, 10.0, 20.0), "variances": (0.001, 0.004), "realizations": 2000, "fall_realizations": 200}
-    values = module.run(tmp_path, **coarse)
-    rows = values["rows"]
-    assert rows[1]["survival"][20] == sampled(0.1864, 2000)
-    assert rows[1]["melnikov_variance"] == pytest.approx(2.0 * 0.0062806, rel=1e-4)
-    assert [row["meets_5b"] for row in rows] == [False, False, True]
-    assert [row["meets_200"] for row in rows] == [True, True, False]
-    assert module._crossing((0.0, 1.0, 3.0), [1.0, 0.8, 0.4], 0.5) == pytest.approx(2.5)
-    assert module._crossing((0.0, 1.0), [1.0, 0.8], 0.5) is None
-    assert module.table(values).row_count == 16
+    coarse = {"bands": (5.0, 10.0), "raised": ((2.0, 4.0),), "left_out": (6.0,), "realizations": 2000}
+    values = module.run(tmp_path, **coarse, seeds=2, few_seeds=1, map_size=200, map_cycles=120)
+    low, ours, raised = values["rows"]
+    assert ours["survival"]["20"] == sampled(0.1864, 2000)
+    assert ours["late_survival"] == sampled(0.9064, 2000)
+    assert ours["melnikov_variance_of_fig3"] == pytest.approx(2.0 * 0.0062806 * 0.286 / 0.04, rel=1e-4)
+    assert (low["meets"]["Fig. 3"], ours["meets"]["Fig. 3"]) == (False, True)
+    assert [row["meets"]["Fig. 6"] for row in values["rows"]] == [True, True, False]
+    assert raised["likelihood"]["Fig. 5(b)"] < 1e-2
+    assert raised["meets"]["Fig. 5(b)"] is False
+    assert ours["mean_stands"]["0.05"] == [1, 1]
+    assert low["mean_stands"]["0.13"] == [0, 2]
+    assert values["left_out"][0]["mean_stands"]["0.13"] == [0, 1]
+    assert values["joint"]["best"] == 10.0
+    assert module.table(values).row_count == 3
+    chances = {"Fig. 5(b)": 0.5, "Fig. 9 (a)": 0.0}
+    rows = [
+        {"band": [0.0, 1.0], "likelihood": chances, "meets": {"a": True}},
+        {"band": [0.0, 2.0], "meets": {"a": False}},
+    ]
+    rows[1]["likelihood"] = chances | {"Fig. 9 (a)": 0.25}
+    joint = module._joint(rows, 9, 4)
+    assert joint["log_likelihood"] == pytest.approx([math.log(0.05), math.log(0.125)])
+    assert (joint["best"], joint["within"], joint["meets_all"]) == (2.0, [1.0, 2.0], [1.0])
     assert written(tmp_path, "band", values)
 
 

@@ -102,7 +102,7 @@ def test_tables_go_to_standard_output():
         status, out, err = run(command, MAIN, "--cycles", 2)
         assert (status, err) == (0, "")
         assert "0.81" in out
-        assert "inferred by this project" in out
+        assert "inferred from its Figs" in out
 
 
 def test_white_method_replaces_band_noise_and_says_so(engines):

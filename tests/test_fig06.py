@@ -58,7 +58,7 @@ def test_files(coarse):
     series = {f"{name}{end}" for name in ("jpdf", "jpdf_rk4") for end in ends}
     assert {path.name for path in folder.iterdir()} == series | {"fig06.png", "survival.png", "summary.json"}
     assert json.loads((folder / "summary.json").read_text(encoding="utf-8")) == values
-    assert any("inferred by this project" in remark for remark in values["remarks"])
+    assert any("inferred from its Figs" in remark for remark in values["remarks"])
     for picture in ("fig06.png", "survival.png"):
         pixels = matplotlib.image.imread(folder / picture)[..., :3]
         assert min(pixels.shape[:2]) > 600

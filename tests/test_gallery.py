@@ -1,6 +1,7 @@
 """The gallery: every case has its pictures in it, and reduced pictures keep size and colours within bounds."""
 
 import importlib.util
+import json
 import pathlib
 import re
 
@@ -26,9 +27,12 @@ def test_every_case_is_in_it():
 
 def test_gallery_holds_these_pictures_and_the_documents_show_no_others():
     kept = {name for pictures in gallery.PICTURES.values() for name in pictures.values()}
+    kept |= {gallery.numbers_of(name) for name in gallery.PICTURES}
     files = list((ROOT / "docs" / "gallery").iterdir())
     assert {path.name for path in files} == kept
     assert max(path.stat().st_size for path in files) <= gallery.LARGEST
+    for path in files:
+        assert path.suffix == ".png" or json.loads(path.read_text(encoding="utf-8"))
     for document in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         shown = re.findall(r"\]\((?:docs/)?gallery/([^)]+)\)", document.read_text(encoding="utf-8"))
         assert set(shown) <= kept, document
@@ -53,10 +57,13 @@ def test_reduced_pictures(tmp_path, monkeypatch, largest, width):
 
 def test_cases_are_run_into_folders_of_their_own(tmp_path, monkeypatch):
     source = "def run(out):\n    out.mkdir(parents=True)\n    Image.new('RGB', (9, 9)).save(out / 'a.png')\n"
+    source += "    (out / 'a.json').write_text('{\"one\": [1.5,\\n2], \"two\": \"σ\"}', encoding='utf-8')\n"
     (tmp_path / "made.py").write_text(f"from PIL import Image\n\n\n{source}")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(gallery, "PICTURES", {"made": {"a.png": "b.png"}})
     seconds = gallery.run(tmp_path / "pictures", tmp_path / "results", ["made"])
     assert list(seconds) == ["made"]
-    assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["b.png"]
+    assert {path.name for path in (tmp_path / "pictures").iterdir()} == {"b.png", "b.json"}
+    numbers = (tmp_path / "pictures" / "b.json").read_text(encoding="utf-8")
+    assert numbers == '{\n"one": [1.5, 2],\n"two": "σ"\n}\n'
     assert (tmp_path / "results" / "made" / "a.png").exists()

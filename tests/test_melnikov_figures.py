@@ -64,7 +64,8 @@ def test_critical_amplitudes(coarse):
     assert [row[place] for row in values["exact_without_noise"]] == pytest.approx(
         [3.8548, 3.4, 2.4509, 0.8755], abs=1e-4
     )
-    assert values["with_noise"][3] == [0.0] * 6
+    assert values["variance"] == 0.286
+    assert [row[place] for row in values["with_noise"]] == pytest.approx([2.9101, 1.9161, 0.0, 0.0], abs=1e-4)
     assert values["amplitude_by_band_at_4"][1][1] == values["with_noise"][1][place]
     root = math.sqrt(2.0)
     assert values["mean_square_without_noise"][0] == pytest.approx([root * one for one in values["without_noise"][0]])

@@ -24,6 +24,7 @@ def content(result):
 
 def in_small_batches(monkeypatch):
     monkeypatch.setattr(engines, "_BATCH_S", 1e-9)
+    monkeypatch.setattr(engines, "_FIRST_STATES", 0)
 
 
 @pytest.fixture(scope="module")

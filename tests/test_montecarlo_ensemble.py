@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from fpk_rocking.scene import load_scene
-from montecarlo import Ensemble, simulate
+from montecarlo import Ensemble, correlation_dimension, simulate
 from montecarlo.statistics import survival_test, wilson_interval
 
 SCENE = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
@@ -54,8 +54,8 @@ def test_a_saved_ensemble_comes_back(ensemble, tmp_path):
 
 def test_progress_is_told_and_may_interrupt():
     told = []
-    simulate(SCENE, cycles=1, realizations=200, steps_per_cycle=8, progress=lambda *counts: told.append(counts))
-    assert told[-1] == (200, 200)
+    simulate(SCENE, cycles=1, realizations=6000, steps_per_cycle=8, progress=lambda *counts: told.append(counts))
+    assert told[-1] == (6000, 6000)
     assert len(told) > 1
     assert sorted(told) == told
 
@@ -63,7 +63,7 @@ def test_progress_is_told_and_may_interrupt():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        simulate(SCENE, cycles=1, realizations=200, steps_per_cycle=8, progress=interrupt)
+        simulate(SCENE, cycles=1, realizations=6000, steps_per_cycle=8, progress=interrupt)
 
 
 @pytest.mark.parametrize(
@@ -137,3 +137,25 @@ def test_survival_test_has_its_level_and_its_power():
     outcome = survival_test(np.rint(2000 * law).astype(int), 2000, shifted, 5000)
     assert not outcome.agrees
     assert outcome.level == pytest.approx(1e-4)
+
+
+def test_correlation_dimension_of_known_sets():
+    """A line and a filled square, ends and edges included, and Sierpinski's triangle, log 3 / log 2; fixed seed."""
+    rng = np.random.default_rng(5)
+    line = np.outer(rng.random(20_000), [0.6, 0.8])
+    square = rng.random((20_000, 2))
+    triangle = np.zeros((20_000, 2))
+    corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 1.0)])
+    for _ in range(40):
+        triangle = 0.5 * (triangle + corners[rng.integers(3, size=20_000)])
+    lengths = np.array([0.0125, 0.05])
+    on_line = np.diff(np.log(2.0 * lengths - lengths**2))[0] / math.log(4.0)
+    in_square = np.diff(np.log(math.pi * lengths**2 - 8.0 / 3.0 * lengths**3 + 0.5 * lengths**4))[0] / math.log(4.0)
+    for points, known, margin in ((line, on_line, 0.005), (square, in_square, 0.01), (triangle, math.log2(3.0), 0.03)):
+        assert correlation_dimension(points, *lengths) == pytest.approx(known, abs=margin)
+    few = np.array([(0.0, 0.0), (1.0, 0.0), (np.nan, 0.0)])
+    assert math.isnan(correlation_dimension(few, 0.1, 2.0))
+    with pytest.raises(ValueError, match=r"longest: got 0.1, accepted: a finite number > 0.1"):
+        correlation_dimension(line, 0.1, 0.1)
+    with pytest.raises(ValueError, match=r"points: got 'an array of shape \(3,\)', accepted"):
+        correlation_dimension([1.0, 2.0, 3.0], 0.1, 0.2)

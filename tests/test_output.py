@@ -13,7 +13,7 @@ from fpk_rocking import BandNoise, Block, Forcing, Scene
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, opengl, progress, style, summary, surfaces, tables
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 DENSITY = fakes.FakeEvolution(MAIN)
 ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
 
@@ -49,7 +49,7 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     after_four = [axes for axes in panels if axes.get_title().startswith("4 cycles")]
     assert after_four[0].get_zlim() == after_four[1].get_zlim()
     assert f"{DENSITY.overturned[4, 0]:.3f}" in [text.get_text() for text in after_four[0].texts]
-    assert any("inferred by this project" in text.get_text() for text in figure.texts)
+    assert any("The band was assumed." in text.get_text() for text in figure.texts)
 
 
 def test_surface_is_the_mean_over_a_bin():
@@ -81,7 +81,7 @@ def test_comparison_table_is_plain_in_a_pipe(capsys):
     rows = [line.split() for line in printed.splitlines()]
     assert ["2", "Fokker-Planck", "density", "0.8100"] in rows
     assert any(row[:4] == ["Monte", "Carlo", "rk4", f"{ENSEMBLE.survival[10]:.4f}"] for row in rows)
-    assert "inferred by this project" in printed
+    assert "The band was assumed." in printed
     assert "Melnikov: D_m = 1.1098 against M = 0.3750; σ_M = 0.1121, margin" in printed
     assert " = +0.7404, phase flux Φ = 0.18804." in " ".join(printed.split())
 

@@ -18,6 +18,7 @@ from fpk_rocking import (
     Scene,
     Start,
     WhiteNoise,
+    cli,
     load_scene,
     melnikov,
 )
@@ -53,7 +54,10 @@ def test_main_scene_file_is_the_papers_fig_6():
 def test_other_scene_files():
     fig05, second = load_scene(SCENES / "fig05.toml"), load_scene(str(SCENES / "second.toml"))
     assert fig05.forcing == Forcing(4.2, 2.7, 3.14)
-    assert fig05.noise == load_scene(SCENES / "main.toml").noise
+    main = load_scene(SCENES / "main.toml")
+    assert fig05.noise == BandNoise(0.0025, (0.0, 10.0), 100)
+    assert fig05.noise.remark == main.noise.remark
+    assert "paper states no noise band" in main.noise.remark
     assert second == Scene(Block(0.7), Forcing(3.0, 2.7, math.pi), WhiteNoise(0.012))
 
 
@@ -259,3 +263,28 @@ def test_varied_changes_what_it_is_told_alone():
         main.varied(blocks={"restitution": 1})
     with pytest.raises(TypeError, match=r"forcing: got 4\.2, accepted: Forcing"):
         main.varied(forcing=4.2)
+
+
+def test_a_remark_belongs_to_the_values_of_its_noise():
+    """It is kept in files, does not make scenes differ, and is dropped when the values are varied."""
+    text = 'Band "inferred" from C:\\data, σ too'
+    assumed = scene(noise=BandNoise(0.04, (0.0, 10.0), 100, text))
+    assert assumed == scene(noise=BandNoise(0.04, (0.0, 10.0), 100))
+    assert Scene.from_toml(assumed.to_toml()).noise.remark == text
+    assert "remark" not in scene(noise=BandNoise(0.04, (0.0, 10.0), 100)).to_toml()
+    assert assumed.varied(block={"restitution": 0.7}).noise.remark == text
+    assert assumed.varied(noise={"band": (0.0, 5.0)}).noise.remark == ""
+    assert assumed.varied(noise={"variance": 0.01, "remark": "ours"}).noise.remark == "ours"
+    for remark, error in (("two\nlines", ValueError), (5, TypeError)):
+        with pytest.raises(error, match=r"noise.remark: got .*, accepted: a text of one line that can be printed"):
+            BandNoise(0.04, (0.0, 10.0), 100, remark)
+
+
+def test_only_the_projects_own_scenes_remark_on_their_band(capsys, tmp_path):
+    """A user's scene with the same band says nothing about the paper."""
+    main = load_scene(SCENES / "main.toml")
+    own = Scene(main.block, main.forcing, BandNoise(0.04, (0.0, 10.0), 100))
+    (tmp_path / "own.toml").write_text(own.to_toml(), encoding="utf-8")
+    for path, said in ((SCENES / "main.toml", True), (tmp_path / "own.toml", False)):
+        assert cli.main(["mc", str(path), "--cycles", "1", "--realizations", "10"]) == 0
+        assert ("paper states no noise band" in " ".join(capsys.readouterr().out.split())) == said

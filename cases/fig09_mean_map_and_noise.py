@@ -1,0 +1,194 @@
+"""The mean Poincaré map as noise grows: fractal, worn down, overturned. Fig. 9 of Lin and Yim (1996).
+
+The paper averages 1,200 realizations after each forcing cycle and restarts all of them from the mean (its eq. 21); it
+shows 500 mean points for σ = 0, 0.05, 0.06, 0.12, 0.13 and 0.16 and says: the fractal structure is kept at 0.05 and
+wears away from 0.06 to 0.12, where mean points stay bounded; from 0.13 on the mean itself overturns. Here
+
+* the six panels (a) to (f), one seed each, over the attractor without noise (grey). Overturned realizations lie at the
+  cut-off, as in the paper's densities; the mean has overturned once it is there itself, as all realizations are then;
+* the correlation dimension of the mean points against σ, over several seeds: 1 on a curve, more on this attractor. It
+  is taken between lengths of 0.05 and 0.4, above the sampling error of a mean and below the size of the attractor;
+* the number of cycles after which the mean overturns, for the same seeds, and how many of them it overturns within 500.
+
+Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
+122(8), 719-727, 1996, Fig. 9: (A, Ω, e, Ψ) = (4.6, 2.7, 0.5, 3.14).
+
+Run time: about two and a half minutes on 2 cores.
+
+    python cases/fig09_mean_map_and_noise.py --out results/fig09
+
+Files: ``fig09.png``, ``fig09.json``.
+"""
+
+import argparse
+import pathlib
+import sys
+
+import numpy as np
+
+from fpk_rocking import NoNoise, load_scene
+from fpk_rocking.output import motion, style, summary
+from fpk_rocking.output.progress import reporting
+from montecarlo import correlation_dimension, restarted_poincare_map, simulate
+
+SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
+PAPER = (0.0, 0.05, 0.06, 0.12, 0.13, 0.16)
+BETWEEN = (0.02, 0.03, 0.04, 0.045, 0.055, 0.07, 0.08, 0.09, 0.1, 0.11, 0.115, 0.125, 0.14)
+LENGTHS = (0.05, 0.4)
+SETTLED = 5
+_DEVIATION = "standard deviation of the noise σ, nondimensional"
+
+
+def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=500) -> dict:
+    """Compute, draw and write everything.
+
+    Parameters
+    ----------
+    out : path
+        Folder for the files; created if missing.
+    paper, between : sequence of float
+        σ of the panels (six, the first 0), and further ones for the curves; nondimensional.
+    seeds : int
+        Seeds of each mean map.
+    realizations, cycles : int
+        Of each mean map; the paper has 1,200 and 500.
+
+    Returns
+    -------
+    dict
+        What ``fig09.json`` holds.
+    """
+    out, scene = pathlib.Path(out), load_scene(SCENE).varied(forcing={"phase": 3.14})
+    quiet = simulate(scene.varied(noise=NoNoise()), cycles=seeds * cycles + 100, realizations=1)
+    attractor = np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+    sizes, maps = {"realizations": realizations, "cycles": cycles}, {}
+    with reporting("mean maps") as progress:
+        noisy = sorted({*paper[1:], *between})
+        for done, deviation in enumerate(noisy):
+            varied = scene.varied(noise={"variance": deviation**2})
+            maps[deviation] = [restarted_poincare_map(varied, seed=seed, **sizes) for seed in range(1, seeds + 1)]
+            progress(done + 1, len(noisy))
+    values = {
+        "figure": "Fig. 9 of Lin and Yim, J. Eng. Mech. 122(8), 1996",
+        "scene": scene.to_toml(),
+        **sizes,
+        "seeds": seeds,
+        "lengths": list(LENGTHS),
+        "without_noise": _dimensions(np.split(attractor, seeds)),
+        "maps": [_judged(deviation, found, cycles) for deviation, found in maps.items()],
+        "remarks": [scene.noise.remark],
+    }
+    _draw(out / "fig09.png", attractor, [maps[one][0] for one in paper[1:]], paper, values)
+    summary.write_summary(out / "fig09.json", values)
+    return values
+
+
+def _settled(found):
+    """Mean points from the sixth cycle on, until the mean overturns."""
+    return found.points[SETTLED + 1 : found.overturned_after]
+
+
+def _judged(deviation, maps, cycles):
+    """Fate and dimension of the maps of one σ, as plain values; a map of few points has no dimension."""
+    settled = [_settled(found) for found in maps]
+    many = [points for points in settled if len(points) > 0.2 * cycles]
+    return {
+        "deviation": deviation,
+        "overturned_after": [found.overturned_after for found in maps],
+        "largest_angle": [float(np.abs(points[:, 0]).max(initial=0.0)) for points in settled],
+        **(_dimensions(many) if many else {"dimension": None, "deviation_of_dimension": None}),
+    }
+
+
+def _dimensions(samples):
+    """Mean and standard deviation of the correlation dimensions of sets of points."""
+    found = [correlation_dimension(points, *LENGTHS) for points in samples]
+    return {"dimension": float(np.mean(found)), "deviation_of_dimension": float(np.std(found, ddof=len(found) > 1))}
+
+
+def _draw(path, attractor, shown, paper, values):
+    size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
+    notes = [f"{size}; grey: without noise. Panels: seed 1; below: {values['seeds']} seeds.", *values["remarks"]]
+    title = "The mean Poincaré map as noise grows (cf. paper Fig. 9)"
+    with style.page(path, (10.5, 11.4), title, notes) as figure:
+        top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
+        panels = top.subplots(2, 3, sharex=True, sharey=True).ravel()
+        for letter, axes, deviation, found in zip("abcdef", panels, paper, [None, *shown], strict=True):
+            axes.plot(*attractor.T, ".", markersize=1.0, color="#bbbbbb", rasterized=True)
+            axes.axvline(np.pi / 2, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
+            axes.set_title(_panel(letter, deviation, found), fontsize=10)
+            points = _settled(found) if found else attractor[: values["cycles"]]
+            axes.plot(*points.T, ".", markersize=2.0, color=style.COLOURS[0])
+            if found and found.overturned_after:
+                axes.plot(*found.points[-1], "x", color=style.OVERTURNED, markersize=9, mew=2)
+        panels[0].annotate("cut-off", (np.pi / 2, -1.1), xytext=(-4, 0), textcoords="offset points", rotation=90,
+                           color=style.OVERTURNED, ha="right", va="bottom")  # fmt: skip
+        top.supxlabel(motion.ANGLE, fontsize=10)
+        top.supylabel(motion.VELOCITY, fontsize=10)
+        dimension, ended = bottom.subplots(1, 2)
+        _dimension_panel(dimension, paper, values)
+        _ended_panel(ended, paper, values)
+
+
+def _panel(letter, deviation, found):
+    """Title of a panel: which noise, and what becomes of the mean."""
+    if found is None:
+        return f"({letter}) σ = 0"
+    after = found.overturned_after
+    return f"({letter}) σ = {deviation:g}: {f'the mean overturns in cycle {after}' if after else 'bounded'}"
+
+
+def _dimension_panel(axes, paper, values):
+    some = [one for one in values["maps"] if one["dimension"] is not None]
+    columns = ([one[name] for one in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
+    x, y, error = map(np.array, columns)
+    shape = {"marker": "o", "markersize": 4, "markerfacecolor": "white", "linestyle": "none"}
+    axes.errorbar(x, y, error, color=style.COLOURS[0], **shape)
+    still = values["without_noise"]
+    axes.errorbar(0.0, still["dimension"], still["deviation_of_dimension"], color="black", **(shape | {"marker": "D"}))
+    axes.axhline(1.0, color="black", linewidth=0.8, linestyle="--")
+    axes.annotate("a curve", (0.0, 1.0), xytext=(2, -12), textcoords="offset points")
+    axes.set(title="Correlation dimension of the mean points;\nbars: standard deviation over seeds", xlabel=_DEVIATION)
+    axes.set_ylabel("correlation dimension")
+    _mark(axes, paper)
+
+
+def _ended_panel(axes, paper, values):
+    last = values["cycles"]
+    pairs = [(one["deviation"], after or 1.4 * last) for one in values["maps"] for after in one["overturned_after"]]
+    axes.plot(*np.array(pairs).T, "o", color=style.COLOURS[0], markersize=4, markerfacecolor="none")
+    axes.axhline(last, color="black", linewidth=0.8)
+    for one in values["maps"]:
+        fallen = sum(after is not None for after in one["overturned_after"])
+        if one["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
+            axes.annotate(f"{fallen}", (one["deviation"], 2.2 * last), ha="center", fontsize=9)
+    axes.annotate("seeds that overturn:", (0.045, 2.2 * last), ha="right", fontsize=9)
+    axes.set(yscale="log", ylim=(5, 3.5 * last), xlim=(-0.005, 0.168), xlabel=_DEVIATION)
+    axes.set(ylabel="forcing cycles until the mean overturns")
+    axes.set_title(f"Overturning of the mean; above the line:\nnot within {last} cycles")
+    _mark(axes, paper)
+
+
+def _mark(axes, paper):
+    """Mark the values of σ that the paper shows."""
+    axes.plot(paper, np.zeros(len(paper)), "^", color="black", markersize=5, transform=axes.get_xaxis_transform(),
+              clip_on=False)  # fmt: skip
+
+
+def main() -> int:
+    """Read the command line, run, print dimensions and fates."""
+    parser = argparse.ArgumentParser(description="Fig. 9 of Lin and Yim (1996).")
+    parser.add_argument("--out", type=pathlib.Path, default="results/fig09", help="folder (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=8, help="of each mean map (default: %(default)s)")
+    options = parser.parse_args()
+    values = run(options.out, seeds=options.seeds)
+    rows = [{"deviation": 0.0, "overturned_after": [], **values["without_noise"]}, *values["maps"]]
+    for one in rows:
+        dimension = "-" if one["dimension"] is None else f"{one['dimension']:.3f} ± {one['deviation_of_dimension']:.3f}"
+        print(f"σ = {one['deviation']:<6g} dimension {dimension}, overturned after {one['overturned_after']}")
+    print(f"Files in {options.out}: fig09.png, fig09.json")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
