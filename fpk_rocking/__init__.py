@@ -12,6 +12,7 @@ from fpk_rocking.scene import (
     Block,
     Dimensions,
     Forcing,
+    Harmonics,
     NoNoise,
     Overturning,
     Scene,
@@ -21,7 +22,7 @@ from fpk_rocking.scene import (
 )
 
 # The density solver brings the compiler and the finite-element library: loaded on first use.
-_LAZY = dict.fromkeys(("solve_fpk", "solve_positive", "Evolution"), "fpk_rocking.density")
+_LAZY = dict.fromkeys(("solve_fpk", "Evolution"), "fpk_rocking.density")
 _LAZY |= {"CycleOperator": "fpk_rocking.horizon"}
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Dimensions",
     "Evolution",
     "Forcing",
+    "Harmonics",
     "NoNoise",
     "Overturning",
     "Scene",
@@ -39,7 +41,6 @@ __all__ = [
     "load_scene",
     "melnikov",
     "solve_fpk",
-    "solve_positive",
 ]
 
 

@@ -14,6 +14,8 @@ _RANGES = {
     "forcing.amplitude": (0.0, 1e4),
     "forcing.frequency": (1e-3, 1e4),
     "forcing.phase": (0.0, 1e6),
+    "forcing.amplitudes": (0.0, 1e4),
+    "forcing.phases": (0.0, 1e6),
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),
     "start.angle": (1e-30, 1e4),
@@ -43,11 +45,12 @@ def check(scene):
     """
     for name, (low, high) in _RANGES.items():
         part, _, field = name.partition(".")
-        value = getattr(getattr(scene, part), field, 0.0)
+        values = getattr(getattr(scene, part), field, 0.0)
         none = low > 0.0 and part in {"noise", "start"}
-        if not (low <= abs(value) <= high or (none and value == 0.0)):
-            accepted = f"for an engine a size from {low:g} to {high:g}" + (", or 0" if none else "")
-            raise ValueError(checks.refusal(name, value, accepted))
+        for value in values if isinstance(values, tuple) else (values,):
+            if not (low <= abs(value) <= high or (none and value == 0.0)):
+                accepted = f"for an engine a size from {low:g} to {high:g}" + (", or 0" if none else "")
+                raise ValueError(checks.refusal(name, value, accepted))
     if scene.noise.kind == "band":
         _check_band(scene.noise, scene.forcing.frequency)
     _check_covariance(scene.start)

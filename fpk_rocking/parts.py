@@ -1,4 +1,4 @@
-"""The parts of a scene: block, forcing, noise, start and overturning, each checked when it is made."""
+"""The parts of a scene but its forcing: block, noise, start and overturning, each checked when it is made."""
 
 import dataclasses
 import math
@@ -31,35 +31,6 @@ class Block:
         _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
         if self.dimensions is not None:
             checks.instance("block.dimensions", self.dimensions, Dimensions)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Forcing:
-    """Harmonic base acceleration -A cos(Ωτ + Ψ) (paper eq. 2).
-
-    Parameters
-    ----------
-    amplitude : float
-        A, at least 0.
-    frequency : float
-        Ω, above 0.
-    phase : float
-        Ψ, radians.
-    """
-
-    amplitude: float
-    frequency: float
-    phase: float = 0.0
-
-    def __post_init__(self):
-        _set(self, "amplitude", checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
-        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
-        _set(self, "phase", checks.number("forcing.phase", self.phase))
-
-    @property
-    def period(self):
-        """T = 2π/Ω in nondimensional time: one cycle."""
-        return 2.0 * math.pi / self.frequency
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -114,6 +85,10 @@ class NoNoise:
     """No noise: the motion is deterministic."""
 
     kind: ClassVar[str] = "none"
+
+
+NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, NoNoise)}
+"""Noises by their kind."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ import tomllib
 
 from fpk_rocking import checks
 from fpk_rocking.equivalence import equivalent_diffusion
-from fpk_rocking.parts import BandNoise, Block, Forcing, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.parts import NOISES, BandNoise, Block, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics
 from fpk_rocking.units import Dimensions
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Block",
     "Dimensions",
     "Forcing",
+    "Harmonics",
     "NoNoise",
     "Overturning",
     "Scene",
@@ -34,7 +36,7 @@ class Scene:
     Parameters
     ----------
     block : Block
-    forcing : Forcing
+    forcing : Forcing or Harmonics
     noise : BandNoise, WhiteNoise or NoNoise
     start : Start
         At rest by default.
@@ -49,15 +51,15 @@ class Scene:
     """
 
     block: Block
-    forcing: Forcing
+    forcing: Forcing | Harmonics
     noise: BandNoise | WhiteNoise | NoNoise
     start: Start = Start()
     overturning: Overturning = Overturning()
 
     def __post_init__(self):
         checks.instance("block", self.block, Block)
-        checks.instance("forcing", self.forcing, Forcing)
-        checks.instance("noise", self.noise, BandNoise, WhiteNoise, NoNoise)
+        checks.instance("forcing", self.forcing, *FORCINGS.values())
+        checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
         if abs(self.start.angle) >= self.overturning.angle:
@@ -186,7 +188,8 @@ class Scene:
         ----------
         text : str
             Tables ``[block]``, ``[forcing]`` and ``[noise]``, and optionally ``[start]`` and ``[overturning]``; the
-            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white" or "none".
+            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white" or "none" and
+            ``forcing.kind`` = "harmonic" (where left out) or "harmonics".
 
         Returns
         -------
@@ -202,8 +205,7 @@ class Scene:
         except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
             raise ValueError(f"not valid TOML: {error}") from None
         tables = checks.arguments("", document, cls)
-        readers = {"block": _block, "forcing": Forcing, "noise": _noise, "start": Start, "overturning": Overturning}
-        return cls(**{name: _read(name, table, readers[name]) for name, table in tables.items()})
+        return cls(**{name: _READERS[name](name, table) for name, table in tables.items()})
 
     def to_toml(self):
         """Return the TOML text that `from_toml` reads back as an equal scene."""
@@ -250,34 +252,45 @@ def _fields(value):
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
-def _read(name, table, reader):
-    if isinstance(reader, type):
-        return reader(**checks.arguments(name, table, reader))
-    return reader(table)
+def _read(cls):
+    """Return the reader of a table with the parameters of a class."""
+    return lambda name, table: cls(**checks.arguments(name, table, cls))
 
 
-def _block(table):
-    values = checks.arguments("block", table, Block)
+def _block(name, table):
+    values = checks.arguments(name, table, Block)
     if "dimensions" in values:
-        values["dimensions"] = _read("block.dimensions", values["dimensions"], Dimensions)
+        values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"])
     return Block(**values)
 
 
-def _noise(table):
-    kinds = {cls.kind: cls for cls in (BandNoise, WhiteNoise, NoNoise)}
-    accepted = ", ".join(map(repr, kinds))
-    values = dict(checks.table("noise", table))
-    if "kind" not in values:
-        raise ValueError(f"noise.kind: missing, accepted: {accepted}")
-    kind = values.pop("kind")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise ValueError(checks.refusal("noise.kind", kind, accepted))
-    return _read("noise", values, kinds[kind])
+def _of_kind(classes, default=None):
+    """Return the reader of a table whose key "kind" names one of several classes."""
+
+    def read(name, table):
+        values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
+        kind = values.pop("kind", default)
+        if kind is None:
+            raise ValueError(f"{name}.kind: missing, accepted: {accepted}")
+        if not isinstance(kind, str) or kind not in classes:
+            raise ValueError(checks.refusal(f"{name}.kind", kind, accepted))
+        return _read(classes[kind])(name, values)
+
+    return read
+
+
+_READERS = {
+    "block": _block,
+    "forcing": _of_kind(FORCINGS, Forcing.kind),
+    "noise": _of_kind(NOISES),
+    "start": _read(Start),
+    "overturning": _read(Overturning),
+}
 
 
 def _table(name, part):
     lines = [f"[{name}]"]
-    if name == "noise":
+    if getattr(part, "kind", Forcing.kind) != Forcing.kind:
         lines.append(f"kind = {_literal(part.kind)}")
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.jit import kernel
-from fpk_rocking.physics.flight import TERMS, Segment, bounds, polynomial
+from fpk_rocking.physics.flight import Segment, bounds, polynomial
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance, record
 
 FAST = 1e-4

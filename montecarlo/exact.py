@@ -15,7 +15,8 @@ from numba import prange
 from fpk_rocking.jit import kernel
 from fpk_rocking.physics import noise
 from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.flight import TERMS, harmonic_particular, polynomial
+from fpk_rocking.physics.flight import polynomial
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.events import Interval, cross, interval_tables, state_at
 from montecarlo.random import open_stream
@@ -41,7 +42,7 @@ class Problem(NamedTuple):
 
     `start` (5,), `band_low`, `band_width`, `weight`, `harmonics`, `samples`: as in `montecarlo.rk4`. `spacing`: an
     interval's duration. `pieces` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise, and `ends`
-    (2, WIDTH): it and its derivative at an interval's end. `forced` (m, TERMS): P of the harmonic forcing in the time
+    (2, WIDTH): it and its derivative at an interval's end. `forced` (m, TERMS): P of the forcing in the time
     since the interval's middle; `node` (m, 2): it and its derivative at the interval's end. `least`, `most` (m, 2),
     indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a flight has no event in it.
     `exponentials`, `bend`: see `montecarlo.events.Interval`.
@@ -72,12 +73,11 @@ class Problem(NamedTuple):
 def problem_of(scene, steps_per_cycle, samples):  # noqa: ARG001  (this engine takes no steps)
     """Return the `Problem` of a scene with band noise or none; states do not depend on `samples`."""
     forcing, period = scene.forcing, scene.period
+    fewest = math.ceil(_FEWEST * period / forcing.shortest_period - 1e-9)
     low, width, weight, harmonics = band_numbers(scene)
-    intervals = max(_FEWEST, math.ceil(period / _LONGEST), math.ceil(2.0 * OVERSAMPLING * (low + width)))
+    intervals = max(fewest, math.ceil(period / _LONGEST), math.ceil(2.0 * OVERSAMPLING * (low + width)))
     spacing = period / intervals
-    forced = np.empty((intervals, TERMS))
-    for i in range(intervals):
-        harmonic_particular((i + 0.5) * spacing, forcing.amplitude, forcing.frequency, forcing.phase, forced[i])
+    forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
     powers = (0.5 * spacing) ** np.arange(TERMS)
     order = np.arange(TERMS)
     shapes = pieces(spacing)
@@ -113,8 +113,8 @@ def _clearance(scene, intervals, noise_bound):
     Between its ends a path lies within |u''| d^2 / 8 of the chord, and u'' = u - 1 + s f.
     """
     forcing, cutoff, spacing = scene.forcing, scene.overturning.angle, scene.period / intervals
-    middle = -forcing.amplitude * np.cos(2.0 * np.pi * (np.arange(intervals) + 0.5) / intervals + forcing.phase)
-    spread = min(0.5 * forcing.frequency * spacing, 2.0) * forcing.amplitude + noise_bound
+    middle = forcing.values_in_cycle(np.arange(intervals) + 0.5, intervals)
+    spread = forcing.variation(spacing) + noise_bound
     force = np.stack([-middle, middle], axis=-1)
     least = np.maximum(cutoff - 1.0 + force + spread, 0.0) * spacing**2 / 8.0
     most = cutoff - np.maximum(1.0 - force + spread, 0.0) * spacing**2 / 8.0

@@ -17,16 +17,8 @@ from numba import prange
 
 from fpk_rocking.jit import kernel
 from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import (
-    IMPACT,
-    OVERTURNING,
-    TERMS,
-    Segment,
-    bounds,
-    harmonic_particular,
-    next_event,
-    polynomial,
-)
+from fpk_rocking.physics.flight import IMPACT, OVERTURNING, Segment, bounds, next_event, polynomial
+from fpk_rocking.physics.forcing import TERMS
 
 AHEAD = 7.0
 
@@ -68,10 +60,9 @@ class Outlook(NamedTuple):
 @functools.lru_cache(maxsize=1)
 def outlook_of(scene, intervals):
     """Return the `Outlook` of a scene with white noise between equal intervals of a cycle; the last one is kept."""
-    amplitude, frequency = scene.forcing.amplitude, scene.forcing.frequency
     cutoff, span = scene.overturning.angle, scene.period / intervals
     # No faster block falls back, nor comes in from a fall (docs/theory section 7).
-    fastest = 1.0 + amplitude / math.hypot(1.0, frequency) + 8.0 * math.sqrt(scene.noise.diffusion)
+    fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
     course = _course(scene, intervals, span)
     table = np.empty((intervals, 2, _ANGLES, _VELOCITIES), np.float32)
     _fill(table, course, fastest)
@@ -80,13 +71,11 @@ def outlook_of(scene, intervals):
 
 def _course(scene, intervals, span):
     # Segments as long as their polynomials are good.
-    stride = max(1, int(_VALID / max(1.0, scene.forcing.frequency) / span))
+    stride = max(1, int(min(_VALID, scene.forcing.longest_piece) / span))
     duration = stride * span
-    particular, force = np.empty((2, intervals, TERMS))
+    particular, force = scene.forcing.pieces(np.arange(intervals) * span), np.empty((intervals, TERMS))
     low, high, curvature = np.empty((3, intervals))
     for j in range(intervals):
-        forcing = scene.forcing
-        harmonic_particular(j * span, forcing.amplitude, forcing.frequency, forcing.phase, particular[j])
         low[j], high[j], curvature[j] = bounds(particular[j], duration, force[j])
     ahead = (duration, stride, math.ceil(AHEAD / duration), scene.block.restitution, scene.overturning.angle)
     return Course(particular, force, low, high, curvature, *ahead)

@@ -15,7 +15,8 @@ from numba import prange
 from fpk_rocking.jit import kernel
 from fpk_rocking.physics import noise
 from fpk_rocking.physics.contact import side_at_zero
-from fpk_rocking.physics.flight import TERMS, segment_of
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.random import open_stream
 from montecarlo.shinozuka import band_numbers, draw
@@ -28,7 +29,7 @@ CHUNK_STEPS = 20
 class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional.
 
-    `start` (5,): see `montecarlo.start`. `forcing` (2 n + 1,): the harmonic part at the half steps of one cycle.
+    `start` (5,): see `montecarlo.start`. `forcing` (2 n + 1,): its value at the half steps of one cycle.
     `band_low`, `band_width`: the noise's frequencies in turns per cycle. `weight`: amplitude of each of its harmonics.
     `samples`: states wanted in a cycle.
     """
@@ -63,14 +64,13 @@ class Chunk(NamedTuple):
 
 def problem_of(scene, steps_per_cycle, samples=1):
     """Return the `Problem` of a scene with band noise or none; `samples` states a cycle change no realization."""
-    forcing = scene.forcing
-    angle = 2.0 * math.pi * np.arange(2 * steps_per_cycle + 1) / (2 * steps_per_cycle) + forcing.phase
+    count = 2 * steps_per_cycle
     return Problem(
         scene.block.restitution,
         scene.overturning.angle,
         scene.period,
         start_numbers(scene.start),
-        -forcing.amplitude * np.cos(angle),
+        scene.forcing.values_in_cycle(np.arange(count + 1), count),
         *band_numbers(scene),
         samples,
     )

@@ -21,7 +21,8 @@ from numba import prange
 from fpk_rocking import checks
 from fpk_rocking.jit import kernel
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.flight import TERMS, Segment, flight, harmonic_particular, segment_of
+from fpk_rocking.physics.flight import Segment, flight, segment_of
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.approach import land, near, noise_factor
@@ -38,7 +39,7 @@ class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a cycle.
 
     `start` (5,): see `montecarlo.start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
-    the harmonic forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
+    the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
     side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
     of its noise. `shortest`: duration of the shortest step. `reach`: REACH standard deviations of the angle after a
     time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
@@ -64,9 +65,8 @@ class Problem(NamedTuple):
 
 
 @kernel
-def _segments(amplitude, frequency, phase, span, particular, force, low, high, curvature, drift):
+def _segments(particular, span, force, low, high, curvature, drift):
     for j in range(low.size):
-        harmonic_particular(j * span, amplitude, frequency, phase, particular[j])
         segment = segment_of(particular[j], force[j], span)
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
         for k in range(2):
@@ -87,23 +87,25 @@ def problem_of(scene, steps_per_cycle, samples=1):
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    intervals = samples * math.ceil(max(16, math.ceil(scene.period / _LONGEST)) / samples)
+    fewest = max(math.ceil(16 * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST))
+    intervals = samples * math.ceil(fewest / samples)
     span = scene.period / intervals
     tables = (
-        np.empty((intervals, TERMS)),
         np.empty((intervals, TERMS)),
         np.empty(intervals),
         np.empty(intervals),
         np.empty(intervals),
         np.empty((intervals, 2, 2)),
     )
-    _segments(scene.forcing.amplitude, scene.forcing.frequency, scene.forcing.phase, span, *tables)
+    particular = scene.forcing.pieces(np.arange(intervals) * span)
+    _segments(particular, span, *tables)
     xx, _, _ = flight_covariance(diffusion, span)
     return Problem(
         restitution,
         scene.overturning.angle,
         diffusion,
         start_numbers(scene.start),
+        particular,
         *tables,
         np.array([math.cosh(span), math.sinh(span)]),
         np.array(noise_factor(diffusion, span)),

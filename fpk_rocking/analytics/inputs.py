@@ -4,7 +4,8 @@ import numpy as np
 
 from fpk_rocking import checks
 from fpk_rocking.equivalence import noise_variance
-from fpk_rocking.parts import BandNoise, Forcing, NoNoise, WhiteNoise
+from fpk_rocking.parts import NOISES
+from fpk_rocking.physics.forcing import Forcing
 
 
 def numbers(name, value, *, at_least=None, above=None, at_most=None):
@@ -62,7 +63,7 @@ def noises(noise):
     """Return an object array of noises, from one noise or a nested sequence of noises."""
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
-        checks.instance("noise", entry, BandNoise, WhiteNoise, NoNoise)
+        checks.instance("noise", entry, *NOISES.values())
     return array
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from fpk_rocking import checks
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
-from fpk_rocking.parts import BandNoise, Forcing
+from fpk_rocking.parts import BandNoise
+from fpk_rocking.physics.forcing import Forcing
 
 
 def heteroclinic_orbit(times):

@@ -9,7 +9,7 @@ from numba import prange
 
 from fpk_rocking.density.paths import OVERTURNED_SIDE, trace
 from fpk_rocking.jit import kernel
-from fpk_rocking.physics.flight import TERMS, harmonic_particular, segment_of
+from fpk_rocking.physics.forcing import TERMS
 
 LEFT, RIGHT, LOST = -1, -2, -3
 """Landing cells below zero: overturned to the left, to the right, outside the mesh."""
@@ -33,12 +33,8 @@ def free(low, high, slow, fast, side, segment, duration, cutoff, margin):
 
 
 @kernel
-def classify(angle_lines, velocity_lines, start, duration, harmonic, cutoff, margin):
+def classify(angle_lines, velocity_lines, segment, duration, cutoff, margin):
     """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool."""
-    amplitude, frequency, phase = harmonic
-    particular, force = np.empty(TERMS), np.empty(TERMS)
-    harmonic_particular(start, amplitude, frequency, phase, particular)
-    segment = segment_of(particular, force, duration)
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
@@ -52,8 +48,8 @@ def classify(angle_lines, velocity_lines, start, duration, harmonic, cutoff, mar
 
 @kernel(parallel=True)
 def trace_cells(
-    cells, angle_lines, velocity_lines, angle_points, velocity_points, start, duration, harmonic, diffusion,
-    restitution, cutoff, nodes, offsets, margin,
+    cells, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
+    cutoff, nodes, offsets, margin,
 ):  # fmt: skip
     """Trace all nodes of all Gauss points of the given cells.
 
@@ -74,7 +70,7 @@ def trace_cells(
     shape = len(cells), len(angle_points), len(velocity_points), len(nodes)
     states, codes = np.empty((*shape, 2)), np.empty(shape, np.int32)
     for c in prange(len(cells)):
-        scratch = np.empty((6, TERMS))
+        scratch = np.empty((4, TERMS))
         i, j = cells[c]
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
         for p in range(len(angle_points)):
@@ -82,8 +78,8 @@ def trace_cells(
             for q in range(len(velocity_points)):
                 v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
                 trace(
-                    x, v, side, start, duration, harmonic, diffusion, restitution, cutoff, nodes, offsets, margin,
-                    scratch, states[c, p, q], codes[c, p, q],
+                    x, v, side, segment, duration, diffusion, restitution, cutoff, nodes, offsets, margin, scratch,
+                    states[c, p, q], codes[c, p, q],
                 )  # fmt: skip
     return states, codes
 

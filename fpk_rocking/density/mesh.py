@@ -71,11 +71,11 @@ def velocity_bound(scene, diffusion):
     what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory).
     """
     forcing, start = scene.forcing, scene.start
-    swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
-    bound = max(1.0, scene.overturning.angle - 1.0) + swing + 8.0 * math.sqrt(diffusion)
+    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + 8.0 * math.sqrt(diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     outward = abs(start.velocity) + 8.0 * math.sqrt(vv)
-    now = swing * math.cos(forcing.phase - math.atan(forcing.frequency))
+    position, slope = forcing.particular(0.0)
+    now = position - slope
     spread = 8.0 * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
     excess = max(side * (start.angle - start.velocity - now) for side in (1.0, -1.0)) - 1.0 + spread
     falls = start.angle * start.velocity < 0.0 or start.covariance is not None

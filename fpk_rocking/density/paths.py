@@ -19,13 +19,13 @@ from fpk_rocking.physics.flight import (
     IMPACT,
     NOTHING,
     OVERTURNING,
-    TERMS,
     flight,
-    harmonic_particular,
+    move_origin,
     next_event,
     polynomial,
     segment_of,
 )
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import advance
 
@@ -140,35 +140,31 @@ def _through(x, v, time, rest, restitution, speed, pull, jerk, pull_after, jerk_
 
 @kernel
 def trace(
-    x, v, side, start, duration, harmonic, diffusion, restitution, cutoff, nodes, offsets, margin, scratch, states,
-    codes,
-):  # fmt: skip
+    x, v, side, segment, duration, diffusion, restitution, cutoff, nodes, offsets, margin, scratch, states, codes
+):
     """Carry all nodes of one point through a step.
 
     Parameters
     ----------
     x, v, side : float, float, int
         The point.
-    start, duration : float
-        The step, nondimensional times.
-    harmonic : tuple
-        Amplitude, frequency and phase of the forcing.
+    segment : Segment
+        The forcing over the step.
+    duration : float
+        Of the step, nondimensional.
     diffusion, restitution, cutoff : float
         D, e and the angle of overturning.
     nodes, offsets : ndarray, shape (n, 2)
         Nodes along the long and the short axis in standard deviations, and as offsets of an undisturbed flight.
     margin : float
         Largest offset in angle.
-    scratch : ndarray, shape (6, TERMS)
+    scratch : ndarray, shape (4, TERMS)
         Overwritten.
     states : ndarray, shape (n, 2)
         Receives angle and velocity at the end.
     codes : ndarray, shape (n,)
         Receives the side at the end, +-2 where the node's path overturned there.
     """
-    base = scratch[0]
-    harmonic_particular(start, *harmonic, base)
-    segment = segment_of(base, scratch[1], duration)
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, cutoff)
     if kind == NOTHING and _unreached(side * x, side * end, side, segment, duration, cutoff, margin):
         for n in range(len(nodes)):
@@ -183,13 +179,12 @@ def trace(
         smooth = abs(speed) > _SMOOTH * spread
         impact_at = time, speed, side, smooth
         _fast_nodes(
-            x, v, impact_at, start, segment, duration, harmonic, diffusion, restitution, cutoff, nodes, scratch,
-            states, codes,
-        )  # fmt: skip
+            x, v, impact_at, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes
+        )
         return
     for n in range(len(nodes)):
-        bend(base, duration, offsets[n, 0], offsets[n, 1], scratch[2])
-        path = segment_of(scratch[2], scratch[5], duration)
+        bend(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
+        path = segment_of(scratch[0], scratch[1], duration)
         xn, vn, sn, _ = advance(x, v, side, path, 0.0, duration, restitution, cutoff)
         _put(n, xn, vn, sn, side, cutoff, states, codes)
 
@@ -204,7 +199,7 @@ def _put(n, x, v, side, before, cutoff, states, codes):
 
 @kernel
 def _fast_nodes(
-    x, v, undisturbed, start, segment, duration, harmonic, diffusion, restitution, cutoff, nodes, scratch, states, codes
+    x, v, undisturbed, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes
 ):
     """Carry the nodes of a point whose path without noise meets a fast impact; see `trace`.
 
@@ -212,10 +207,10 @@ def _fast_nodes(
     smooth: then one expansion serves all nodes that arrive within the step.
     """
     time, speed, side, smooth = undisturbed
-    base, late, rest = scratch[0], scratch[3], duration - time
+    late, rest = scratch[2], duration - time
     force, slope = polynomial(segment.force, time)
     final, early, (b11, b12, b21, b22) = through_impact(diffusion, time, rest, speed, force, side, restitution)
-    harmonic_particular(start + time, *harmonic, late)
+    move_origin(segment.particular, time, late)
     after_xx, after_xv, after_vv = flight_covariance(diffusion, rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
     long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
@@ -235,11 +230,11 @@ def _fast_nodes(
             if inside and 0.0 < -side * xn < cutoff:
                 _put(n, xn, far_v + dv + late_v, -side, -side, cutoff, states, codes)
                 continue
-        bend(base, time, early_x, early_v, scratch[2])
-        path = segment_of(scratch[2], scratch[5], time)
+        bend(segment.particular, time, early_x, early_v, scratch[0])
+        path = segment_of(scratch[0], scratch[1], time)
         xn, vn, sn, end = advance(x, v, side, path, 0.0, time, restitution, cutoff)
         if end == time:
-            bend(late, rest, late_x, late_v, scratch[4])
-            path = segment_of(scratch[4], scratch[5], rest)
+            bend(late, rest, late_x, late_v, scratch[3])
+            path = segment_of(scratch[3], scratch[1], rest)
             xn, vn, sn, _ = advance(xn, vn, sn, path, 0.0, rest, restitution, cutoff)
         _put(n, xn, vn, sn, side, cutoff, states, codes)

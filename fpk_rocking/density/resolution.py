@@ -9,6 +9,9 @@ from fpk_rocking.density.window import Windows
 
 _MAIN_DIFFUSION = 0.00628
 
+FEWEST = 6
+"""Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
+
 THINNEST = 0.04
 """Least speed of rattling at rest that a mesh is made for."""
 
@@ -50,11 +53,12 @@ class Resolution:
         angle = 2 * max(2, math.ceil(0.5 * self.angle_cells * finer * cutoff / (math.pi / 2) - 1e-9))
         velocity = 2 * max(2, math.ceil(0.5 * self.velocity_cells * finer * bound / 3.24 - 1e-9))
         steps = self.steps / 16 * scene.period / longest_step(scene)
+        fewest = FEWEST * scene.period / scene.forcing.shortest_period
         return dataclasses.replace(
             self,
             angle_cells=angle,
             velocity_cells=velocity,
-            steps=2 * math.ceil(0.5 * max(steps, 0.5 * self.steps) - 1e-9),
+            steps=2 * math.ceil(0.5 * max(steps, 0.5 * self.steps, fewest) - 1e-9),
             angle_grading=_grading(cutoff, angle, 0.08 * layer * layer, ANGLE_GRADING),
             velocity_grading=_grading(bound, velocity, 0.04 * layer, VELOCITY_GRADING),
         )
@@ -77,7 +81,7 @@ def rattling_speed(scene):
     where the block is lifted off, where nothing slows it (e = 1), and where the layer is too thin to be resolved.
     """
     restitution = scene.block.restitution
-    if scene.forcing.amplitude > 1.0 or restitution == 1.0:
+    if scene.forcing.largest > 1.0 or restitution == 1.0:
         return math.inf
     speed = 2.0 * scene.noise.diffusion / (1.0 - restitution)
     return speed if speed > THINNEST else math.inf
@@ -89,10 +93,8 @@ def longest_step(scene):
     Slow impacts must be few in a step where the forcing leaves the block at rest for long, and the layer in which it
     rattles must not be left.
     """
-    forcing = scene.forcing
-    lifted = forcing.amplitude > 1.0
-    quiet = 2.0 * math.asin(1.0 / forcing.amplitude) / forcing.frequency if lifted else math.inf
-    return min(2.33 / 16, 0.036 if quiet > 0.5 else math.inf, 0.15 * rattling_speed(scene))
+    rests = scene.forcing.longest_rest > 0.5
+    return min(2.33 / 16, 0.036 if rests else math.inf, 0.15 * rattling_speed(scene))
 
 
 def _grading(half_width, cells, smallest, usual):

@@ -1,4 +1,8 @@
-"""One resolution of one scene: its mesh, the steps of half a cycle, and the density evolved by them."""
+"""One resolution of one scene: its mesh, the steps of a cycle or of half of it, and the density evolved by them.
+
+Where the forcing is its own mirror image half a cycle later, the steps of the first half serve the second one too: the
+density is turned about the origin instead. That half, or else the whole cycle, is a *leg* here.
+"""
 
 from typing import NamedTuple
 
@@ -55,6 +59,13 @@ class Run:
         A run of the same scene that tells which cells to cover.
     beyond : float
         Velocity to which coarser cells continue the mesh, where it is above the bound.
+
+    Attributes
+    ----------
+    legs : int
+        Sections in a cycle, 1 or 2; with 2 the density is turned after each.
+    leg : list of Step
+        The steps of one.
     """
 
     def __init__(self, white, resolution, bound, negligible, guide=None, beyond=0.0):
@@ -65,28 +76,29 @@ class Run:
             extended_lines(graded_lines(bound, resolution.velocity_cells, resolution.velocity_grading), beyond),
             resolution.degree,
         )
+        self.legs = 2 if white.forcing.half_antisymmetric else 1
         self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
-        self.half = [
+        self.leg = [
             Step(
                 Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature, cells=False),
                 self.space,
                 buffers,
             )
-            for k in range(self.steps // 2)
+            for k in range(self.steps // self.legs)
         ]
-        self.occupied = np.zeros((self.steps // 2, *self.space.shape[:2]), dtype=bool)
+        self.occupied = np.zeros((len(self.leg), *self.space.shape[:2]), dtype=bool)
         if guide:
-            self.occupied[:] = [guide.occupied_near(k / self.steps, self.space) for k in range(self.steps // 2)]
+            self.occupied[:] = [guide.occupied_near(k / self.steps, self.space) for k in range(len(self.leg))]
 
     @property
     def memory(self):
         """Bytes that the run holds, densities of all cycles left out."""
-        return self.half[0].buffers.nbytes + sum(step.memory for step in self.half)
+        return self.leg[0].buffers.nbytes + sum(step.memory for step in self.leg)
 
     def occupied_near(self, part, space):
-        """Cells of another space that meet one which was occupied about a part of the cycle below a half."""
+        """Cells of another space that meet one which was occupied about a part of the cycle, within its first leg."""
         before = int(part * self.steps + 1e-9)
-        after = min(before + (part * self.steps - before > 1e-9), self.steps // 2 - 1)
+        after = min(before + (part * self.steps - before > 1e-9), len(self.leg) - 1)
         meets = [
             (other[:-1, None] < own[1:]) & (other[1:, None] > own[:-1])
             for other, own in zip(space.lines, self.space.lines, strict=True)
@@ -103,7 +115,6 @@ class Run:
         inside[0] -= out[0].sum()
         first = first_resolved(departure, self.space, steps)
         now, gone = departure.land(first * self.duration, self.space)
-        # The second half of a cycle is the mirror image of the first: the density is turned about the origin instead.
         turned = False
         for k in range(first, cycles * steps + 1):
             if k % steps == 0:
@@ -113,9 +124,9 @@ class Run:
                     progress()
             if k == cycles * steps:
                 break
-            if (k % steps >= steps // 2) != turned:
+            if (k % steps >= len(self.leg)) != turned:
                 now, turned = turn(now), not turned
-            now, sinks = self._covering(k % (steps // 2), now).apply(now)
+            now, sinks = self._covering(k % len(self.leg), now).apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
         # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
         bins = self.bins(coefficients)
@@ -127,8 +138,8 @@ class Run:
         return self.space.bin_integrals(coefficients, *edges)
 
     def _covering(self, k, coefficients):
-        """Step k of the half cycle, which covers all cells that hold something."""
-        step = self.half[k]
+        """Step k of the leg, which covers all cells that hold something."""
+        step = self.leg[k]
         if occupy(coefficients, self.space.areas, self.negligible, step.trace.covered, self.occupied[k]):
             step.cover(binary_dilation(self.occupied[k], iterations=_MARGIN))
         return step

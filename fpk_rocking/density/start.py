@@ -107,7 +107,7 @@ class Departure:
         self.dynamics, self.windows, self.period = dynamics, windows, period
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
-        self._side = 1 if (x or v or dynamics.force(0.0)) > 0.0 else -1
+        self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
         self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
         self._quiet = self._quiet_time()
         self._carried, self._next = [self._undisturbed(self._quiet)], None
@@ -139,7 +139,8 @@ class Departure:
 
     def _further(self, now):
         """Carry a density by one step, as long as its spread and what may happen to it allow."""
-        duration = min(self.windows.growth * (now.time + self._gathered), self.period / _LEAST_STEPS)
+        longest = self.dynamics.forcing.shortest_period / _LEAST_STEPS
+        duration = min(self.windows.growth * (now.time + self._gathered), longest)
         if self._rattles(now, duration):
             duration = min(duration, self._longest(now.time))
         free = self._free_time(now, self.period - now.time)
@@ -155,7 +156,7 @@ class Departure:
 
     def _trace(self, now, duration, quiet):
         """Trace one step from the cells of a window that hold something."""
-        points = self.windows.points + (0 if abs(self.dynamics.force(now.time)) > 1.0 else MORE)
+        points = self.windows.points + (0 if abs(self.dynamics.forcing.value(now.time)) > 1.0 else MORE)
         quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
         holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
         return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding)
@@ -191,21 +192,18 @@ class Departure:
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
         dynamics, growth = self.dynamics, self.windows.growth
-        amplitude, frequency, phase = abs(dynamics.harmonic[0]), *dynamics.harmonic[1:]
-        angle = frequency * time + phase
-        gap, change = 1.0 - amplitude * abs(math.cos(angle)), amplitude * frequency * abs(math.sin(angle))
+        gap, change = 1.0 - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
             return growth * max(_RATTLE * lifting, self.period / _MOST_STEPS)
-        since = (angle - math.pi * round(angle / math.pi) + math.acos(1.0 / amplitude)) / frequency
+        since, change = dynamics.forcing.since_lift_off(time)
         if since > time:
             return math.inf
-        crossing = _crossing_time(dynamics, frequency * math.sqrt(amplitude**2 - 1.0))
-        return growth * (_SINCE * since + _RATTLE * crossing)
+        return growth * (_SINCE * since + _RATTLE * _crossing_time(dynamics, change))
 
     def _rattles(self, now, duration):
         """Whether mass that matters may come to rest at x = 0 within a step."""
-        slow = max(1.0 - abs(self.dynamics.force(now.time)), 0.0) * duration
+        slow = max(1.0 - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
         slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.diffusion * duration)
         angle, velocity = (
             (lines[:-1] < size) & (lines[1:] > -size)
@@ -218,7 +216,8 @@ class Departure:
         dynamics, window, masses = self.dynamics, now.window, np.abs(now.window.masses(now.coefficients))
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.windows.reach * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
-            events = classify(*window.lines, now.time, duration, dynamics.harmonic, dynamics.cutoff, reach)
+            segment = dynamics.segment(now.time, duration)
+            events = classify(*window.lines, segment, duration, dynamics.cutoff, reach)
             if masses[events].sum() < NEGLIGIBLE:
                 return duration
         return 0.0
@@ -252,10 +251,9 @@ def _resolution(gaussian, space):
 
 def _drift_time(dynamics: Dynamics):
     """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
-    amplitude, frequency, _ = dynamics.harmonic
-    drift = abs(abs(dynamics.force(0.0)) - 1.0)
+    drift = abs(abs(dynamics.forcing.value(0.0)) - 1.0)
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
-    return min(steady, _crossing_time(dynamics, amplitude * frequency), 1.0)
+    return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)
 
 
 def _crossing_time(dynamics: Dynamics, change):

@@ -12,6 +12,8 @@ from fpk_rocking.density.lines import FreeFlight
 from fpk_rocking.density.paths import hermite_nodes, principal_axes
 from fpk_rocking.density.space import Space, gauss, gauss_shapes
 from fpk_rocking.density.transport import CHUNKS, deposit, gather
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS, PeriodicForcing
 from fpk_rocking.physics.gaussian import flight_covariance
 
 
@@ -21,13 +23,12 @@ class Dynamics:
 
     Parameters
     ----------
-    harmonic : tuple of float
-        Amplitude, frequency and phase of f = -A cos(Omega t + Psi).
+    forcing : Forcing or Harmonics
     diffusion, restitution, cutoff : float
         D, e and the angle of overturning.
     """
 
-    harmonic: tuple
+    forcing: PeriodicForcing
     diffusion: float
     restitution: float
     cutoff: float
@@ -35,23 +36,15 @@ class Dynamics:
     @classmethod
     def of(cls, scene):
         """Take the dynamics of a scene with white noise."""
-        forcing = scene.forcing
-        harmonic = (forcing.amplitude, forcing.frequency, forcing.phase)
-        return cls(harmonic, scene.noise.diffusion, scene.block.restitution, scene.overturning.angle)
+        return cls(scene.forcing, scene.noise.diffusion, scene.block.restitution, scene.overturning.angle)
 
-    def force(self, time):
-        """Harmonic forcing f at a time."""
-        amplitude, frequency, phase = self.harmonic
-        return -amplitude * math.cos(frequency * time + phase)
-
-    def _particular(self, time):
-        amplitude, frequency, phase = self.harmonic
-        scale, angle = amplitude / (1.0 + frequency * frequency), frequency * time + phase
-        return scale * math.cos(angle), -scale * frequency * math.sin(angle)
+    def segment(self, start, duration):
+        """Forcing over a step, for the kernels."""
+        return segment_of(self.forcing.pieces([start])[0], np.empty(TERMS), duration)
 
     def affine(self, start, duration):
         """Affine flight z -> M z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
-        (p0, q0), (p1, q1) = self._particular(start), self._particular(start + duration)
+        (p0, q0), (p1, q1) = self.forcing.particular(start), self.forcing.particular(start + duration)
         cosh, sinh = math.cosh(duration), math.sinh(duration)
         shifts = np.zeros((3, 2))
         for side in (1, -1):
@@ -110,7 +103,8 @@ class Trace:
         self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
         self._margin = np.abs(self.offsets[:, 0]).max()
         lines = source.angle_lines, source.velocity_lines
-        self.marks = classify(*lines, start, duration, dynamics.harmonic, dynamics.cutoff, self._margin)
+        self._segment = dynamics.segment(start, duration)
+        self.marks = classify(*lines, self._segment, duration, dynamics.cutoff, self._margin)
         self.covered = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
         self.states, self.codes = self.cover(np.full_like(self.marks, cells))
@@ -122,9 +116,9 @@ class Trace:
         self.covered |= cells
         self.events[new[:, 0], new[:, 1]] = self.events.max() + 1 + np.arange(len(new))
         return trace_cells(
-            new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self.start,
-            self.duration, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes,
-            self.offsets, self._margin,
+            new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self._segment,
+            self.duration, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes, self.offsets,
+            self._margin,
         )  # fmt: skip
 
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.resolution import LADDER
-from fpk_rocking.density.run import turn
-from fpk_rocking.horizon.half import HalfCycle
+from fpk_rocking.horizon.leg import CycleLeg
 
 _SEEN = 1e-6
 """Part of the largest product of reach and chance below which a cell does not count."""
@@ -31,20 +30,20 @@ def plane_bound(white):
         At least `velocity_bound`, nondimensional.
     """
     own, wide = velocity_bound(white, white.noise.diffusion), worst_bound(white)
-    scout = HalfCycle(white, LADDER[0].of(white, wide), wide)
+    scout = CycleLeg(white, LADDER[0].of(white, wide), wide)
     chances = [scout.one]
-    for _ in range(2):
-        chances.append(turn(chances.pop()))
-        for step in reversed(scout.run.half):
+    for _ in range(scout.count):
+        chances.append(scout.turned(chances.pop()))
+        for step in reversed(scout.run.leg):
             chances.append(step.apply_adjoint(chances[-1], np.zeros(3)))
     reached, used = np.where(_largest(chances[-1]) > _SEEN, 1.0, 0.0), np.zeros(scout.space.shape[1], dtype=bool)
     density = scout.one * reached[:, :, None, None]
-    for _ in range(2):
-        for step in scout.run.half:
+    for _ in range(scout.count):
+        for step in scout.run.leg:
             both = _largest(density) * _largest(chances.pop())
             used |= (both > _SEEN * both.max()).any(axis=0)
             density, _ = step.apply(density)
-        density = turn(density)
+        density = scout.turned(density)
     lines = scout.space.velocity_lines
     fastest = max(-lines[:-1][used].min(initial=0.0), lines[1:][used].max(initial=0.0))
     return max(own, float(fastest))
@@ -52,8 +51,7 @@ def plane_bound(white):
 
 def worst_bound(white):
     """Bound for every phase: to stand after an impact at v, e v must be below the speed of a sure escape."""
-    forcing, cutoff = white.forcing, white.overturning.angle
-    swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
+    swing, cutoff = white.forcing.swing, white.overturning.angle
     escape = max(1.0, cutoff - 1.0) + swing + 8.0 * math.sqrt(white.noise.diffusion)
     return escape / white.block.restitution + cutoff + 2.0 * swing
 

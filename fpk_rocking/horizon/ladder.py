@@ -13,7 +13,7 @@ from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.resolution import ENOUGH, LADDER
 from fpk_rocking.density.solver import UNRESOLVED
 from fpk_rocking.horizon.extent import plane_bound
-from fpk_rocking.horizon.half import HalfCycle
+from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
 
 MEMORY = 8e9
@@ -26,7 +26,7 @@ LEAST_RATE = 1e-15
 """Least escape rate a cycle that is looked for on ever finer meshes."""
 
 _POLISH = 10
-"""Half cycles after the iteration, which leave the tails of the density to the map itself."""
+"""Sections after the iteration, which leave the tails of the density to the map itself."""
 
 
 class Level:
@@ -44,28 +44,28 @@ class Level:
 
     def __init__(self, white, resolution, bound, beyond):
         self._white, self._bound = white, bound
-        self.half = HalfCycle(white, resolution, bound, beyond)
-        self.space = self.half.space
-        self._one = self.half.vector(self.half.one)
+        self.leg = CycleLeg(white, resolution, bound, beyond)
+        self.space = self.leg.space
+        self._one = self.leg.vector(self.leg.one)
 
     @functools.cached_property
     def modes(self):
-        """Leading modes of half a cycle, from what two cycles leave of a uniform density."""
+        """Leading modes of a leg, from what two cycles leave of a uniform density."""
         start, remaining = self._one, []
-        for _ in range(4):
-            start = self.half.matvec(start)
+        for _ in range(2 * self.leg.count):
+            start = self.leg.matvec(start)
             remaining.append(self._one @ start / (self._one @ self._one))
         if not remaining[-1] > LEAST_EIGENVALUE**2:
             got = f"a probability of {remaining[-1]:.1e} to survive two cycles from anywhere"
             accepted = "a scene in which not everything overturns within a cycle (see solve_fpk())"
             raise ValueError(checks.refusal("scene", got, accepted))
-        return leading_modes(self.half.matvec, start)
+        return leading_modes(self.leg.matvec, start)
 
     @functools.cached_property
     def left_modes(self):
         """The same of the adjoint, from another start: their eigenvalues agree, or the modes are refused."""
         start = np.random.default_rng(1).random(len(self._one))
-        modes = leading_modes(self.half.rmatvec, start)
+        modes = leading_modes(self.leg.rmatvec, start)
         first, second = (found.values[0].real for found in (self.modes, modes))
         if abs(first - second) > 1e-8:
             accepted = "one whose leading mode two iterations agree upon"
@@ -74,10 +74,10 @@ class Level:
 
     @functools.cached_property
     def _polished(self):
-        density = self.half.coefficients(self.modes.basis[:, 0])
+        density = self.leg.coefficients(self.modes.basis[:, 0])
         for _ in range(_POLISH):
             density = density / self.space.masses(density).sum()
-            density, gone = self.half.forward(density)
+            density, gone = self.leg.forward(density)
         return density / self.space.masses(density).sum(), gone
 
     @property
@@ -89,17 +89,17 @@ class Level:
     def leaks(self):
         """What leaves it in a cycle (3,): to the left, to the right, and lost; it leaks the same in both halves."""
         gone = self._polished[1]
-        return gone + (1.0 - gone.sum()) * gone[[1, 0, 2]]
+        return gone if self.leg.count == 1 else gone + (1.0 - gone.sum()) * gone[[1, 0, 2]]
 
     @property
     def log_eigenvalue(self):
-        """Logarithm of the leading eigenvalue of half a cycle."""
+        """Logarithm of the leading eigenvalue of a leg."""
         return math.log1p(-self._polished[1].sum())
 
     @property
     def rate(self):
         """Escape rate per cycle."""
-        return -2.0 * self.log_eigenvalue
+        return -self.leg.count * self.log_eigenvalue
 
     @property
     def negative_mass(self):
@@ -110,42 +110,42 @@ class Level:
     def settings(self):
         """Mesh, degree, quadrature and steps."""
         own = {"unknowns": self.space.unknowns, "velocity_bound": float(self.space.velocity_lines[-1])}
-        return dataclasses.asdict(self.half.run.resolution) | own
+        return dataclasses.asdict(self.leg.run.resolution) | own
 
     @functools.cached_property
     def bins(self):
         """Probabilities of equal bins in the quasi-stationary density."""
-        return self.half.run.bins(self.quasi_stationary)
+        return self.leg.run.bins(self.quasi_stationary)
 
     def at_phase(self, phase):
         """Return the same for another forcing phase."""
-        white = self._white.varied(forcing={"phase": phase})
-        return Level(white, self.half.run.resolution, self._bound, plane_bound(white))
+        white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
+        return Level(white, self.leg.run.resolution, self._bound, plane_bound(white))
 
     def survival(self, departure, cycles):
         """Survival after numbers of cycles, and what the modes may leave out of it: two arrays (n,)."""
-        first = self.half.run.evolve(1, departure)
-        powers = self._powers(self.half.matvec, lambda: self.modes, self.half.vector(first.coefficients[1]))
+        first = self.leg.run.evolve(1, departure)
+        powers = self._powers(self.leg.matvec, lambda: self.modes, self.leg.vector(first.coefficients[1]))
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
         for k in np.argsort(cycles, kind="stable"):
             if cycles[k] < 2:
                 survival[k] = first.inside[cycles[k]]
             else:
-                count = 2 * (int(cycles[k]) - 1)
+                count = self.leg.count * (int(cycles[k]) - 1)
                 survival[k], left_out[k] = self._one @ powers.after(count), powers.left_out(count)
         return survival, left_out
 
     def backward_powers(self):
         """Powers of the adjoint, of the function 1: survival of every start."""
-        return self._powers(self.half.rmatvec, lambda: self.left_modes, self._one)
+        return self._powers(self.leg.rmatvec, lambda: self.left_modes, self._one)
 
     def mean_time(self):
-        """Mean time until overturning, in cycles, as a vector: the sum over all half cycles to come."""
-        spent = self.half.vector(self.half.time_inside())
-        return self._powers(self.half.rmatvec, lambda: self.left_modes, spent).total()
+        """Mean time until overturning, in cycles, as a vector: the sum over all legs to come."""
+        spent = self.leg.vector(self.leg.time_inside())
+        return self._powers(self.leg.rmatvec, lambda: self.left_modes, spent).total()
 
     def _powers(self, apply, modes, vector):
-        return Powers(apply, modes, self.half.l1, lambda: self.log_eigenvalue, vector)
+        return Powers(apply, modes, self.leg.l1, lambda: self.log_eigenvalue, vector)
 
 
 def climb(white, tol):
@@ -183,7 +183,7 @@ def climb(white, tol):
     for rung in range(enough - 2, len(LADDER)):
         resolution = LADDER[rung].of(white, bound)
         if rung > enough:
-            run = fine.half.run
+            run = fine.leg.run
             if run.memory * resolution.work / run.resolution.work > MEMORY:
                 break
         coarse, fine = fine, Level(white, resolution, bound, beyond)

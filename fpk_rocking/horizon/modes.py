@@ -88,7 +88,7 @@ def leading_modes(apply, start, count=COUNT):
     residuals = np.linalg.norm(images - basis @ block, axis=0)
     if not (kept[0].imag == 0.0 < kept[0].real and residuals[0] <= ACCEPTED * kept[0].real):
         accepted = "one whose density keeps its shape in the long run: a leading eigenvalue that is real and positive"
-        got = f"eigenvalue {kept[0]:.3g} of half a cycle, residual {residuals[0]:.1e}"
+        got = f"eigenvalue {kept[0]:.3g} of a leg of a cycle, residual {residuals[0]:.1e}"
         raise ValueError(checks.refusal("scene", got, accepted))
     return Modes(np.array(kept), basis, block, residuals)
 
@@ -144,7 +144,7 @@ class Powers:
     def _advance(self):
         """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
         if self._count == MOST:
-            accepted = f"one whose leading {COUNT} modes say all after {MOST} half cycles"
+            accepted = f"one whose leading {COUNT} modes say all after {MOST} legs of a cycle"
             raise ValueError(checks.refusal("scene", "modes that decay more slowly", accepted))
         if self._count >= FEW:
             modes = self._modes()

@@ -42,8 +42,7 @@ class CycleOperator(LinearOperator):
 
     As a SciPy linear operator it acts on vectors (unknowns,) whose Euclidean products are the integrals of products of
     functions, see `vector` and `density`; ``rmatvec`` is its adjoint, which takes a function of the state after a cycle
-    to its mean before it. It is made of the steps of `solve_fpk`; the second half of a cycle is the mirror image of the
-    first.
+    to its mean before it. It is made of the steps of `solve_fpk`.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ class CycleOperator(LinearOperator):
     eigenvalues : ndarray of complex
         Leading eigenvalues of the cycle, descending in modulus.
     residuals : ndarray
-        Of the modes of half a cycle, in the norm of L2.
+        Of the modes of half a cycle, or of a cycle where its halves are not alike, in the norm of L2.
     negative_mass : float
         Of the quasi-stationary density.
     settings : dict
@@ -99,17 +98,22 @@ class CycleOperator(LinearOperator):
         self._fine, self._coarse, self.escape_error, self.refinement = climb(self._white, self.tol)
         fine = self._fine
         self.escape_rate, self.leakage, self.lost = fine.rate, fine.leaks[:2], float(fine.leaks[2])
-        self.eigenvalues = fine.modes.values**2
+        self.eigenvalues = fine.modes.values**fine.leg.count
         self.residuals, self.negative_mass, self.settings = fine.modes.residuals, fine.negative_mass, fine.settings
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 
     def _matvec(self, vector):
-        half = self._fine.half
-        return half.matvec(half.matvec(np.ascontiguousarray(vector, dtype=float).ravel()))
+        return self._repeated(self._fine.leg.matvec, vector)
 
     def _rmatvec(self, vector):
-        half = self._fine.half
-        return half.rmatvec(half.rmatvec(np.ascontiguousarray(vector, dtype=float).ravel()))
+        return self._repeated(self._fine.leg.rmatvec, vector)
+
+    def _repeated(self, apply, vector):
+        """Apply the map of a leg as often as there are legs in a cycle."""
+        vector = np.ascontiguousarray(vector, dtype=float).ravel()
+        for _ in range(self._fine.leg.count):
+            vector = apply(vector)
+        return vector
 
     @property
     def space(self):
@@ -118,11 +122,11 @@ class CycleOperator(LinearOperator):
 
     def vector(self, coefficients):
         """Vector (unknowns,) of a function with coefficients of shape ``space.shape``."""
-        return self._fine.half.vector(coefficients)
+        return self._fine.leg.vector(coefficients)
 
     def density(self, vector):
         """Density that a vector (unknowns,) stands for."""
-        return Density(self.space, self._fine.half.coefficients(np.asarray(vector, dtype=float)))
+        return Density(self.space, self._fine.leg.coefficients(np.asarray(vector, dtype=float)))
 
     @property
     def quasi_stationary(self):
@@ -155,7 +159,7 @@ class CycleOperator(LinearOperator):
             Coefficients, of norm 1 in L2; for a conjugate pair the real and the imaginary part of an eigenfunction.
         """
         modes = self._fine.left_modes if adjoint else self._fine.modes
-        return modes.values**2, [self._fine.half.coefficients(column) for column in modes.basis.T]
+        return modes.values**self._fine.leg.count, [self._fine.leg.coefficients(column) for column in modes.basis.T]
 
     def survival(self, cycles):
         """Probability of not having overturned after numbers of cycles, from the scene's start.
@@ -192,7 +196,7 @@ class CycleOperator(LinearOperator):
         return Outlook(cycles, survival, left_out, error)
 
     def _departure(self, level):
-        run = level.half.run
+        run = level.leg.run
         return Departure(run.dynamics, self._white.start, run.resolution.windows, self._white.period)
 
     def survival_map(self, cycles, phase=None):
@@ -203,14 +207,14 @@ class CycleOperator(LinearOperator):
         cycles : int
             0 or more, without a bound.
         phase : float, optional
-            Forcing phase Psi at the start; by default the scene's.
+            Forcing phase Psi at the start, of several harmonics that of the first; by default the scene's.
 
         Returns
         -------
         PlaneMap
         """
         cycles = checks.count("cycles", cycles, at_least=0)
-        return self._map(lambda level: level.backward_powers().after(2 * cycles), phase)
+        return self._map(lambda level: level.backward_powers().after(level.leg.count * cycles), phase)
 
     def first_passage_map(self, cycle, phase=None):
         """Probability of overturning within one cycle, the first being 1, for every start; see `survival_map`."""
@@ -218,8 +222,8 @@ class CycleOperator(LinearOperator):
 
         def passage(level):
             powers = level.backward_powers()
-            before = powers.after(2 * cycle - 2)
-            return before - powers.after(2 * cycle)
+            before = powers.after(level.leg.count * (cycle - 1))
+            return before - powers.after(level.leg.count * cycle)
 
         return self._map(passage, phase)
 
@@ -232,7 +236,7 @@ class CycleOperator(LinearOperator):
         levels = self._fine, self._coarse
         if phase != self.scene.forcing.phase:
             levels = [level.at_phase(phase) for level in levels]
-        fine, coarse = (level.half.coefficients(function(level)) for level in levels)
+        fine, coarse = (level.leg.coefficients(function(level)) for level in levels)
         space = self.space
         difference = fine - space.transfer(coarse, levels[1].space)
         error = space.absolute_mass(difference) / space.masses(fine).sum()

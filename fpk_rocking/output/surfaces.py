@@ -122,11 +122,9 @@ def _needle(axes, start, highest):
 
 def _notes(results, columns):
     scene = results[0].scene
-    forcing, turns = scene.forcing, scene.forcing.phase / math.pi
-    phase = {0.0: "0", 1.0: "π"}.get(round(turns, 4), f"{turns:.4g}π")
     problem = (
-        f"A = {forcing.amplitude:g}, Ω = {forcing.frequency:g}, Ψ = {phase}, e = {scene.block.restitution:g}, start at "
-        f"({scene.start.angle:g}, {scene.start.velocity:g}), {noise_text(scene.noise)}; all nondimensional."
+        f"{scene.forcing}, e = {scene.block.restitution:g}, start at ({scene.start.angle:g}, "
+        f"{scene.start.velocity:g}), {noise_text(scene.noise)}; all nondimensional."
     )
     drawn = (
         "Surfaces: mean density in 0.1 × 0.1 around each point, one scale a cycle. Walls at the cut-off: probability "

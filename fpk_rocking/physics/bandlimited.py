@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from fpk_rocking.jit import kernel
-from fpk_rocking.physics.flight import TERMS
+from fpk_rocking.physics.forcing import TERMS
 
 WIDTH = 16
 OVERSAMPLING = 1.6

@@ -16,9 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.jit import kernel
-
-TERMS = 16
-"""Coefficients of a segment's polynomial: where frequency times duration < 0.8, harmonic forcing is right to 1e-14."""
+from fpk_rocking.physics.forcing import TERMS
 
 NOTHING, IMPACT, OVERTURNING = 0, 1, 2
 """What ends a flight: the segment's end, an impact, the cut-off angle."""
@@ -43,20 +41,6 @@ class Segment(NamedTuple):
     force_curvature: float
 
 
-@kernel
-def harmonic_particular(start, amplitude, frequency, phase, out):
-    """Write the Taylor coefficients (TERMS,) about `start` of P = A cos(Omega t + Psi)/(1 + Omega^2), f = -A cos(.)."""
-    angle = frequency * start + phase
-    scale = amplitude / (1.0 + frequency * frequency)
-    even, odd = scale * math.cos(angle), -scale * math.sin(angle)
-    for k in range(0, TERMS, 2):
-        out[k] = even
-        even *= -frequency * frequency / ((k + 1) * (k + 2))
-    for k in range(1, TERMS, 2):
-        out[k] = odd * frequency
-        odd *= -frequency * frequency / ((k + 1) * (k + 2))
-
-
 @kernel(borrows=True)
 def bounds(particular, duration, force):
     """Write the coefficients (TERMS,) of f = P'' - P; return bounds of f below and above and of |f''| up to a time."""
@@ -77,6 +61,16 @@ def bounds(particular, duration, force):
 def segment_of(particular, force, duration):
     """Make the `Segment` of a particular solution; `force` (TERMS,) is scratch that the segment keeps."""
     return Segment(particular, force, *bounds(particular, duration, force))
+
+
+@kernel(borrows=True)
+def move_origin(coefficients, t, out):
+    """Write the coefficients (TERMS,) of the same polynomial in the time since t."""
+    for k in range(TERMS):
+        out[k] = coefficients[k]
+    for k in range(TERMS - 1):
+        for i in range(TERMS - 2, k - 1, -1):
+            out[i] += t * out[i + 1]
 
 
 @kernel(fastmath={"contract"}, borrows=True)

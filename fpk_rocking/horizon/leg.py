@@ -1,7 +1,7 @@
-"""Half a forcing cycle as a linear map of densities, and its adjoint: the solver's own steps, one after the other.
+"""A leg of the forcing cycle as a linear map of densities, and its adjoint: the solver's own steps, one by one.
 
-The second half of a cycle is the mirror image of the first, (x, v) -> (-x, -v). With H the map over the first half and
-R the turn about the origin, a cycle is R H R H = K^2, K = R H: the map of this module.
+Where the forcing is its own mirror image half a cycle later, (x, v) -> (-x, -v), the leg is that half: with H the
+map over it and R the turn about the origin, a cycle is R H R H = K^2, K = R H. Else it is the whole cycle, K = H.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from fpk_rocking.density.run import Run, turn
 _NOTHING = np.zeros(3)
 
 
-class HalfCycle:
-    """The map K of densities over half a cycle, turned at its end, on one mesh.
+class CycleLeg:
+    """The map K of densities over a leg of a cycle on one mesh; half a cycle is turned at its end.
 
     Parameters
     ----------
@@ -28,14 +28,16 @@ class HalfCycle:
     run : Run
         Of the scene, every cell covered, so that nothing is lost but beyond the velocity bound.
     space : Space
+    count : int
+        Sections in a cycle, 1 or 2.
     """
 
     def __init__(self, white, resolution, bound, beyond=0.0):
         self.run = Run(white, resolution, bound, negligible=0.0, beyond=beyond)
-        self.space = self.run.space
+        self.space, self.count = self.run.space, self.run.legs
         self._root = np.sqrt(self.space.areas)[:, :, None, None]
         everything = np.ones(self.space.shape[:2], dtype=bool)
-        for step in self.run.half:
+        for step in self.run.leg:
             step.cover(everything)
 
     @property
@@ -53,29 +55,33 @@ class HalfCycle:
         """Coefficients of the function that a real vector stands for."""
         return vector.reshape(self.space.shape) / self._root
 
+    def turned(self, coefficients):
+        """Coefficients of a function at the end of a leg as the next one begins with them."""
+        return turn(coefficients) if self.count == 2 else coefficients
+
     def forward(self, coefficients):
-        """Density after the half cycle, turned, and the masses (3,) that went left, right and were lost in it."""
+        """Density after the leg, turned, and the masses (3,) that went left, right and were lost in it."""
         gone = np.zeros(3)
-        for step in self.run.half:
+        for step in self.run.leg:
             coefficients, sinks = step.apply(coefficients)
             gone += sinks
-        return turn(coefficients), gone
+        return self.turned(coefficients), gone
 
     def backward(self, values):
-        """Return what a function of the turned state after the half cycle is worth, on average, before it."""
-        values = turn(values)
-        for step in reversed(self.run.half):
+        """Return what a function of the turned state after the leg is worth, on average, before it."""
+        values = self.turned(values)
+        for step in reversed(self.run.leg):
             values = step.apply_adjoint(values, _NOTHING)
         return values
 
     def time_inside(self):
-        """Mean time until overturning or the end of the half cycle, in cycles, from every state.
+        """Mean time until overturning or the end of the leg, in cycles, from every state.
 
         Coefficients of a function; by the trapezoidal rule over the steps.
         """
         half_step = 0.5 / self.run.steps * self.one
         spent = np.zeros(self.space.shape)
-        for step in reversed(self.run.half):
+        for step in reversed(self.run.leg):
             spent = half_step + step.apply_adjoint(half_step + spent, _NOTHING)
         return spent
 

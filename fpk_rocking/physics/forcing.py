@@ -1,0 +1,297 @@
+"""Forcing: the base acceleration f(τ) that drives a block, and all that anyone else may ask of it.
+
+Nobody else knows what a forcing is made of. On an interval that is short enough it is a polynomial piece, given by the
+coefficients of the bounded particular solution P of P'' = P + f in the time since some instant; from those follow the
+force f = P'' - P itself, its slope, and the flight of a block under it (`fpk_rocking.physics.flight`). The rest are
+properties of the forcing as a whole: its period, its symmetry, how large it gets, and when it lifts a block off.
+
+All quantities are nondimensional. This module makes values; it is not compiled.
+"""
+
+import dataclasses
+import functools
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from fpk_rocking import checks
+
+TERMS = 16
+"""Coefficients of a piece: for `longest_piece` from its instant it is right to 1e-14 of the forcing's size."""
+
+
+class PeriodicForcing:
+    """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
+
+    A subclass is a frozen dataclass with ``frequency`` and `components`.
+    """
+
+    __slots__ = ()
+
+    @property
+    def components(self):
+        """Multiple k, amplitude A_k and phase Ψ_k of every harmonic, a sequence of triples."""
+        raise NotImplementedError
+
+    @property
+    def period(self):
+        """T = 2π/Ω in nondimensional time: one cycle."""
+        return 2.0 * math.pi / self.frequency
+
+    @property
+    def half_antisymmetric(self):
+        """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first.
+
+        That is so without even harmonics.
+        """
+        return all(k % 2 == 1 or amplitude == 0.0 for k, amplitude, _ in self.components)
+
+    @property
+    def shortest_period(self):
+        """Period of the highest harmonic."""
+        return self.period / max((k for k, amplitude, _ in self.components if amplitude), default=1)
+
+    @property
+    def longest_piece(self):
+        """Time from its instant for which a piece of `pieces` is right to 1e-14."""
+        return 0.8 * self.shortest_period / (2.0 * math.pi)
+
+    def pieces(self, instants):
+        """Coefficients of the particular solution P in the time since given instants.
+
+        Parameters
+        ----------
+        instants : sequence of float
+            Nondimensional times.
+
+        Returns
+        -------
+        ndarray, shape (instants, TERMS)
+            Taylor coefficients of P = Σ A_k cos(Ω_k τ + Ψ_k)/(1 + Ω_k²).
+        """
+        out = np.zeros((len(instants), TERMS))
+        for row, instant in zip(out, instants, strict=True):
+            for k, amplitude, phase in self.components:
+                _add_cosine(row, instant, amplitude, k * self.frequency, phase)
+        return out
+
+    def particular(self, time):
+        """Particular solution P and its derivative at a time."""
+        (value, slope, *_), = self.pieces([time])
+        return float(value), float(slope)
+
+    def value(self, time):
+        """Force f at a time."""
+        return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)
+
+    def slope(self, time):
+        """Derivative of the force at a time."""
+        omega = self.frequency
+        return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
+
+    def values_in_cycle(self, places, count):
+        """Force at places (n,) of a cycle divided into equal parts, `count` of them: periodic to the last digit."""
+        return -sum(a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
+
+    def variation(self, duration):
+        """Bound of the change of the force within half a duration to either side of any instant."""
+        return sum(min(0.5 * k * self.frequency * duration, 2.0) * a for k, a, _ in self.components)
+
+    @property
+    def steepest(self):
+        """Bound of the slope of the force."""
+        return sum(k * self.frequency * a for k, a, _ in self.components)
+
+    @property
+    def swing(self):
+        """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
+        return sum(a / math.hypot(1.0, k * self.frequency) for k, a, _ in self.components)
+
+    @property
+    def largest(self):
+        """Largest |f|."""
+        return _course(self).largest
+
+    @property
+    def longest_rest(self):
+        """Longest time in which |f| stays at most 1, so that a block at rest stays there; inf if it always does."""
+        course = _course(self)
+        if not course.lift_offs.size:
+            return math.inf
+        # From each time at which |f| falls to 1 to the next lift-off.
+        waits = course.lift_offs - course.landings[:, None]
+        return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
+
+    def since_lift_off(self, time):
+        """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it never does."""
+        course = _course(self)
+        if not course.lift_offs.size:
+            return math.inf, 0.0
+        # At a lift-off, rounding decides whether it is just over or a period ago.
+        elapsed = np.mod(time - course.lift_offs + 1e-12 * self.period, self.period)
+        last = int(np.argmin(elapsed))
+        return float(elapsed[last]), abs(self.slope(float(course.lift_offs[last])))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Forcing(PeriodicForcing):
+    """Harmonic base acceleration -A cos(Ωτ + Ψ) (paper eq. 2).
+
+    Parameters
+    ----------
+    amplitude : float
+        A, at least 0.
+    frequency : float
+        Ω, above 0.
+    phase : float
+        Ψ, radians.
+    """
+
+    kind: ClassVar[str] = "harmonic"
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+
+    def __post_init__(self):
+        _set(self, "amplitude", checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
+        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
+        _set(self, "phase", checks.number("forcing.phase", self.phase))
+
+    @property
+    def components(self):
+        """Multiple, amplitude and phase of the only harmonic."""
+        return ((1, self.amplitude, self.phase),)
+
+    def at_phase(self, phase):
+        """Return the forcing with another phase Ψ: begun at another time of its cycle."""
+        return dataclasses.replace(self, phase=phase)
+
+    def __str__(self):
+        turns = self.phase / math.pi
+        phase = f"{turns:g}π" if turns == round(turns, 3) and turns not in (0.0, 1.0) else f"{self.phase:g}"
+        return f"A = {self.amplitude:g}, Ω = {self.frequency:g}, Ψ = {'π' if turns == 1.0 else phase}"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Harmonics(PeriodicForcing):
+    """Periodic base acceleration -Σ A_k cos(kΩτ + Ψ_k), k = 1, 2, ...
+
+    Parameters
+    ----------
+    frequency : float
+        Ω, above 0.
+    amplitudes : sequence of float
+        A_1, A_2, ..., at least 0 each and not all 0; up to 32.
+    phases : sequence of float
+        Ψ_1, Ψ_2, ..., radians, as many.
+    """
+
+    kind: ClassVar[str] = "harmonics"
+    frequency: float
+    amplitudes: tuple[float, ...]
+    phases: tuple[float, ...]
+
+    def __post_init__(self):
+        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
+        _set(self, "amplitudes", checks.several("forcing.amplitudes", self.amplitudes, most=_MOST, at_least=0.0))
+        _set(self, "phases", checks.several("forcing.phases", self.phases, most=_MOST))
+        if len(self.phases) != len(self.amplitudes):
+            accepted = f"as many as forcing.amplitudes, {len(self.amplitudes)}"
+            raise ValueError(checks.refusal("forcing.phases", self.phases, accepted))
+        if not any(self.amplitudes):
+            raise ValueError(checks.refusal("forcing.amplitudes", self.amplitudes, "at least one above 0"))
+
+    @property
+    def components(self):
+        """Multiple, amplitude and phase of every harmonic."""
+        pairs = zip(self.amplitudes, self.phases, strict=True)
+        return tuple((k, amplitude, phase) for k, (amplitude, phase) in enumerate(pairs, 1))
+
+    def at_phase(self, phase):
+        """Return the forcing begun at another time of its cycle: that at which its first harmonic has a phase Ψ_1."""
+        ahead = phase - self.phases[0]
+        return dataclasses.replace(self, phases=tuple(psi + k * ahead for k, psi in enumerate(self.phases, 1)))
+
+    @property
+    def phase(self):
+        """Phase Ψ_1 of the first harmonic."""
+        return self.phases[0]
+
+    def __str__(self):
+        lists = (", ".join(f"{one:g}" for one in values) for values in (self.amplitudes, self.phases))
+        return "A_k = {}, Ω = {:g}, Ψ_k = {}".format(*(next(lists), self.frequency, next(lists)))
+
+
+FORCINGS = {cls.kind: cls for cls in (Forcing, Harmonics)}
+"""Forcings by their kind; the first is the default of a scene file."""
+
+_MOST = 32
+
+
+def _set(value, name, checked):
+    object.__setattr__(value, name, checked)
+
+
+def _add_cosine(row, instant, amplitude, frequency, phase):
+    """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²)."""
+    angle = frequency * instant + phase
+    scale = amplitude / (1.0 + frequency * frequency)
+    even, odd = scale * math.cos(angle), -scale * math.sin(angle)
+    for k in range(0, TERMS, 2):
+        row[k] += even
+        even *= -frequency * frequency / ((k + 1) * (k + 2))
+    for k in range(1, TERMS, 2):
+        row[k] += odd * frequency
+        odd *= -frequency * frequency / ((k + 1) * (k + 2))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Course:
+    """Largest |f|, and the times (n,) in a period at which |f| rises and falls through 1, ascending."""
+
+    largest: float
+    lift_offs: np.ndarray
+    landings: np.ndarray
+
+
+@functools.lru_cache(maxsize=16)
+def _course(forcing):
+    """Work out the `_Course` of a periodic forcing from roots of polynomials in exp(iΩτ)."""
+    turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
+    largest = max(turning, default=0.0)
+    lift_offs, landings = [], []
+    if largest > 1.0:
+        for level in (1.0, -1.0):
+            for time in _zeros(forcing, level, 0):
+                rises = level * forcing.slope(time) > 0.0
+                (lift_offs if rises else landings).append(time)
+    return _Course(largest, np.sort(lift_offs), np.sort(landings))
+
+
+def _zeros(forcing, level, derivative):
+    """Times in [0, T) at which f, or its derivative, passes a level: roots on the unit circle of a polynomial in z.
+
+    With z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
+    """
+    highest = max(k for k, _, _ in forcing.components)
+    coefficients = np.zeros(2 * highest + 1, dtype=complex)  # of z^0, z^1, ...
+    coefficients[highest] = -level
+    for k, amplitude, phase in forcing.components:
+        turned = -0.5 * amplitude * np.exp(1j * phase) * (1j * k * forcing.frequency) ** derivative
+        coefficients[highest + k] += turned
+        coefficients[highest - k] += np.conj(turned)
+    roots = np.polynomial.polynomial.polyroots(np.trim_zeros(coefficients, "b"))
+    roots = roots[np.abs(np.abs(roots) - 1.0) < 1e-6] if roots.size else roots
+    times = np.sort(np.mod(np.angle(roots), 2.0 * math.pi) / forcing.frequency)
+    return [_polished(forcing, float(time), level, derivative) for time in times]
+
+
+def _polished(forcing, time, level, derivative):
+    """Improve a zero of f - level by one step of Newton's, where it is simple; a turning point is good as it is."""
+    if derivative:
+        return time
+    slope = forcing.slope(time)
+    if abs(slope) < 1e-6 * forcing.steepest:
+        return time
+    return time - (forcing.value(time) - level) / slope
