@@ -83,7 +83,8 @@ def margin(forcing, restitution, noise):
 
     Parameters
     ----------
-    forcing : Forcing or (amplitude, frequency)
+    forcing : Forcing, Harmonics or (amplitude, frequency)
+        Of several harmonics D_m is the largest size of their sum (see `harmonic_amplitude`).
     restitution : array_like
     noise : BandNoise, WhiteNoise or NoNoise, or a sequence of them
         All broadcast. With NoNoise it is D_m - M.

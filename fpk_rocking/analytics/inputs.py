@@ -47,11 +47,11 @@ def numbers(name, value, *, at_least=None, above=None, at_most=None):
 
 
 def amplitude_and_frequency(forcing):
-    """Return A and Ω as arrays, from a Forcing or from a pair (amplitude, frequency) of arrays."""
+    """Return A and Ω as arrays, from a harmonic Forcing or from a pair (amplitude, frequency) of arrays."""
     if isinstance(forcing, Forcing):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
     if not isinstance(forcing, tuple) or len(forcing) != 2:
-        raise TypeError(checks.refusal("forcing", forcing, "a Forcing or a pair (amplitude, frequency)"))
+        raise TypeError(checks.refusal("forcing", forcing, "a harmonic Forcing, or a pair (amplitude, frequency)"))
     amplitude, frequency = forcing
     return (
         numbers("forcing amplitude", amplitude, at_least=0.0),

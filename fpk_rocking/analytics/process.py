@@ -16,7 +16,7 @@ import numpy as np
 from fpk_rocking import checks
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
 from fpk_rocking.parts import BandNoise
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import FORCINGS, Harmonics
 
 
 def heteroclinic_orbit(times):
@@ -63,12 +63,13 @@ def transfer(frequency):
 
 
 def harmonic_amplitude(forcing):
-    """Amplitude D_m = 2A/(1 + Ω²) of the harmonic part of the Melnikov process (paper eqs. 12 to 14).
+    """Amplitude D_m = 2A/(1 + Ω²) of the periodic part of the Melnikov process (paper eqs. 12 to 14).
 
     Parameters
     ----------
-    forcing : Forcing or (amplitude, frequency)
-        The pair is of array_like A >= 0 and Ω > 0 that broadcast.
+    forcing : Forcing, Harmonics or (amplitude, frequency)
+        The pair is of array_like A >= 0 and Ω > 0 that broadcast. Of several harmonics it is the largest size of their
+        sum, each multiplied by its `transfer`.
 
     Returns
     -------
@@ -80,6 +81,8 @@ def harmonic_amplitude(forcing):
     TypeError, ValueError
         `forcing` is neither, or an entry is refused.
     """
+    if isinstance(forcing, Harmonics):
+        return forcing.filtered(transfer).largest
     amplitude, frequency = amplitude_and_frequency(forcing)
     return amplitude * transfer(frequency)
 
@@ -107,11 +110,13 @@ def impact_loss(restitution):
 
 
 def process_mean(forcing, restitution, times):
-    """Mean -D_m cos(Ωτ₀ + Ψ) - M of the Melnikov process, from left to right (paper eqs. 12 to 14).
+    """Mean -Σ D_k cos(kΩτ₀ + Ψ_k) - M of the Melnikov process, from left to right (paper eqs. 12 to 14).
+
+    D_k = 2A_k/(1 + k²Ω²): of a harmonic forcing, -D_m cos(Ωτ₀ + Ψ) - M.
 
     Parameters
     ----------
-    forcing : Forcing
+    forcing : Forcing or Harmonics
     restitution : array_like
         e, from 0 to 1; it broadcasts with `times`.
     times : array_like
@@ -127,9 +132,13 @@ def process_mean(forcing, restitution, times):
     TypeError, ValueError
         A parameter is refused.
     """
-    checks.instance("forcing", forcing, Forcing)
-    angle = forcing.frequency * numbers("times", times) + forcing.phase
-    return -harmonic_amplitude(forcing) * np.cos(angle) - impact_loss(restitution)
+    checks.instance("forcing", forcing, *FORCINGS.values())
+    tau = numbers("times", times)
+    waves = (
+        a * transfer(k * forcing.frequency) * np.cos(k * forcing.frequency * tau + phase)
+        for k, a, phase in forcing.components
+    )
+    return -sum(waves) - impact_loss(restitution)
 
 
 def sampled_process(forcing, restitution, noise, times, frequencies, phases):
@@ -137,7 +146,7 @@ def sampled_process(forcing, restitution, noise, times, frequencies, phases):
 
     Parameters
     ----------
-    forcing : Forcing
+    forcing : Forcing or Harmonics
     restitution : float
         e, from 0 to 1.
     noise : BandNoise

@@ -237,7 +237,7 @@ class CycleOperator(LinearOperator):
         if phase != self.scene.forcing.phase:
             levels = [level.at_phase(phase) for level in levels]
         fine, coarse = (level.leg.coefficients(function(level)) for level in levels)
-        space = self.space
+        space = levels[0].space
         difference = fine - space.transfer(coarse, levels[1].space)
         error = space.absolute_mass(difference) / space.masses(fine).sum()
         return PlaneMap(space, fine, phase, float(error))

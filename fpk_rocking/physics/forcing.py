@@ -113,6 +113,19 @@ class PeriodicForcing:
         """Largest |f|."""
         return _course(self).largest
 
+    def mean_excess(self, level):
+        """Mean of max(f - level, 0) over a cycle, in closed form."""
+        times = np.array([0.0, *_zeros(self, level, 0), self.period])
+        middles, total = 0.5 * (times[1:] + times[:-1]), 0.0
+        for begin, end, middle in zip(times[:-1], times[1:], middles, strict=True):
+            if self.value(middle) > level:
+                total += self._integral(end) - self._integral(begin) - level * (end - begin)
+        return total / self.period
+
+    def _integral(self, time):
+        omega = self.frequency
+        return -sum(a * math.sin(k * omega * time + phase) / (k * omega) for k, a, phase in self.components)
+
     @property
     def longest_rest(self):
         """Longest time in which |f| stays at most 1, so that a block at rest stays there; inf if it always does."""
@@ -167,6 +180,10 @@ class Forcing(PeriodicForcing):
         """Return the forcing with another phase Ψ: begun at another time of its cycle."""
         return dataclasses.replace(self, phase=phase)
 
+    def filtered(self, gain):
+        """Return the forcing with its harmonic multiplied by gain(Ω)."""
+        return dataclasses.replace(self, amplitude=self.amplitude * float(gain(self.frequency)))
+
     def __str__(self):
         turns = self.phase / math.pi
         phase = f"{turns:g}π" if turns == round(turns, 3) and turns not in (0.0, 1.0) else f"{self.phase:g}"
@@ -212,6 +229,11 @@ class Harmonics(PeriodicForcing):
         """Return the forcing begun at another time of its cycle: that at which its first harmonic has a phase Ψ_1."""
         ahead = phase - self.phases[0]
         return dataclasses.replace(self, phases=tuple(psi + k * ahead for k, psi in enumerate(self.phases, 1)))
+
+    def filtered(self, gain):
+        """Return the forcing with every harmonic multiplied by gain(kΩ)."""
+        amplitudes = (amplitude * float(gain(k * self.frequency)) for k, amplitude, _ in self.components)
+        return dataclasses.replace(self, amplitudes=tuple(amplitudes))
 
     @property
     def phase(self):
@@ -275,6 +297,8 @@ def _zeros(forcing, level, derivative):
     With z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
+    if forcing.steepest == 0.0:
+        return []
     coefficients = np.zeros(2 * highest + 1, dtype=complex)  # of z^0, z^1, ...
     coefficients[highest] = -level
     for k, amplitude, phase in forcing.components:
