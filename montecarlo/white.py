@@ -87,7 +87,9 @@ def problem_of(scene, steps_per_cycle, samples=1):
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    fewest = max(math.ceil(16 * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST))
+    fewest = max(
+        math.ceil(16 * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST)
+    )
     intervals = samples * math.ceil(fewest / samples)
     span = scene.period / intervals
     tables = (

@@ -19,7 +19,7 @@ REST = Start()
 
 def affine(dynamics, start, duration, side):
     """Matrix and shift of a flight on one side, from x = s + P + two exponentials."""
-    amplitude, frequency, phase = dynamics.harmonic
+    amplitude, frequency, phase = dynamics.forcing.amplitude, dynamics.forcing.frequency, dynamics.forcing.phase
 
     def particular(t):
         scale, angle = amplitude / (1.0 + frequency**2), frequency * t + phase

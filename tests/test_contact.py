@@ -8,7 +8,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from fpk_rocking.physics.contact import chatter_time, side_at_zero
-from fpk_rocking.physics.flight import TERMS, segment_of
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance
 
 CUTOFF = math.pi / 2

@@ -94,7 +94,7 @@ def test_what_is_not_covered_is_little_and_counted_as_lost():
         run = Run(MAIN, resolution, bound, negligible)
         departure = Departure(run.dynamics, MAIN.start, resolution.windows, MAIN.period)
         found.append(run.evolve(2, departure))
-        covered = np.mean([step.trace.covered.mean() for step in run.half])
+        covered = np.mean([step.trace.covered.mean() for step in run.leg])
     whole, part = found
     assert covered < 0.6
     assert 0.0 < abs(part.gone[2, 2] - whole.gone[2, 2]) < 1e-5

@@ -16,10 +16,10 @@ from skfem import BilinearForm
 from fpk_rocking.density import lines, paths
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.flight import TERMS
+from fpk_rocking.physics.forcing import TERMS, Forcing
 
 CUTOFF = 1.2
-DYNAMICS = Dynamics((4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
+DYNAMICS = Dynamics(Forcing(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
 START, DURATION = 0.53, 0.1
 QUADRATURE = Quadrature(4, 5, 5, 2)
 SOURCE = Space(
@@ -41,8 +41,8 @@ def traced(points, side, dynamics, quadrature, duration=DURATION):
     states, codes = np.empty((len(points), len(nodes), 2)), np.empty((len(points), len(nodes)), np.int32)
     for k, (x, v) in enumerate(points):
         paths.trace(
-            x, v, side, START, duration, dynamics.harmonic, dynamics.diffusion, dynamics.restitution, dynamics.cutoff,
-            nodes, offsets, np.abs(offsets[:, 0]).max(), np.empty((6, TERMS)), states[k], codes[k],
+            x, v, side, dynamics.segment(START, duration), duration, dynamics.diffusion, dynamics.restitution,
+            dynamics.cutoff, nodes, offsets, np.abs(offsets[:, 0]).max(), np.empty((4, TERMS)), states[k], codes[k],
         )  # fmt: skip
     return states, codes
 
@@ -185,7 +185,7 @@ def test_paths_of_free_cells_meet_nothing(trace):
 @pytest.mark.parametrize(("point", "side"), [((0.06, -0.4), 1), ((0.05, -0.25), 1), ((-0.04, 0.3), -1)])
 def test_noise_is_carried_through_an_impact(point, side):
     """Weak noise: mean and covariance of the nodes against responses of the exact flow to kicks, summed over time."""
-    weak, duration, step = Dynamics(DYNAMICS.harmonic, 1e-12, DYNAMICS.restitution, CUTOFF), 0.25, 1e-5
+    weak, duration, step = Dynamics(DYNAMICS.forcing, 1e-12, DYNAMICS.restitution, CUTOFF), 0.25, 1e-5
     (states,), (codes,) = traced([point], side, weak, Quadrature(1, 1, 5, 3), duration)
     end, weights = START + duration, hermite_weights(5, 3)
     mean, impact = flow(weak, point, side, START, end), impact_time(weak, point, side, START, end)

@@ -72,7 +72,7 @@ def test_survival_by_modes_is_that_step_by_step(operator):
     """S(k) up to 200 cycles to 1e-6 of itself, on the coarser mesh; it has fallen to 3e-9."""
     level, cycles = operator._coarse, np.arange(201)
     departure = operator._departure(level)
-    stepped = level.half.run.evolve(200, departure).inside
+    stepped = level.leg.run.evolve(200, departure).inside
     survival, left_out = level.survival(departure, cycles)
     assert survival == pytest.approx(stepped, rel=1e-6)
     assert left_out[:20].max() == 0.0 < left_out[21:].max()

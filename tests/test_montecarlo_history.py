@@ -7,7 +7,8 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking.physics.flight import TERMS, harmonic_particular, segment_of
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
 from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import Histories, engines, histories, simulate
@@ -25,9 +26,7 @@ def exact(scene, x, v, side, times):
     for end in times[1:]:
         while t < end:
             span = min(end - t, 0.1)
-            particular = np.empty(TERMS)
-            harmonic_particular(t, forcing.amplitude, forcing.frequency, forcing.phase, particular)
-            segment = segment_of(particular, np.empty(TERMS), span)
+            segment = segment_of(forcing.pieces([t])[0], np.empty(TERMS), span)
             numbers = (0.0, span, scene.block.restitution, scene.overturning.angle, impacts, t)
             x, v, side, _ = advance(x, v, side, segment, *numbers)
             t = end if span < 0.1 else t + span

@@ -11,7 +11,8 @@ import pytest
 
 import montecarlo
 from fpk_rocking.physics.contact import side_at_zero
-from fpk_rocking.physics.flight import TERMS, harmonic_particular, segment_of
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo.statistics import survival_test
@@ -39,9 +40,7 @@ def closed_form(scene, x, v, cycles):
     points = np.full((cycles + 1, 2), math.nan)
     points[0] = x, v
     for i in range(16 * cycles):
-        particular = np.empty(TERMS)
-        harmonic_particular(i * span, forcing.amplitude, forcing.frequency, forcing.phase, particular)
-        segment = segment_of(particular, np.empty(TERMS), span)
+        segment = segment_of(forcing.pieces([i * span])[0], np.empty(TERMS), span)
         cutoff = scene.overturning.angle
         x, v, side, _ = advance(x, v, side, segment, 0.0, span, scene.block.restitution, cutoff)
         if abs(x) >= cutoff:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.flight import TERMS, flight, harmonic_particular, segment_of
+from fpk_rocking.physics.flight import flight, segment_of
+from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise, load_scene
 from montecarlo import histories, simulate
@@ -30,11 +31,10 @@ def test_flight_has_its_gaussian_moments(covariance):
     scene = scene_of(0.8, frequency=8.0, diffusion=0.003, start=start)
     ensemble = simulate(scene, cycles=1, realizations=200_000, seed=2)
     period, forcing = scene.period, scene.forcing
-    particular = np.empty(TERMS)
     x, v = start.angle, start.velocity
     for i in range(16):
-        harmonic_particular(i * period / 16, forcing.amplitude, forcing.frequency, forcing.phase, particular)
-        x, v = flight(x, v, 1, segment_of(particular, np.empty(TERMS), period / 16), 0.0, period / 16)
+        segment = segment_of(forcing.pieces([i * period / 16])[0], np.empty(TERMS), period / 16)
+        x, v = flight(x, v, 1, segment, 0.0, period / 16)
     xx, xv, vv = flight_covariance(scene.noise.diffusion, period)
     grow = np.array([[math.cosh(period), math.sinh(period)], [math.sinh(period), math.cosh(period)]])
     truth = np.array([[xx, xv], [xv, vv]]) + grow @ np.array(covariance or np.zeros((2, 2))) @ grow.T

@@ -8,7 +8,8 @@ import pytest
 from oracle import Block
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.physics.flight import TERMS, harmonic_particular, segment_of
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS, Forcing
 from fpk_rocking.physics.transition import advance
 
 CUTOFF = math.pi / 2
@@ -20,12 +21,9 @@ SEGMENTS = 16
 
 def segments_of(orbit, phase):
     """Forcing of one cycle in `SEGMENTS` parts, from a phase on, and their duration."""
-    span, segments = 2.0 * math.pi / orbit.frequency / SEGMENTS, []
-    for k in range(SEGMENTS):
-        particular = np.empty(TERMS)
-        harmonic_particular(k * span, orbit.amplitude, orbit.frequency, phase, particular)
-        segments.append(segment_of(particular, np.empty(TERMS), span))
-    return segments, span
+    span = 2.0 * math.pi / orbit.frequency / SEGMENTS
+    pieces = Forcing(orbit.amplitude, orbit.frequency, phase).pieces(span * np.arange(SEGMENTS))
+    return [segment_of(piece, np.empty(TERMS), span) for piece in pieces], span
 
 
 def half_cycles(orbit, phase, state, count):

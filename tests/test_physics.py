@@ -14,12 +14,11 @@ from fpk_rocking.physics.flight import (
     IMPACT,
     NOTHING,
     OVERTURNING,
-    TERMS,
     flight,
-    harmonic_particular,
     next_event,
     segment_of,
 )
+from fpk_rocking.physics.forcing import TERMS, Forcing
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import advance
 
@@ -27,9 +26,9 @@ CUTOFF = math.pi / 2
 
 
 def harmonic(start, amplitude, frequency, phase, duration):
-    particular = np.empty(TERMS)
-    harmonic_particular(start, amplitude, frequency, phase, particular)
-    return segment_of(particular, np.empty(TERMS), duration)
+    """Segment of A cos(Ω t + Ψ)/(1 + Ω²), of any sign."""
+    piece = Forcing(abs(amplitude), frequency, phase).pieces([start])[0]
+    return segment_of(math.copysign(1.0, amplitude) * piece, np.empty(TERMS), duration)
 
 
 def random_scene(rng, kind):

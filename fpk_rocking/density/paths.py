@@ -178,9 +178,7 @@ def trace(
     if kind == IMPACT and abs(speed) > _FAST * spread and min(time, duration - time) > 1e-6 * duration:
         smooth = abs(speed) > _SMOOTH * spread
         impact_at = time, speed, side, smooth
-        _fast_nodes(
-            x, v, impact_at, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes
-        )
+        _fast_nodes(x, v, impact_at, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes)
         return
     for n in range(len(nodes)):
         bend(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
@@ -198,9 +196,7 @@ def _put(n, x, v, side, before, cutoff, states, codes):
 
 
 @kernel
-def _fast_nodes(
-    x, v, undisturbed, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes
-):
+def _fast_nodes(x, v, undisturbed, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes):
     """Carry the nodes of a point whose path without noise meets a fast impact; see `trace`.
 
     `undisturbed` is its time, velocity before and side before it, and whether it is so fast that what noise changes is

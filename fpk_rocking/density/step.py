@@ -39,7 +39,7 @@ class Dynamics:
         return cls(scene.forcing, scene.noise.diffusion, scene.block.restitution, scene.overturning.angle)
 
     def segment(self, start, duration):
-        """Forcing over a step, for the kernels."""
+        """Return the forcing over a step as the kernels take it."""
         return segment_of(self.forcing.pieces([start])[0], np.empty(TERMS), duration)
 
     def affine(self, start, duration):

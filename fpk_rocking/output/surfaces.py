@@ -1,6 +1,5 @@
 """The joint density of angle and velocity as surfaces, one panel a cycle, results above one another (paper Fig. 6)."""
 
-import math
 import textwrap
 
 import numpy as np

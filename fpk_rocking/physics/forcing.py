@@ -78,7 +78,7 @@ class PeriodicForcing:
 
     def particular(self, time):
         """Particular solution P and its derivative at a time."""
-        (value, slope, *_), = self.pieces([time])
+        ((value, slope, *_),) = self.pieces([time])
         return float(value), float(slope)
 
     def value(self, time):
@@ -86,7 +86,7 @@ class PeriodicForcing:
         return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)
 
     def slope(self, time):
-        """Derivative of the force at a time."""
+        """Slope of the force at a time."""
         omega = self.frequency
         return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
 
@@ -292,9 +292,9 @@ def _course(forcing):
 
 
 def _zeros(forcing, level, derivative):
-    """Times in [0, T) at which f, or its derivative, passes a level: roots on the unit circle of a polynomial in z.
+    """Find the times in [0, T) at which f, or its derivative, passes a level.
 
-    With z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
+    They are roots on the unit circle of a polynomial: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
     if forcing.steepest == 0.0:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from fpk_rocking import load_scene, solve_fpk, solve_positive
+from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import Evolution
 from fpk_rocking.density.space import Space
 from montecarlo import (
@@ -112,7 +112,6 @@ ENTRIES = {
     "Evolution.bin_probabilities": (EVOLUTION.bin_probabilities, BINNED, BINS),
     "Evolution.at": (EVOLUTION.at, {"cycle": 1}, {"cycle": WRONG_CYCLES}),
     "solve_fpk": (solve_fpk, {"scene": WHITE, "cycles": 1, "tol": 1e-2}, SOLVE),
-    "solve_positive": (solve_positive, {"scene": WHITE, "cycles": 1, "tol": 1e-2}, SOLVE),
     "load_scene": (load_scene, {}, {"path": WRONG_PATHS}),
 }  # fmt: skip
 for result in (EVOLUTION, ENSEMBLE, TALLY, HISTORIES):
