@@ -21,7 +21,7 @@ install: $(STAMP)  ## .venv with the pinned versions and the project
 run: $(STAMP)  ## Fig. 6 by both engines, into results/fig06
 	$(BIN)/python cases/fig06_jpdf_evolution.py --out results/fig06
 
-gallery: $(STAMP)  ## every figure, into docs/gallery, about ten minutes
+gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 	$(BIN)/python cases/gallery.py
 
 test: $(STAMP)  ## the test suite

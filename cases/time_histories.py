@@ -101,7 +101,7 @@ def _distance(first, second) -> list:
 
 
 def _plain(found) -> dict:
-    return {name: _listed(array) for name, array in found._asdict().items()}
+    return {name: _listed(value) if np.ndim(value) else value for name, value in found._asdict().items()}
 
 
 def _listed(array) -> list:
