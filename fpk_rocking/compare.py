@@ -13,7 +13,7 @@ import numpy as np
 from fpk_rocking import checks, distances
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.binning import joint_edges
-from fpk_rocking.remarks import name_of, noise_text, remarks
+from fpk_rocking.remarks import noise_text, remarks
 
 __all__ = ["Comparison", "Result", "compare", "joint_edges", "shown_cycles"]
 
@@ -137,7 +137,7 @@ def compare(first, second, joint_cycles=None) -> Comparison:
     cycles = min(first.cycles, second.cycles)
     joint_cycles = _joint_cycles(joint_cycles, cycles)
     both, kept = (first, second), slice(0, cycles + 1)
-    sizes = [float(getattr(result, "realizations", math.inf)) for result in both]
+    sizes = [float(result.realizations or math.inf) for result in both]
     survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = distances.pooled(survival[:, 0], survival[:, 1], *sizes)
@@ -147,12 +147,12 @@ def compare(first, second, joint_cycles=None) -> Comparison:
     joint = [_joint(both, sizes, cycle, edges) for cycle in joint_cycles]
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
-        names=(name_of(first), name_of(second)),
-        realizations=tuple(getattr(result, "realizations", None) for result in both),
+        names=(first.engine, second.engine),
+        realizations=tuple(result.realizations for result in both),
         cycles=np.arange(cycles + 1),
         survival=survival,
         interval=np.stack([_interval(result)[kept] for result in both], axis=1),
-        error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in both]),
+        error_estimate=np.array([float(result.facts.get("error_estimate", math.nan)) for result in both]),
         difference=difference,
         standard_error=standard_error,
         z=_z(difference, standard_error, sizes),
@@ -226,9 +226,8 @@ def _melnikov(both) -> dict:
 
 
 def _interval(result) -> np.ndarray:
-    if hasattr(result, "survival_interval"):
-        return np.asarray(result.survival_interval(_LEVEL))
-    return np.full((result.cycles + 1, 2), math.nan)
+    interval = result.survival_interval(_LEVEL)
+    return np.full((result.cycles + 1, 2), math.nan) if interval is None else np.asarray(interval)
 
 
 def _z(difference, standard_error, sizes) -> np.ndarray:
@@ -243,8 +242,8 @@ def _remarks(first, second) -> tuple[str, ...]:
     noises = [result.scene.noise for result in (first, second)]
     if noises[0] != noises[1]:
         sentences.append(f"The noise differs: {noise_text(noises[0])}, against {noise_text(noises[1])}.")
-    seeds = [(getattr(result, "seed", None), getattr(result, "method", None)) for result in (first, second)]
-    if seeds[0] == seeds[1] != (None, None):
+    seeds = [(result.facts.get("seed"), result.engine) for result in (first, second)]
+    if seeds[0] == seeds[1] and seeds[0][0] is not None:
         sentences.append(
             f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."
         )

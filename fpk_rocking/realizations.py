@@ -17,13 +17,14 @@ from scipy.linalg import eigh_tridiagonal
 from fpk_rocking import checks
 from fpk_rocking.density import Evolution, solve_fpk
 from fpk_rocking.equivalence import equivalent_diffusion, jump_diffusion, response
+from fpk_rocking.result import DensityResult
 from fpk_rocking.scene import Scene, WhiteNoise
 
 _SAMPLES, _SEED = 200_000, 1
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RealizationAverage:
+class RealizationAverage(DensityResult):
     """Evolutions for the diffusions of single realizations, and their weights in an ensemble: a result for `compare`.
 
     Attributes
@@ -36,6 +37,7 @@ class RealizationAverage:
         One a diffusion.
     """
 
+    averaged = True
     scene: Scene
     diffusions: np.ndarray
     weights: np.ndarray
@@ -58,6 +60,26 @@ class RealizationAverage:
     def error_estimate(self):
         """Estimated error in survival: the mean of the parts'."""
         return float(self.weights @ [evolution.error_estimate for evolution in self.evolutions])
+
+    @property
+    def mass_defect(self):
+        """Largest of the parts'."""
+        return max(evolution.mass_defect for evolution in self.evolutions)
+
+    @property
+    def negative_mass(self):
+        """Mean of the parts': their densities may cancel, so that of the mixture is not larger."""
+        return float(self.weights @ [evolution.negative_mass for evolution in self.evolutions])
+
+    @property
+    def facts(self):
+        """What it says of its own errors, as plain values."""
+        own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
+
+    def at(self, cycle):  # noqa: ARG002  (the same call as of an evolution)
+        """Return None: its parts are densities on meshes of their own; see `evolutions`."""
+        return
 
     @property
     def wall_s(self):

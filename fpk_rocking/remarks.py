@@ -1,21 +1,10 @@
-"""What every table, figure and file says beside its numbers: whose they are, for which noise, what was assumed."""
+"""What every table, figure and file says beside its numbers: for which noise they are, and what was assumed."""
 
 import math
 
 from fpk_rocking import equivalence
 
-__all__ = ["label_of", "name_of", "noise_text", "remarks"]
-
-
-def name_of(result) -> str:
-    """Return the name of a result's engine, and of its method where it has one."""
-    return f"Monte Carlo {result.method}" if hasattr(result, "realizations") else "Fokker-Planck density"
-
-
-def label_of(result) -> str:
-    """Return the name of a result and the size of an ensemble, as in ``"Monte Carlo rk4, 1,000 realizations"``."""
-    size = f", {result.realizations:,} realizations" if hasattr(result, "realizations") else ""
-    return name_of(result) + size
+__all__ = ["closure_of", "noise_text", "remarks"]
 
 
 def noise_text(noise) -> str:
@@ -39,6 +28,17 @@ def noise_text(noise) -> str:
     return "no noise"
 
 
+def closure_of(scene, white) -> str:
+    """Say how the band noise of a scene became white noise, that of the scene `white`; empty where it was white."""
+    if scene.noise.kind == "white":
+        return ""
+    low, high = scene.noise.band
+    return (
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as white noise of equal "
+        f"Melnikov variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo."
+    )
+
+
 def remarks(*results) -> tuple[str, ...]:
     """Sentences that have to stand wherever these results are shown.
 
@@ -58,10 +58,10 @@ def remarks(*results) -> tuple[str, ...]:
         noise = result.scene.noise
         if getattr(noise, "remark", ""):
             sentences.append(noise.remark)
-        if getattr(result, "closure", ""):
+        if result.closure:
             sentences.append(result.closure)
         if _stands_for(results, result):
-            sentences += _doubts(result.scene, averaged=hasattr(result, "weights"))
+            sentences += _doubts(result.scene, averaged=result.averaged)
     return tuple(dict.fromkeys(sentences))
 
 
@@ -72,7 +72,7 @@ def _stands_for(results, result) -> bool:
         return False
     diffusion = equivalence.equivalent_diffusion(noise)
     whites = (other.scene.noise.diffusion for other in results if other.scene.noise.kind == "white")
-    return bool(getattr(result, "closure", "")) or any(math.isclose(white, diffusion) for white in whites)
+    return bool(result.closure) or any(math.isclose(white, diffusion) for white in whites)
 
 
 def _doubts(scene, averaged):

@@ -9,9 +9,38 @@ from montecarlo.statistics import wilson_interval
 class Sample:
     """What an ensemble and a tally have in common.
 
-    A subclass has ``realizations``, ``cycles`` and ``_gone``, the count of the overturned after each cycle, to the left
-    and to the right, shape (cycles + 1, 2).
+    A subclass has ``realizations``, ``cycles``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
+    the count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2).
     """
+
+    closure = ""
+    averaged = False
+
+    @property
+    def engine(self):
+        """Name of the engine and its method."""
+        return f"Monte Carlo {self.method}"
+
+    @property
+    def facts(self):
+        """What it says of itself beside the survival, as plain values."""
+        return {
+            "interval": self.survival_interval().tolist(),
+            "method": self.method,
+            "realizations": int(self.realizations),
+            "seed": int(self.seed),
+            "steps_per_cycle": int(self.steps_per_cycle),
+        }
+
+    @property
+    def account(self):
+        """How it was sampled, as a sentence; the exact engine takes no steps."""
+        steps = "" if self.method == "exact" else f" {self.steps_per_cycle} steps a cycle,"
+        return f"Seed {self.seed},{steps} {self.wall_s:.1f} s."
+
+    def at(self, cycle):  # noqa: ARG002  (the same call as of a density)
+        """Return None: a sample has no density, see `bin_probabilities`."""
+        return
 
     @property
     def survivors(self):

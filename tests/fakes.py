@@ -13,6 +13,8 @@ from scipy.special import ndtr, ndtri
 
 from fpk_rocking import Scene, storage
 from fpk_rocking.layout import Layout
+from fpk_rocking.result import DensityResult
+from montecarlo.sample import Sample
 
 KEPT = 0.9
 LEFT_SHARE = 0.6  # of what is left, and of what has overturned
@@ -78,7 +80,7 @@ class FakeDensity:
 
 
 @dataclasses.dataclass(frozen=True)
-class FakeEvolution:
+class FakeEvolution(DensityResult):
     scene: Scene
     cycles: int = 10
     wall_s: float = 1.5
@@ -95,6 +97,11 @@ class FakeEvolution:
     @property
     def overturned(self):
         return np.multiply.outer(1.0 - self.survival, [LEFT_SHARE, 1.0 - LEFT_SHARE])
+
+    @property
+    def facts(self):
+        own = {name: getattr(self, name) for name in ("error_estimate", "mass_defect", "negative_mass", "diffusion")}
+        return own | {"lost": self.lost.tolist()}
 
     @property
     def lost(self):
@@ -120,7 +127,7 @@ class FakeEvolution:
 
 
 @dataclasses.dataclass(frozen=True)
-class FakeEnsemble:
+class FakeEnsemble(Sample):
     scene: Scene
     cycles: int = 10
     realizations: int = 1000

@@ -12,7 +12,8 @@ from scipy.special import ndtr
 from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise, distances
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
 from fpk_rocking.output import summary, tables
-from fpk_rocking.remarks import label_of, noise_text, remarks
+from fpk_rocking.remarks import noise_text, remarks
+from fpk_rocking.result import label_of
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 

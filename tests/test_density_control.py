@@ -3,14 +3,15 @@
 import dataclasses
 import math
 import pathlib
+import types
 
 import numpy as np
 import pytest
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density import solver
-from fpk_rocking.density.acceptance import bins_tolerance
+from fpk_rocking.density import refinement, solver
 from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking.density.refinement import bins_tolerance, safe_difference
 from fpk_rocking.density.resolution import ENOUGH, LADDER, longest_step, rattling_speed
 from fpk_rocking.density.run import Run, Solution
 from fpk_rocking.density.start import Departure
@@ -31,13 +32,14 @@ MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main
 )
 def test_estimate_from_three_solutions(before, last, bins, lost, expected):
     gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
-    solution = Solution(np.ones(2), gone, None, None)
-    assert solver.estimated_error([(before, 0.1), (last, bins)], solution) == pytest.approx(expected, rel=1e-12)
+    level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None, None))
+    found = solver.Solved.error(level, safe_difference(before, last), bins)
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_ladder_is_climbed_until_the_estimate_is_met(monkeypatch):
     """With rungs that are too coarse for it, a tolerance is met on a later one, and never by the first two alone."""
-    monkeypatch.setattr(solver, "ENOUGH", {1e-3: 2})
+    monkeypatch.setattr(refinement, "ENOUGH", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=2, tol=1e-3)
     cells = [rung.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for rung in LADDER]
     assert cells.index(found.settings["angle_cells"]) > 2
@@ -47,8 +49,10 @@ def test_the_ladder_is_climbed_until_the_estimate_is_met(monkeypatch):
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
     monkeypatch.setattr(solver, "MEMORY", 0.0)
-    monkeypatch.setattr(solver, "ENOUGH", {1e-4: 2})
-    with pytest.warns(RuntimeWarning, match=r"not within the tolerance: estimated error .* \(tol 0.0001\)") as caught:
+    monkeypatch.setattr(refinement, "ENOUGH", {1e-4: 2})
+    with pytest.warns(
+        RuntimeWarning, match=r"not within the tolerance: estimated error .* in survival \(1.0e-04 wanted\)"
+    ) as caught:
         found = solve_fpk(MAIN, cycles=2, tol=1e-4)
     assert caught[0].filename == __file__
     assert found.settings["angle_cells"] == LADDER[2].angle_cells

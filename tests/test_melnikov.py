@@ -173,7 +173,11 @@ def test_everything_broadcasts():
         (lambda: melnikov.phase_flux(FORCING, "0.5", NOISE), TypeError, r"restitution: got '0\.5', accepted: finite"),
         (lambda: melnikov.phase_flux(FORCING, [0.5, [0.3]], NOISE), TypeError, r"restitution: got \[0\.5, \[0\.3\]\]"),
         (lambda: melnikov.phase_flux(FORCING, 0.5, 0.16), TypeError, r"noise: got 0\.16, accepted: BandNoise or"),
-        (lambda: melnikov.phase_flux(4.0, 0.5, NOISE), TypeError, r"forcing: got 4\.0, accepted: a harmonic Forcing, or a pair"),
+        (
+            lambda: melnikov.phase_flux(4.0, 0.5, NOISE),
+            TypeError,
+            r"forcing: got 4\.0, accepted: a harmonic Forcing, or a pair",
+        ),
         (lambda: melnikov.phase_flux((4.0, 0.0), 0.5, NOISE), ValueError, r"forcing frequency: got 0\.0, .* > 0\.0"),
         (lambda: melnikov.phase_flux((-1.0, 4.0), 0.5, NOISE), ValueError, r"forcing amplitude: got -1\.0, .* >= 0\.0"),
         (lambda: melnikov.critical_amplitude(4.0, 0.5, NOISE, "mean"), ValueError, r"criterion: got 'mean', .* 'peak'"),

@@ -9,6 +9,7 @@ from fpk_rocking.binning import ascending_edges
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.space import Space
 from fpk_rocking.layout import Layout
+from fpk_rocking.result import DensityResult
 from fpk_rocking.scene import Scene
 from fpk_rocking.storage import read_result, write_result
 
@@ -28,7 +29,7 @@ _LAYOUT = Layout(
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Evolution:
+class Evolution(DensityResult):
     """Evolution of the joint density of angle and velocity over whole forcing cycles.
 
     Attributes
@@ -85,6 +86,12 @@ class Evolution:
     def cycles(self):
         """Number of forcing cycles."""
         return len(self.survival) - 1
+
+    @property
+    def facts(self):
+        """What it says of its own errors, as plain values."""
+        own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        return own | {"lost": self.lost.tolist(), "diffusion": float(self.diffusion)}
 
     def at(self, cycle):
         """Return the density after a number of cycles.

@@ -6,25 +6,15 @@ import time
 import numpy as np
 
 from fpk_rocking import checks
-from fpk_rocking.density.acceptance import (
-    Progress,
-    bins_tolerance,
-    closure_of,
-    refuse_broken,
-    refuse_large,
-    refuse_unsolvable,
-    safe_difference,
-    warn_beyond,
-)
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, first_number, refine
+from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.resolution import ENOUGH, LADDER
 from fpk_rocking.density.run import Run
 from fpk_rocking.density.start import Departure
+from fpk_rocking.remarks import closure_of
 from fpk_rocking.scene import Scene
-
-UNRESOLVED = 0.05
-"""Negative mass above which a density counts as not resolved."""
 
 NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be covered."""
@@ -74,7 +64,22 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     tol = checks.number("tol", tol, at_least=min(ENOUGH))
     white = scene.white_equivalent()
     refuse_unsolvable(white)
-    run, fine, errors = _refined(white, cycles, tol, Progress(progress, cycles, least=3))
+    bound, departures = velocity_bound(white, white.noise.diffusion), {}
+    least, count = LADDER[first_number(tol)].of(white, bound), Progress(progress, cycles, least=3)
+    refuse_large(BYTES * least.work, least.stored(cycles), cycles)
+
+    def solved(resolution, coarser):
+        run = Run(white, resolution, bound, NEGLIGIBLE * tol, coarser and coarser.run)
+        if resolution.windows not in departures:
+            departures[resolution.windows] = Departure(run.dynamics, white.start, resolution.windows, white.period)
+        return Solved(run, run.evolve(cycles, departures[resolution.windows], count.next()))
+
+    def fits(level, resolution):
+        grown = level.memory * resolution.work / level.resolution.work
+        return grown + resolution.stored(cycles) <= MEMORY
+
+    found = refine(white, bound, tol, solved, fits, lambda found: found.within(tol, bins_tolerance(tol)))
+    fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
@@ -83,67 +88,65 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
         survival=fine.inside,
         overturned=fine.gone[:, :2],
         lost=fine.gone[:, 2],
+        error_estimate=found.error,
+        bins_error_estimate=found.bins_error,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
+        negative_mass=found.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
         settings=dataclasses.asdict(run.resolution)
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
         coefficients=fine.coefficients,
         space=run.space,
-        **errors,
     )
-    _judge(result)
+    refuse_broken(result)
+    _refuse_unresolved(result)
+    warn_beyond("survival", found, tol, bins_tolerance(tol), "compare with simulate()", stacklevel=3)
     return result
 
 
-def _refined(white, cycles, tol, progress):
-    """Climb the ladder until all errors are acceptable: the last run, its solution, and its errors by name."""
-    bound = velocity_bound(white, white.noise.diffusion)
-    enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
-    least = LADDER[enough].of(white, bound)
-    refuse_large(BYTES * least.work, least.stored(cycles), cycles)
-    run, fine, differences, departures = None, None, [], {}
-    for rung in range(enough - 2, len(LADDER)):
-        resolution = LADDER[rung].of(white, bound)
-        if rung > enough and run.memory * resolution.work / run.resolution.work + resolution.stored(cycles) > MEMORY:
-            break
-        coarse, fine = fine and fine._replace(coefficients=None), None
-        run = Run(white, resolution, bound, NEGLIGIBLE * tol, run)
-        windows = resolution.windows
-        if windows not in departures:
-            departures[windows] = Departure(run.dynamics, white.start, windows, white.period)
-        fine = run.evolve(cycles, departures[windows], progress.next())
-        if coarse:
-            differences.append(
-                (
-                    float(np.abs(fine.inside - coarse.inside).max()),
-                    float(np.abs(fine.bins - coarse.bins)[1:].sum(axis=(1, 2)).max()),
-                )
-            )
-        if rung >= enough:
-            error, bins_error = estimated_error(differences, fine), differences[-1][1]
-            negative = max(run.space.negative_mass(density) for density in fine.coefficients[1:])
-            if error <= tol and bins_error <= bins_tolerance(tol) and negative <= UNRESOLVED:
-                break
-    return run, fine, {"error_estimate": error, "bins_error_estimate": bins_error, "negative_mass": negative}
+class Solved:
+    """A density over some cycles at one resolution: a level of the refinement.
 
-
-def estimated_error(differences, solution):
-    """Error in survival of the last of three or more solutions, from the differences (survival, bins) of neighbours.
-
-    The `safe_difference` of survival, and not less than a hundredth of the difference in the bins, and what was lost.
+    Parameters
+    ----------
+    run : Run
+    solution : Solution
     """
-    (before, _), (last, bins) = differences[-2:]
-    lost = float(np.abs(solution.gone[:, 2]).max())
-    return max(safe_difference(before, last), 0.01 * bins, lost)
+
+    def __init__(self, run, solution):
+        self.run, self.solution = run, solution
+        self.negative_mass = max(run.space.negative_mass(density) for density in solution.coefficients[1:])
+
+    @property
+    def resolution(self):
+        """What it was solved with."""
+        return self.run.resolution
+
+    @property
+    def memory(self):
+        """Bytes that its run holds."""
+        return self.run.memory
+
+    def differences(self, coarser):
+        """Largest differences of survival and of the binned density over the cycles."""
+        return (
+            float(np.abs(self.solution.inside - coarser.solution.inside).max()),
+            float(np.abs(self.solution.bins - coarser.solution.bins)[1:].sum(axis=(1, 2)).max()),
+        )
+
+    def error(self, difference, bins):
+        """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
+        return max(difference, 0.01 * bins, float(np.abs(self.solution.gone[:, 2]).max()))
+
+    def release(self):
+        """Let go of the densities."""
+        self.solution = self.solution._replace(coefficients=None)
 
 
-def _judge(result):
-    """Refuse what is not resolved, and warn of what is not within the tolerance."""
-    refuse_broken(result)
+def _refuse_unresolved(result):
     if result.negative_mass > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
             f"is {result.negative_mass:.1e}: the noise is too weak, or the block rattles at rest (use simulate())"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))
-    warn_beyond(result, "compare with simulate()")

@@ -3,15 +3,13 @@
 import dataclasses
 import functools
 import math
-import warnings
 
 import numpy as np
 
 from fpk_rocking import checks
-from fpk_rocking.density.acceptance import bins_tolerance, safe_difference
 from fpk_rocking.density.mesh import velocity_bound
-from fpk_rocking.density.resolution import ENOUGH, LADDER
-from fpk_rocking.density.solver import UNRESOLVED
+from fpk_rocking.density.refinement import UNRESOLVED, bins_tolerance, refine
+from fpk_rocking.density.refusals import warn_beyond
 from fpk_rocking.horizon.extent import plane_bound
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
@@ -101,10 +99,33 @@ class Level:
         """Escape rate per cycle."""
         return -self.leg.count * self.log_eigenvalue
 
-    @property
+    @functools.cached_property
     def negative_mass(self):
         """Negative mass of the quasi-stationary density."""
         return self.space.negative_mass(self.quasi_stationary)
+
+    @property
+    def resolution(self):
+        """What it was solved with."""
+        return self.leg.run.resolution
+
+    @property
+    def memory(self):
+        """Bytes that its run holds."""
+        return self.leg.run.memory
+
+    def differences(self, coarser):
+        """Differences of the logarithm of the rate, and of the binned quasi-stationary density."""
+        known = min(self.rate, coarser.rate) > 0.0
+        difference = abs(math.log(self.rate / coarser.rate)) if known else math.inf
+        return difference, float(np.abs(self.bins - coarser.bins).sum())
+
+    def error(self, difference, bins):  # noqa: ARG002  (as of other levels)
+        """Relative error of the rate, not less than what is lost."""
+        return max(math.expm1(difference), abs(self.leaks[2]) / abs(self.rate))
+
+    def release(self):
+        """Keep everything: maps of the starts compare the last two levels."""
 
     @property
     def settings(self):
@@ -178,49 +199,36 @@ def climb(white, tol):
         Next to everything overturns within a cycle, or no rate can be told from the mesh's own errors.
     """
     bound, beyond, wanted = velocity_bound(white, white.noise.diffusion), plane_bound(white), math.e * tol
-    enough = ENOUGH[max(known for known in ENOUGH if known <= tol)]
-    coarse, fine, differences, refinement = None, None, [], []
-    for rung in range(enough - 2, len(LADDER)):
-        resolution = LADDER[rung].of(white, bound)
-        if rung > enough:
-            run = fine.leg.run
-            if run.memory * resolution.work / run.resolution.work > MEMORY:
-                break
-        coarse, fine = fine, Level(white, resolution, bound, beyond)
-        refinement.append((fine.space.unknowns, fine.rate))
-        if coarse:
-            known = min(fine.rate, coarse.rate) > 0.0
-            differences.append(abs(math.log(fine.rate / coarse.rate)) if known else math.inf)
-        if rung >= enough:
-            error = max(math.expm1(safe_difference(*differences[-2:])), abs(fine.leaks[2]) / abs(fine.rate))
-            bins_error = float(np.abs(fine.bins - coarse.bins).sum())
-            resolved = fine.negative_mass <= UNRESOLVED
-            if error <= wanted and bins_error <= bins_tolerance(tol) and resolved:
-                break
-            if max(abs(fine.rate), abs(coarse.rate)) < LEAST_RATE or _hopeless(fine, coarse):
-                break
-    _judge(fine, error, bins_error, tol)
-    return fine, coarse, error, refinement
+    refinement = []
+
+    def solved(resolution, _):
+        refinement.append(Level(white, resolution, bound, beyond))
+        return refinement[-1]
+
+    def fits(level, resolution):
+        return level.memory * resolution.work / level.resolution.work <= MEMORY
+
+    def done(found):
+        return found.within(wanted, bins_tolerance(tol)) or _hopeless(found.fine, found.coarse)
+
+    found = refine(white, bound, tol, solved, fits, done)
+    _judge(found, tol)
+    return found.fine, found.coarse, found.error, [(level.space.unknowns, level.rate) for level in refinement]
 
 
 def _hopeless(fine, coarse):
-    """Whether the negative mass is far too large, and finer meshes hardly lessen it."""
-    return fine.negative_mass > max(2.0 * UNRESOLVED, 0.7 * coarse.negative_mass)
+    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it."""
+    still = max(abs(fine.rate), abs(coarse.rate)) < LEAST_RATE
+    return still or fine.negative_mass > max(2.0 * UNRESOLVED, 0.7 * coarse.negative_mass)
 
 
-def _judge(level, error, bins_error, tol):
-    rate = f"an escape rate of {level.rate:.2e} a cycle"
-    if level.negative_mass > UNRESOLVED:
+def _judge(found, tol):
+    rate = f"an escape rate of {found.fine.rate:.2e} a cycle"
+    if found.fine.negative_mass > UNRESOLVED:
         accepted = f"at most {UNRESOLVED}: the noise is too weak, or the block rattles at rest (use simulate())"
-        raise ValueError(checks.refusal("scene", f"negative mass {level.negative_mass:.1e}", accepted))
-    if not error < 1.0:
+        raise ValueError(checks.refusal("scene", f"negative mass {found.fine.negative_mass:.1e}", accepted))
+    if not found.error < 1.0:
         accepted = "one that can be told from the errors of the finest mesh: nothing overturns as far as one can see"
         raise ValueError(checks.refusal("scene", rate, f"{accepted} (more noise, or montecarlo.split())"))
-    if error > math.e * tol or bins_error > bins_tolerance(tol):
-        warnings.warn(
-            f"not within the tolerance: {rate} with an estimated relative error of {error:.1e} (e tol = "
-            f"{math.e * tol:.1e}), and {bins_error:.1e} in the binned quasi-stationary density "
-            f"({bins_tolerance(tol):.1e}), on the finest mesh for this scene; take a larger tol",
-            RuntimeWarning,
-            stacklevel=4,
-        )
+    what = f"the escape rate, {found.fine.rate:.2e} a cycle, relative"
+    warn_beyond(what, found, math.e * tol, bins_tolerance(tol), "montecarlo.split()", stacklevel=5)

@@ -7,12 +7,13 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking import checks
-from fpk_rocking.density.acceptance import closure_of, refuse_unsolvable
 from fpk_rocking.density.density import Density
+from fpk_rocking.density.refusals import refuse_unsolvable
 from fpk_rocking.density.resolution import ENOUGH
 from fpk_rocking.density.start import Departure
 from fpk_rocking.horizon.ladder import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
+from fpk_rocking.remarks import closure_of
 from fpk_rocking.scene import Scene
 
 

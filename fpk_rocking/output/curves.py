@@ -8,7 +8,8 @@ from matplotlib.ticker import MaxNLocator
 from fpk_rocking.compare import compare
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
-from fpk_rocking.remarks import label_of, name_of, noise_text, remarks
+from fpk_rocking.remarks import noise_text, remarks
+from fpk_rocking.result import label_of
 
 __all__ = ["survival_figure"]
 
@@ -51,7 +52,7 @@ def survival_figure(path, results, title):
             _leakage(panels[1, 1], result, colour, marker)
         for place, result in enumerate(results[1:], start=1):
             _difference(panels[1, 0], compare(result, results[0], joint_cycles=()), place)
-        _label(panels, name_of(results[0]))
+        _label(panels, results[0].engine)
         handles, names = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
         figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
@@ -60,17 +61,13 @@ def survival_figure(path, results, title):
         return style.save(figure, path)
 
 
-def _is_sample(result) -> bool:
-    return hasattr(result, "survival_interval")
-
-
 def _points(marker) -> dict:
     return {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none"}
 
 
 def _survival(axes, result, label, colour, marker):
     cycles, survival = np.arange(result.cycles + 1), np.asarray(result.survival)
-    if not _is_sample(result):
+    if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
     error_bars(axes, cycles, survival, result.survival_interval(0.95), color=colour, label=label, marker=marker)
@@ -85,7 +82,7 @@ def _difference(axes, comparison, place):
 def _leakage(axes, result, colour, marker):
     cycles = np.arange(1, result.cycles + 1)
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
-    shape = _points(marker) if _is_sample(result) else {}
+    shape = _points(marker) if result.realizations else {}
     for values in (right, -left):
         axes.plot(cycles, values, color=colour, **shape)
 

@@ -16,7 +16,7 @@ def result_summary(result) -> dict:
     Parameters
     ----------
     result : Result
-        Of either engine.
+        Of any engine.
 
     Returns
     -------
@@ -32,18 +32,7 @@ def result_summary(result) -> dict:
         "overturned": np.asarray(result.overturned).tolist(),
         "wall_s": float(result.wall_s),
     }
-    if hasattr(result, "realizations"):
-        own = {
-            "interval": np.asarray(result.survival_interval(0.95)).tolist(),
-            "method": result.method,
-            "realizations": int(result.realizations),
-            "seed": int(result.seed),
-            "steps_per_cycle": int(result.steps_per_cycle),
-        }
-    else:
-        own = {name: float(getattr(result, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
-        own |= {"lost": np.asarray(result.lost).tolist(), "diffusion": float(result.diffusion)}
-    return common | own | {"remarks": list(remarks(result))}
+    return common | result.facts | {"remarks": list(remarks(result))}
 
 
 def write_summary(path, values):

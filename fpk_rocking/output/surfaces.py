@@ -8,7 +8,8 @@ from matplotlib.ticker import MaxNLocator
 
 from fpk_rocking.binning import joint_edges
 from fpk_rocking.output import style
-from fpk_rocking.remarks import label_of, noise_text, remarks
+from fpk_rocking.remarks import noise_text, remarks
+from fpk_rocking.result import label_of
 
 __all__ = ["surface_figure"]
 

@@ -6,7 +6,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from fpk_rocking.remarks import label_of, noise_text, remarks
+from fpk_rocking.remarks import noise_text, remarks
+from fpk_rocking.result import label_of
 
 __all__ = ["comparison_table", "result_table", "show"]
 
@@ -29,7 +30,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     table = _table()
     table.add_column("cycles", justify="right")
     table.add_column("survival", justify="right")
-    interval = result.survival_interval(0.95) if hasattr(result, "survival_interval") else None
+    interval = result.survival_interval(0.95)
     if interval is not None:
         table.add_column("95 % interval", justify="center")
     table.add_column("overturned left", justify="right")
@@ -37,7 +38,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     for cycle, (left, right) in enumerate(result.overturned):
         limits = [] if interval is None else [_limits(interval[cycle], 5)]
         table.add_row(str(cycle), f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
-    return f"{label_of(result)}: {noise_text(result.scene.noise)}", table, (_honesty(result), *remarks(result))
+    return f"{label_of(result)}: {noise_text(result.scene.noise)}", table, (result.account, *remarks(result))
 
 
 def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
@@ -116,12 +117,3 @@ def _survival(compared, cycle, which):
 
 def _limits(limits, digits) -> str:
     return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"
-
-
-def _honesty(result) -> str:
-    if hasattr(result, "realizations"):
-        return f"Seed {result.seed}, {result.steps_per_cycle} steps a cycle, {result.wall_s:.1f} s."
-    return (
-        f"Estimated error of survival {result.error_estimate:.1e}, mass defect {result.mass_defect:.1e}, negative mass "
-        f"{result.negative_mass:.1e}, {result.wall_s:.1f} s."
-    )

@@ -91,15 +91,14 @@ def write_function(file, function, name) -> pathlib.Path:
 
 
 def _mesh(result, cycle):
-    sampled = hasattr(result, "realizations")
     if cycle == 0 and result.scene.start.covariance is None:
         mesh = _atom(result.scene)
-        return mesh if sampled else _with_view(mesh, mesh)
-    return _histogram(result, cycle) if sampled else _subdivided(result, cycle)
+        return mesh if result.realizations else _with_view(mesh, mesh)
+    law = result.at(cycle)
+    return _histogram(result, cycle) if law is None else _subdivided(law)
 
 
-def _subdivided(evolution, cycle):
-    law = evolution.at(cycle)
+def _subdivided(law):
     pieces = max(law.degree, 1)
     # Interpolated as linspace does, both ends of a cell are the mesh lines themselves, x = 0 among them.
     lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in law.mesh_lines]
@@ -110,7 +109,7 @@ def _subdivided(evolution, cycle):
     def by_cell(probability):
         return np.asarray(probability).reshape(shape).swapaxes(1, 2)
 
-    probability = by_cell(evolution.bin_probabilities(cycle, *edges))
+    probability = by_cell(law.bin_probabilities(*edges))
     mesh = _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
     try:
         view = law.nonnegative()
@@ -200,7 +199,7 @@ def _mesh_of(points, cells, values, cell_data):
 
 def _fields(result, cycle) -> dict[str, float]:
     left, right = result.overturned[cycle]
-    own = {} if hasattr(result, "realizations") else {"negative_mass": result.negative_mass}
+    own = {name: value for name, value in result.facts.items() if name == "negative_mass"}
     return own | {
         "cycle": cycle,
         "tau": cycle * result.scene.period,

@@ -294,7 +294,8 @@ def _course(forcing):
 def _zeros(forcing, level, derivative):
     """Find the times in [0, T) at which f, or its derivative, passes a level.
 
-    They are roots on the unit circle of a polynomial: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
+    They are roots on the unit circle of a polynomial: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a
+    polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
     if forcing.steepest == 0.0:

@@ -57,7 +57,7 @@ def check(status, out, err, as_json):
 
 def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):  # noqa: ARG001
     """Refuse what the solver refuses, and return a result of a known law."""
-    fpk_rocking.density.acceptance.refuse_unsolvable(scene.white_equivalent())
+    fpk_rocking.density.refusals.refuse_unsolvable(scene.white_equivalent())
     if cycles > 50:
         raise ValueError("cycles: got more than this stand-in takes, accepted: up to 50")
     return fakes.FakeEvolution(scene, cycles=fpk_rocking.density.solver.checks.count("cycles", cycles))

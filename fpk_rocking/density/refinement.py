@@ -1,0 +1,131 @@
+"""Refinement: solutions of growing fineness, until what they differ by says that the last one is good enough.
+
+The same loop serves `solve_fpk`, whose levels are densities over some cycles, and the one-cycle operator, whose levels
+are its long run. The first two levels are there to be differed from.
+"""
+
+import math
+from typing import NamedTuple, Protocol
+
+from fpk_rocking import checks
+from fpk_rocking.density.resolution import ENOUGH, LADDER
+
+UNRESOLVED = 0.05
+"""Negative mass above which a density counts as not resolved."""
+
+
+class Level(Protocol):
+    """A solution at one resolution."""
+
+    resolution: object
+    memory: float
+    negative_mass: float
+
+    def differences(self, coarser):
+        """Differences from the level before: of the quantity that is wanted, and of the binned density (L1)."""
+
+    def error(self, difference, bins):
+        """Error of the wanted quantity, where refinement tells `difference` of it and `bins` of the binned density."""
+
+    def release(self):
+        """Let go of what only the finest level has to hold."""
+
+
+class Refined(NamedTuple):
+    """The last two levels, and the estimated errors of the last one: of what is wanted, and of the binned density."""
+
+    fine: Level
+    coarse: Level
+    error: float
+    bins_error: float
+
+    def within(self, wanted, bins_wanted):
+        """Whether the errors are as small as wanted, and the density is resolved."""
+        return self.error <= wanted and self.bins_error <= bins_wanted and self.fine.negative_mass <= UNRESOLVED
+
+
+def refine(scene, bound, tol, make, fits, done):
+    """Solve on ever finer resolutions.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white noise.
+    bound : float
+        Velocity bound of the mesh.
+    tol : float
+        From which the first resolution follows.
+    make : callable
+        Takes a resolution and the level before (None at first), returns a `Level`.
+    fits : callable
+        Takes the last level and a resolution: whether there is memory for it. The first three are not asked for.
+    done : callable
+        Takes a `Refined`: whether it is good enough, or there is no hope that finer levels are.
+
+    Returns
+    -------
+    Refined
+    """
+    resolutions = [resolution.of(scene, bound) for resolution in LADDER[first_number(tol) - 2 :]]
+    coarse, fine, before, found = None, None, None, None
+    for number, resolution in enumerate(resolutions):
+        if number > 2 and not fits(fine, resolution):
+            break
+        if fine:
+            fine.release()
+        coarse, fine = fine, make(resolution, fine)
+        if not coarse:
+            continue
+        last, bins = fine.differences(coarse)
+        if before is not None:
+            found = Refined(fine, coarse, fine.error(safe_difference(before, last), bins), bins)
+            if done(found):
+                break
+        before = last
+    return found
+
+
+def first_number(tol):
+    """Return the number of the resolution in the ladder that is usually fine enough for a tolerance."""
+    return ENOUGH[max(known for known in ENOUGH if known <= tol)]
+
+
+def bins_tolerance(tol):
+    """Return the error (L1) in the binned density that goes with an error `tol` in survival.
+
+    The bins are 32 x 64 equal ones between the cut-offs and the velocity bounds: .1 x .1 in the main scene.
+    """
+    return math.sqrt(tol) / 3.0
+
+
+def safe_difference(before, last):
+    """Error of the last of three or more solutions of growing fineness, from the differences of neighbours.
+
+    The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
+    tells, up to two and a half times as much; and 1.4 for safety.
+    """
+    return 1.4 * max(last, min(0.3 * before, 2.5 * last))
+
+
+class Progress:
+    """Counts the cycles of all solutions, of which there are at least `least`.
+
+    Parameters
+    ----------
+    report : callable or None
+        Called as ``report(done, total)``.
+    cycles, least : int
+    """
+
+    def __init__(self, report, cycles, least):
+        self.report, self.cycles, self.done, self.total = checks.report(report), cycles, 0, least * cycles
+
+    def next(self):
+        """Begin another solution: what to call after each of its cycles."""
+        self.total = max(self.done + self.cycles, self.total)
+        return self._count
+
+    def _count(self):
+        self.done += 1
+        if self.report:
+            self.report(self.done, self.total)

@@ -1,0 +1,69 @@
+"""Which scenes the density solver takes, and what it says where it cannot: before the work where that can be told."""
+
+import warnings
+
+import numpy as np
+
+from fpk_rocking import checks, limits
+from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
+
+LARGEST = 8e9
+"""Bytes that a solution may be expected to take."""
+
+
+def refuse_unsolvable(white):
+    """Refuse a scene out of range, without noise, or with infinitely many impacts."""
+    limits.check(white)
+    if white.noise.diffusion == 0.0:
+        accepted = "noise: without it there is no density to evolve (simulate() follows single trajectories)"
+        raise ValueError(checks.refusal("noise", "none, or of size 0", accepted))
+    if white.block.restitution <= CRITICAL_RESTITUTION:
+        accepted = (
+            f"above {CRITICAL_RESTITUTION:.5f} with white noise: below it there are infinitely many impacts in finite "
+            "time, and what follows is not defined (band noise can be sampled with simulate())"
+        )
+        raise ValueError(checks.refusal("block.restitution", white.block.restitution, accepted))
+
+
+def refuse_large(held, stored, cycles):
+    """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all cycles."""
+    if held > LARGEST:
+        accepted = f"{LARGEST:g}: stronger noise, a shorter period or a nearer cut-off, or simulate()"
+        raise ValueError(checks.refusal("scene, bytes that its mesh and steps take", float(held), accepted))
+    if held + stored > LARGEST:
+        accepted = f"fewer: the densities after all of them would take {stored:.1e} bytes, of {LARGEST:g} at most"
+        raise ValueError(checks.refusal("cycles", cycles, accepted))
+
+
+def refuse_broken(result):
+    """Raise FloatingPointError where a result has something that is not a finite number."""
+    parts = ("survival", "overturned", "lost", "coefficients", "error_estimate", "bins_error_estimate", "negative_mass")
+    for name in parts:
+        if not np.all(np.isfinite(getattr(result, name))):
+            raise FloatingPointError(f"{name}: has a number that is not finite; this must not be, in {result.scene}")
+
+
+def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
+    """Warn where an estimated error, or that of the binned density, is larger than wanted.
+
+    Parameters
+    ----------
+    what : str
+        The quantity that the first error is of.
+    found : Refined
+        Its estimates.
+    wanted, bins_wanted : float
+        What they should be.
+    instead : str
+        What else to try.
+    stacklevel : int
+        Calls from here to the user's, for the warning's line.
+    """
+    if found.error > wanted or found.bins_error > bins_wanted:
+        warnings.warn(
+            f"not within the tolerance: estimated error {found.error:.1e} in {what} ({wanted:.1e} wanted) and "
+            f"{found.bins_error:.1e} in the binned density ({bins_wanted:.1e}) on the finest mesh for this scene; take "
+            f"a larger tol, or {instead}",
+            RuntimeWarning,
+            stacklevel=stacklevel,
+        )
