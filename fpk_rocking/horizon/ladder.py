@@ -123,7 +123,7 @@ class Level:
         return Level(white, self.half.run.resolution, self._bound, plane_bound(white))
 
     def survival(self, departure, cycles):
-        """Survival after numbers of cycles, and what the modes may leave out of it: two arrays (n,)."""
+        """Survival after numbers of cycles, and an estimate of what the modes leave out of it: two arrays (n,)."""
         first = self.half.run.evolve(1, departure)
         powers = self._powers(self.half.matvec, lambda: self.modes, self.half.vector(first.coefficients[1]))
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))

@@ -25,7 +25,8 @@ class Outlook(NamedTuple):
     survival : ndarray, shape (n,)
         Probability of not having overturned after so many cycles.
     left_out : ndarray, shape (n,)
-        What the modes that are not computed may hold of it.
+        Estimate of what it misses where the leading modes stand for the density: the L1 norm of what they left out
+        when they took over, which then falls like the leading mode.
     error_estimate : ndarray, shape (n,)
         Of survival: its difference from the next coarser mesh, and what the estimated error of the escape rate makes
         of it, with `left_out`.
