@@ -156,7 +156,8 @@ def climb(white, tol):
     white : Scene
         With white noise.
     tol : float
-        The relative error of the rate is wanted to e tol: survival exp(-rate k) is then right to tol for every k.
+        The relative error of the rate is wanted to exp(1) tol: it changes survival exp(-rate k) by that times
+        (rate k) exp(-rate k), at most by tol whatever k.
 
     Returns
     -------
@@ -218,8 +219,8 @@ def _judge(level, error, bins_error, tol):
         raise ValueError(checks.refusal("scene", rate, f"{accepted} (more noise, or montecarlo.split())"))
     if error > math.e * tol or bins_error > bins_tolerance(tol):
         warnings.warn(
-            f"not within the tolerance: {rate} with an estimated relative error of {error:.1e} (e tol = "
-            f"{math.e * tol:.1e}), and {bins_error:.1e} in the binned quasi-stationary density "
+            f"not within the tolerance: {rate} with an estimated relative error of {error:.1e} (wanted: "
+            f"{math.e * tol:.1e}) and {bins_error:.1e} in the binned quasi-stationary density "
             f"({bins_tolerance(tol):.1e}), on the finest mesh for this scene; take a larger tol",
             RuntimeWarning,
             stacklevel=4,

@@ -52,7 +52,7 @@ class CycleOperator(LinearOperator):
         With white or band noise; band noise is replaced by white noise of equal Melnikov variance, see `closure`.
     tol : float
         Wanted error in survival from a start on the attractor after any number of cycles, from 1e-4 up: the relative
-        error of the escape rate is wanted to e tol. The mesh is refined until the estimates say so.
+        error of the escape rate is wanted to exp(1) tol. The mesh is refined until the estimates say so.
 
     Attributes
     ----------
