@@ -50,7 +50,7 @@ class Dynamics:
         return scale * math.cos(angle), -scale * frequency * math.sin(angle)
 
     def affine(self, start, duration):
-        """Affine flight z -> M z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
+        """Affine flight z -> F z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
         (p0, q0), (p1, q1) = self._particular(start), self._particular(start + duration)
         cosh, sinh = math.cosh(duration), math.sinh(duration)
         shifts = np.zeros((3, 2))
