@@ -48,7 +48,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
     walkers : dict of float to int
         Diffusions for which paths are split, and walkers of a repeat.
     tol : float
-        Of the operators: the relative error of the rate is wanted to e tol.
+        Of the operators: the relative error of the rate is wanted to exp(1) tol.
     seed : int
         Of the splitting.
 

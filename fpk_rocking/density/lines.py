@@ -1,7 +1,7 @@
 """Free flight without quadrature of the plane: exact shifts along mesh lines, and the noise as exact blurs of them.
 
-The affine flight z -> M z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
-M = X V X with X = [[1, tanh(t/2)], [0, 1]] and V = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a
+The affine flight z -> F z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
+F = X Y X with X = [[1, tanh(t/2)], [0, 1]] and Y = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a
 whole, so each is an L2 projection in one dimension, done exactly, and cannot amplify. White noise is a small blur of
 the angle with the first and the last shear and one of the velocity after the second: together they have the covariance
 of the flight, exactly (derived in docs/theory). Mass is conserved line by line.

@@ -3,9 +3,10 @@
 The transition from a point is represented by Gauss-Hermite nodes along the principal axes of its Gaussian covariance.
 Each node is a whole path, not an end point: the most probable noise that leads to it is added to the forcing, and the
 block is then carried by the exact flow with its own impacts, rest and overturning. Where the path without noise meets
-an impact, covariance and noise are those carried through it by the saltation matrix; what is left of the flow is then
-an expansion about that path, to third order, unless the impact is slow. Where no node can meet an event the nodes are
-the affine flight's.
+an impact, covariance and noise are those carried through it by the saltation matrix. Unless that impact is slow, a
+node's displacement at it is then carried on by an expansion about that path, with an error of third order in the
+displacement; what noise acts between the node's own impact and that of the path is counted on the side of the latter.
+Where no node can meet an event the nodes are the affine flight's.
 """
 
 import functools
@@ -108,8 +109,11 @@ def _unreached(u, end, side, segment, duration, cutoff, margin):
 
 
 @kernel(borrows=True)
-def _through(x, v, time, rest, restitution, speed, pull, jerk, pull_after, jerk_after):
-    """Carry a displacement at the time of a fast impact through it and on to the step's end, to third order.
+def _through(x, v, time, rest, restitution, speed, side, force, slope):
+    """Carry a displacement at the time of a fast impact through it and on to the step's end, without further noise.
+
+    The flight before the impact, and that after it, are Taylor polynomials about the undisturbed impact: the error is
+    of third order in the displacement (derived in docs/theory, "Noise in a flight and through an impact").
 
     Parameters
     ----------
@@ -119,21 +123,26 @@ def _through(x, v, time, rest, restitution, speed, pull, jerk, pull_after, jerk_
         The step's time before and after that impact.
     restitution, speed : float
         Velocity ratio e, and the velocity of the undisturbed impact just before it.
-    pull, jerk, pull_after, jerk_after : float
-        Acceleration of the undisturbed path and its derivative, just before and just after the impact.
+    side : int
+        The side before it.
+    force, slope : float
+        Forcing at that impact, and its derivative.
 
     Returns
     -------
     x, v, inside : float, float, bool
         Displacement at the end of the step, and whether the impact came within the step.
     """
-    late = -x / (speed + v)
+    onset, pull, jerk = speed + v, x - side + force, speed + v + slope
+    late = -x / onset
     for _ in range(2):
-        height = x + late * (speed + v + late * (0.5 * pull + late * jerk / 6.0))
-        late -= height / (speed + v + late * (pull + 0.5 * late * jerk))
-    arrival = speed + v + late * (pull + 0.5 * late * jerk)
-    x = -late * (restitution * speed + late * (0.5 * pull_after + late * jerk_after / 6.0))
-    v = restitution * (arrival - speed) - late * (pull_after + 0.5 * late * jerk_after)
+        height = x + late * (onset + late * (0.5 * pull + late * jerk / 6.0))
+        late -= height / (onset + late * (pull + 0.5 * late * jerk))
+    arrival = onset + late * (pull + 0.5 * late * jerk)
+    leaving = restitution * speed
+    pull, jerk = side + force, leaving + slope
+    x = -late * (leaving + late * (0.5 * pull + late * jerk / 6.0))
+    v = restitution * arrival - leaving - late * (pull + 0.5 * late * jerk)
     c, s = math.cosh(rest - late), math.sinh(rest - late)
     return c * x + s * v, s * x + c * v, -time < late < rest
 
@@ -212,7 +221,7 @@ def _fast_nodes(x, v, undisturbed, segment, duration, diffusion, restitution, cu
     long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
     kind, _, far_x, far_v = next_event(0.0, impact(speed, restitution), -side, segment, time, duration, cutoff)
     smooth = smooth and kind == NOTHING
-    fold = restitution, speed, force - side, slope + speed, force + side, slope + restitution * speed
+    impact_there = restitution, speed, side, force, slope
     for n in range(len(nodes)):
         a, b = nodes[n]
         p = a * long_x / long + (b * short_x / short if b != 0.0 else 0.0)
@@ -221,7 +230,7 @@ def _fast_nodes(x, v, undisturbed, segment, duration, diffusion, restitution, cu
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
         if smooth:
-            dx, dv, inside = _through(early_x, early_v, time, rest, *fold)
+            dx, dv, inside = _through(early_x, early_v, time, rest, *impact_there)
             xn = far_x + dx + late_x
             if inside and 0.0 < -side * xn < cutoff:
                 _put(n, xn, far_v + dv + late_v, -side, -side, cutoff, states, codes)

@@ -75,10 +75,11 @@ class Resolution:
 
 
 def rattling_speed(scene):
-    """Speed 2 D / (1 - e) at which a block rattles that the forcing never lifts off.
+    """Speed 2 D / (1 - e) at which a block rattles that the forcing never lifts off, at the time when f = 0.
 
-    From the energy balance of a bouncing ball with noise (theory, section 8): its scale in angle is v^2 / 2. Infinite
-    where the block is lifted off, where nothing slows it (e = 1), and where the layer is too thin to be resolved.
+    The mean square over the mean of the speeds at impact; at other times it is 2 D / ((1 - e) (1 - f^2)), which is
+    larger (derived in docs/theory, "Rattling at rest"). Its scale in angle is v^2 / 2. Infinite where the block is
+    lifted off, where nothing slows it (e = 1), and where the layer is too thin to be resolved.
     """
     restitution = scene.block.restitution
     if scene.forcing.largest > 1.0 or restitution == 1.0:

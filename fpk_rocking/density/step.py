@@ -43,7 +43,7 @@ class Dynamics:
         return segment_of(self.forcing.pieces([start])[0], np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Affine flight z -> M z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
+        """Affine flight z -> F z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
         (p0, q0), (p1, q1) = self.forcing.particular(start), self.forcing.particular(start + duration)
         cosh, sinh = math.cosh(duration), math.sinh(duration)
         shifts = np.zeros((3, 2))

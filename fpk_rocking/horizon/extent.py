@@ -50,10 +50,14 @@ def plane_bound(white):
 
 
 def worst_bound(white):
-    """Bound for every phase: to stand after an impact at v, e v must be below the speed of a sure escape."""
-    swing, cutoff = white.forcing.swing, white.overturning.angle
-    escape = max(1.0, cutoff - 1.0) + swing + 8.0 * math.sqrt(white.noise.diffusion)
-    return escape / white.block.restitution + cutoff + 2.0 * swing
+    """Bound for every phase: to stand after an impact at v, e v must be below the speed of a sure escape.
+
+    What is lost on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard
+    deviations of the noise (derived in docs/theory, "One cycle as an operator").
+    """
+    swing, cutoff, noise = white.forcing.swing, white.overturning.angle, 8.0 * math.sqrt(white.noise.diffusion)
+    escape = max(1.0, cutoff - 1.0) + swing + noise
+    return escape / white.block.restitution + cutoff + 2.0 * swing + noise
 
 
 def _largest(coefficients):

@@ -144,7 +144,7 @@ class Level:
         return Level(white, self.leg.run.resolution, self._bound, plane_bound(white))
 
     def survival(self, departure, cycles):
-        """Survival after numbers of cycles, and what the modes may leave out of it: two arrays (n,)."""
+        """Survival after numbers of cycles, and an estimate of what the modes leave out of it: two arrays (n,)."""
         first = self.leg.run.evolve(1, departure)
         powers = self._powers(self.leg.matvec, lambda: self.modes, self.leg.vector(first.coefficients[1]))
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
@@ -177,7 +177,8 @@ def climb(white, tol):
     white : Scene
         With white noise.
     tol : float
-        The relative error of the rate is wanted to e tol: survival exp(-rate k) is then right to tol for every k.
+        The relative error of the rate is wanted to exp(1) tol: it changes survival exp(-rate k) by that times
+        (rate k) exp(-rate k), at most by tol whatever k.
 
     Returns
     -------

@@ -1,5 +1,6 @@
 """Leading modes of a linear map, and vectors after many applications of it by them."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -136,10 +137,14 @@ class Powers:
         return total + modes.basis @ (further @ self._amplitudes)
 
     def left_out(self, count):
-        """Estimate of what the modes leave out after so many applications, in L1."""
+        """Estimate of what the modes leave out after so many applications, in L1.
+
+        What a least-squares fit leaves holds a part of the leading mode: it falls like that mode, not like those that
+        were not computed (derived in docs/theory, "One cycle as an operator").
+        """
         if self._amplitudes is None:
             return 0.0
-        return self._left_out * abs(self._modes().values[-1]) ** (count - self._count)
+        return self._left_out * math.exp((count - self._count) * self._leading_log())
 
     def _advance(self):
         """Hand over to the modes where they leave next to nothing out, else apply the map once more."""

@@ -26,7 +26,8 @@ class Outlook(NamedTuple):
     survival : ndarray, shape (n,)
         Probability of not having overturned after so many cycles.
     left_out : ndarray, shape (n,)
-        What the modes that are not computed may hold of it.
+        Estimate of what it misses where the leading modes stand for the density: the L1 norm of what they left out
+        when they took over, which then falls like the leading mode.
     error_estimate : ndarray, shape (n,)
         Of survival: its difference from the next coarser mesh, and what the estimated error of the escape rate makes
         of it, with `left_out`.
@@ -51,7 +52,7 @@ class CycleOperator(LinearOperator):
         With white or band noise; band noise is replaced by white noise of equal Melnikov variance, see `closure`.
     tol : float
         Wanted error in survival from a start on the attractor after any number of cycles, from 1e-4 up: the relative
-        error of the escape rate is wanted to e tol. The mesh is refined until the estimates say so.
+        error of the escape rate is wanted to exp(1) tol. The mesh is refined until the estimates say so.
 
     Attributes
     ----------
