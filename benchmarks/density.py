@@ -137,7 +137,7 @@ def machine():
 def step_figures(tol=1e-3):
     """Unknowns moved a second by the steps of the last run for a tolerance, operations and bytes a step, seconds."""
     run, solution = run_of(MAIN, ENOUGH[tol], tol)
-    density, steps = solution.coefficients[4], run.half
+    density, steps = solution.coefficients[4], run.leg
     seconds = medians({"": lambda: [step.apply(density) for step in steps]})[""] / len(steps)
     operations = sum(step.operations for step in steps) / len(steps)
     moved = 16 * run.space.unknowns + sum(step.memory for step in steps) / len(steps)
