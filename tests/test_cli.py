@@ -100,6 +100,15 @@ def test_defaults(engines):
     assert (simulated["method"], simulated["steps_per_cycle"]) == (None, 200)
 
 
+def test_zeros_are_not_taken_for_defaults(engines):
+    """A seed may be 0; what may not is refused by the engines."""
+    run("mc", MAIN, "--seed", 0, "--cycles", 0)
+    run("fpk", MAIN, "--tol", 0, "--cycles", 0)
+    simulated, solved = engines.calls
+    assert (simulated["seed"], simulated["cycles"]) == (0, 0)
+    assert (solved["tol"], solved["cycles"]) == (0.0, 0)
+
+
 def test_tables_go_to_standard_output():
     for command in ("fpk", "mc", "compare"):
         status, out, err = run(command, MAIN, "--cycles", 2)
