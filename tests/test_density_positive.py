@@ -17,12 +17,7 @@ from fpk_rocking.density.positive_start import NodeDeparture, cell_sizes, lattic
 from fpk_rocking.density.start import Gaussian
 from fpk_rocking.density.step import Dynamics
 
-ROOT = pathlib.Path(__file__).parents[1]
-MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
-
-
-def reference(name):
-    return np.load(ROOT / "tests" / "data" / f"{name}_white.npz")
+MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml").white_equivalent()
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +25,8 @@ def main():
     return solve_positive(MAIN, cycles=40)
 
 
-def test_nothing_is_negative_at_any_step(main):
-    truth = reference("main")
+def test_nothing_is_negative_at_any_step(main, reference):
+    truth = reference("main_white")
     assert main.negative_mass == 0.0
     for cycle in range(1, 41):
         assert main.bin_probabilities(cycle, truth["angle_edges"], truth["velocity_edges"]).min() >= 0.0
@@ -44,27 +39,27 @@ def test_mass_is_conserved_to_rounding(main):
     assert 0.0 <= main.lost[-1] < 1e-9
 
 
-def test_survival_is_that_of_an_independent_program(main):
+def test_survival_is_that_of_an_independent_program(main, reference):
     """Within 1e-3, and beyond cycle 10 within 3.5 standard errors more: those of the reference are up to 5e-4 there."""
-    truth = reference("main")["survival"]
+    truth, paths = (reference("main_white")[name] for name in ("survival", "paths"))
     error = np.abs(main.survival - truth)
-    sampling = np.sqrt(truth * (1.0 - truth) / reference("main")["paths"])
+    sampling = np.sqrt(truth * (1.0 - truth) / paths)
     assert error[:11].max() < 1e-3
     assert np.all(error < 1e-3 + 3.5 * sampling)
     assert error[:11].max() < main.error_estimate < 1e-3
 
 
-def test_binned_density_is_that_of_an_independent_program(main):
-    truth = reference("main")
+def test_binned_density_is_that_of_an_independent_program(main, reference):
+    truth = reference("main_white")
     for cycle, probabilities in zip(truth["cycles"], truth["probabilities"], strict=True):
         ours = main.bin_probabilities(int(cycle), truth["angle_edges"], truth["velocity_edges"])
         assert np.abs(ours - probabilities).sum() < 0.007
 
 
-def test_launch_layer_is_resolved_without_a_negative_weight():
+def test_launch_layer_is_resolved_without_a_negative_weight(named_scene, reference):
     """Second scene: a start that ignores the layer at rest is off by 2e-3 and more at cycle 1, 6e-3 at cycle 2."""
-    scene = load_scene(ROOT / "cases" / "scenes" / "second.toml").white_equivalent()
-    evolution, truth = solve_positive(scene, cycles=4, tol=1e-2), reference("second")
+    scene = named_scene("second").white_equivalent()
+    evolution, truth = solve_positive(scene, cycles=4, tol=1e-2), reference("second_white")
     assert np.abs(evolution.survival - truth["survival"][:5]).max() < 1.5e-3
     assert evolution.negative_mass == 0.0
 

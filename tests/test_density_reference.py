@@ -1,29 +1,20 @@
 """The density solver on both white scenes against an independent program (tests/data)."""
 
-import pathlib
-
 import numpy as np
 import pytest
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import solve_fpk
 from fpk_rocking.density.acceptance import bins_tolerance
 
-ROOT = pathlib.Path(__file__).parents[1]
 
-
-def solved(name, cycles):
-    scene = load_scene(ROOT / "cases" / "scenes" / f"{name}.toml").white_equivalent()
-    return solve_fpk(scene, cycles=cycles), np.load(ROOT / "tests" / "data" / f"{name}_white.npz")
+@pytest.fixture(scope="module")
+def main(named_scene, reference):
+    return solve_fpk(named_scene("main").white_equivalent(), cycles=40), reference("main_white")
 
 
 @pytest.fixture(scope="module")
-def main():
-    return solved("main", 40)
-
-
-@pytest.fixture(scope="module")
-def second():
-    return solved("second", 10)
+def second(named_scene, reference):
+    return solve_fpk(named_scene("second").white_equivalent(), cycles=10), reference("second_white")
 
 
 @pytest.mark.parametrize("which", ["main", "second"])

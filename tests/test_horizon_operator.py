@@ -14,8 +14,7 @@ from fpk_rocking.horizon.extent import worst_bound
 from fpk_rocking.scene import Block, Forcing, Scene
 from montecarlo import simulate, tally
 
-DATA = pathlib.Path(__file__).parent / "data"
-MAIN = load_scene(DATA.parents[1] / "cases" / "scenes" / "main.toml")
+MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
 
 
 @pytest.fixture(scope="module")
@@ -122,11 +121,10 @@ def test_survival_takes_numbers_of_cycles_in_any_order(operator, outlook):
     assert operator.survival(7) == outlook.survival[7]
 
 
-def test_survival_is_that_of_an_independent_program(outlook):
+def test_survival_is_that_of_an_independent_program(outlook, reference):
     """Within the estimate, the program's own 3e-4 and 4.5 standard errors of its paths; false alarm 3e-4 in all."""
-    reference = np.load(DATA / "main_white.npz")
-    truth, estimate = reference["survival"], outlook.error_estimate[:41]
-    sampling = 4.5 * np.sqrt(truth * (1.0 - truth) / reference["paths"]) + 3e-4
+    truth, paths = (reference("main_white")[name] for name in ("survival", "paths"))
+    estimate, sampling = outlook.error_estimate[:41], 4.5 * np.sqrt(truth * (1.0 - truth) / paths) + 3e-4
     assert np.all(np.abs(outlook.survival[:41] - truth) <= estimate + sampling)
     assert estimate.max() < 2e-3
 

@@ -1,7 +1,6 @@
 """Ensembles of finite sums of harmonics as mixtures of white noises."""
 
 import dataclasses
-import importlib.util
 import json
 import pathlib
 
@@ -15,8 +14,7 @@ from fpk_rocking.equivalence import equivalent_diffusion
 from fpk_rocking.realizations import gauss_quadrature, realized_diffusions, solve_realizations
 from montecarlo import simulate
 
-CASES = pathlib.Path(__file__).parents[1] / "cases"
-MAIN = load_scene(CASES / "scenes" / "main.toml")
+MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
 
 
 @pytest.mark.parametrize("band", [(0.0, 10.0), (1.0, 6.0)])
@@ -95,16 +93,14 @@ def test_refuses_by_name(noise, nodes, message):
 
 
 @pytest.mark.slow
-def test_equivalence_study_divides_the_difference(tmp_path):
+def test_equivalence_study_divides_the_difference(case, tmp_path):
     """The case, coarse: parts sum to the whole; few harmonics stand longer, and so does the average over them.
 
     S(20) of N = 30 is .209 (100,000 realizations), .174 of the density: 4.7 standard errors, a false alarm of 1e-6.
     """
-    spec = importlib.util.spec_from_file_location("equivalence_case", CASES / "equivalence.py")
-    case = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(case)
+    module = case("equivalence")
     coarse = {"restitutions": (0.5,), "harmonics": (30, 1000), "diffusions": (0.0045, 0.0065, 0.015)}
-    findings = case.run(tmp_path, noises=(((0.0, 10.0), 0.2), ((1.0, 6.0), 0.3)), realizations=3000, **coarse)
+    findings = module.run(tmp_path, noises=(((0.0, 10.0), 0.2), ((1.0, 6.0), 0.3)), realizations=3000, **coarse)
     assert json.loads((tmp_path / "equivalence.json").read_text(encoding="utf-8"))["budget"] == findings["budget"]
     assert (tmp_path / "equivalence.png").stat().st_size > 10_000
     (row, low), parts = findings["noises"], findings["budget"]
@@ -114,4 +110,4 @@ def test_equivalence_study_divides_the_difference(tmp_path):
     assert row["averaged"][0][2] > row["density"][2] + 0.02
     assert row["sampled"][0][2] > row["density"][2]
     assert (low["cover"] < 0.2 < row["cover"], low["jump"] > 1.2 * low["diffusion"]) == (True, True)
-    assert list(case.worst([[0.1, -0.3], [0.2, 0.1]])) == [-0.3, 0.2]
+    assert list(module.worst([[0.1, -0.3], [0.2, 0.1]])) == [-0.3, 0.2]
