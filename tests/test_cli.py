@@ -228,15 +228,14 @@ def test_other_exceptions_that_nobody_takes_are_shown(monkeypatch):
     def failing():
         raise ValueError("said")
 
-    before, handlers = sys.unraisablehook, [signal.getsignal(sign) for sign in (signal.SIGINT, signal.SIGTERM)]
-    shown = []
-    monkeypatch.setattr(sys, "unraisablehook", shown.append)
+    shown, signs = [], (signal.SIGINT, signal.SIGTERM)
+    hook, handlers = shown.append, [signal.getsignal(sign) for sign in signs]
+    monkeypatch.setattr(sys, "unraisablehook", hook)
     monkeypatch.setattr(fpk_rocking.density, "solve_fpk", lambda scene, **_: failing() or fakes.FakeEvolution(scene))
     assert run("fpk", MAIN)[0] == 0
     assert [type(one.exc_value) for one in shown] == [ValueError]
-    monkeypatch.undo()
-    assert sys.unraisablehook is before
-    assert [signal.getsignal(sign) for sign in (signal.SIGINT, signal.SIGTERM)] == handlers
+    assert sys.unraisablehook is hook
+    assert [signal.getsignal(sign) for sign in signs] == handlers
 
 
 def test_interrupted_writing_leaves_whole_files(tmp_path, monkeypatch):
