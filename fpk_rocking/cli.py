@@ -58,7 +58,7 @@ def main(arguments=None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        with process.terminable(), process.plain_warnings(options.command):
+        with process.terminable(), process.insistent(), process.plain_warnings(options.command):
             if options.out:
                 process.check_folder("--out", options.out)
             if getattr(options, "checkpoint", None) and not options.tally:

@@ -1,11 +1,15 @@
 """What the command line does about the process that it is: signals, warnings, folders, and output that nobody takes."""
 
+import _thread
 import contextlib
 import os
 import signal
 import sys
 import threading
 import warnings
+
+_AGAIN_S = 0.02
+"""Seconds after which a signal that was swallowed is raised anew."""
 
 
 class Terminated(KeyboardInterrupt):
@@ -27,6 +31,44 @@ def terminable():
         yield
     finally:
         signal.signal(signal.SIGTERM, previous or signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def insistent():
+    """Raise an interruption anew that C code swallowed within the block; only the main thread can, as `terminable`.
+
+    The exception of a signal cannot pass a callback from C or a finalizer: Python prints it there and goes on. A signal
+    that comes while LLVM makes machine code ends like that, for the first Python code to run afterwards, where it is
+    handled, is a callback. numba then goes on, or fails for want of what the callback should have kept. Here nothing is
+    printed, the exception comes once more a moment later, and it stands for any error that came in between.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous, swallowed = sys.unraisablehook, []
+
+    def again(ignored):
+        if not issubclass(ignored.exc_type, KeyboardInterrupt):
+            previous(ignored)
+            return
+        number = signal.SIGTERM if issubclass(ignored.exc_type, Terminated) else signal.SIGINT
+        swallowed.append((ignored.exc_type, threading.Timer(_AGAIN_S, _thread.interrupt_main, [number])))
+        swallowed[-1][1].start()
+
+    sys.unraisablehook = again
+    try:
+        yield
+        # The block may end before the signal has come again.
+        if swallowed:
+            raise swallowed[-1][0]
+    except Exception as error:
+        if swallowed:
+            raise swallowed[-1][0] from error
+        raise
+    finally:
+        sys.unraisablehook = previous
+        for _, timer in swallowed:
+            timer.cancel()
 
 
 @contextlib.contextmanager

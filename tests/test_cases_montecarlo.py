@@ -5,28 +5,16 @@ Seeds are fixed. Where a probability is held against a known value the bound is 
 """
 
 import dataclasses
-import importlib.util
 import json
 import math
-import pathlib
 
 import matplotlib.image
 import numpy as np
 import pytest
 
-from fpk_rocking import NoNoise, load_scene
+from fpk_rocking import NoNoise
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from montecarlo import overturning_rate, simulate
-
-CASES = pathlib.Path(__file__).parents[1] / "cases"
-MAIN = load_scene(CASES / "scenes" / "main.toml")
-
-
-def case(name):
-    spec = importlib.util.spec_from_file_location(name, CASES / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def written(folder, name, values):
@@ -42,7 +30,7 @@ def sampled(known, realizations):
     return pytest.approx(known, abs=4.5 * math.sqrt(known * (1.0 - known) / realizations))
 
 
-def test_fig05(tmp_path):
+def test_fig05(case, tmp_path):
     """Known: 100,000 realizations of another seed stand after 125 cycles with .7330, .9064 and .9855."""
     values = case("fig05_overturning").run(tmp_path, realizations=3000, cycles=140, bounded_cycles=400)
     assert "variance = 0.0025" in values["scene"]
@@ -56,7 +44,7 @@ def test_fig05(tmp_path):
     assert written(tmp_path, "fig05", values)
 
 
-def test_fig07(tmp_path):
+def test_fig07(case, tmp_path):
     coarse = {"cycles": 10, "realizations": 1000, "variances": (0.01, 0.04), "density_variances": (0.04,)}
     values = case("fig07_survival_against_noise").run(tmp_path, **coarse, phase_variances=(0.04,))
     assert "phase = 0.0" in values["scene"]
@@ -74,7 +62,7 @@ def test_fig07(tmp_path):
     assert written(tmp_path, "fig07", values)
 
 
-def test_fig08(tmp_path):
+def test_fig08(case, tmp_path):
     values = case("fig08_mean_poincare").run(tmp_path, cycles=150, realizations=200, seeds=2)
     assert "phase = 3.14\n" in values["scene"]
     assert "variance = 0.0016" in values["scene"]
@@ -89,7 +77,7 @@ def test_fig08(tmp_path):
     assert written(tmp_path, "fig08", values)
 
 
-def test_fig09(tmp_path):
+def test_fig09(case, tmp_path):
     module = case("fig09_mean_map_and_noise")
     paper = (0.0, 0.05, 0.06, 0.09, 0.16, 0.2)
     values = module.run(tmp_path, paper=paper, between=(), seeds=2, realizations=200, cycles=120)
@@ -105,7 +93,7 @@ def test_fig09(tmp_path):
     assert written(tmp_path, "fig09", values)
 
 
-def test_bifurcation(tmp_path):
+def test_bifurcation(case, main_scene, tmp_path):
     module = case("bifurcation")
     module.BLOCKS = 12
     values = module.run(tmp_path, amplitudes=(2.6, 4.6, 4.9), cycles=1500)
@@ -114,14 +102,14 @@ def test_bifurcation(tmp_path):
         assert high - low <= 1e-3
     assert values["rest_overturns"] == [4.9]
     assert values["symmetric_orbit_stable_up_to"] == pytest.approx(2.899856, abs=1e-6)
-    settled = module.continued(MAIN.varied(noise=NoNoise()), (2.6,))[0]
+    settled = module.continued(main_scene.varied(noise=NoNoise()), (2.6,))[0]
     orbit = symmetric_orbits(2.6, 2.7, 0.5)[-1]
-    assert settled[-1] == pytest.approx(np.array(orbit.state(MAIN.forcing.phase)), abs=1e-10)
+    assert settled[-1] == pytest.approx(np.array(orbit.state(main_scene.forcing.phase)), abs=1e-10)
     assert written(tmp_path, "bifurcation", values)
 
 
 @pytest.mark.slow
-def test_survival_against_restitution(tmp_path):
+def test_survival_against_restitution(case, tmp_path):
     coarse = {"restitutions": (0.5, 0.7, 1.0), "density_restitutions": (0.7,), "realizations": 2000, "tol": 5e-2}
     values = case("survival_against_restitution").run(tmp_path, **coarse)
     survival = np.array(values["bands"][1]["survival"])
@@ -133,7 +121,7 @@ def test_survival_against_restitution(tmp_path):
     assert written(tmp_path, "restitution", values)
 
 
-def test_first_passage(tmp_path):
+def test_first_passage(case, tmp_path):
     values = case("first_passage").run(tmp_path, variances=(0.04,), cycles=6, realizations=20_000, tol=1e-2)
     row = values["noise"][0]
     assert max(map(abs, row["white_z"].values())) < 4.5
@@ -143,7 +131,7 @@ def test_first_passage(tmp_path):
     assert written(tmp_path, "passage", values)
 
 
-def test_band_inferred(tmp_path):
+def test_band_inferred(case, tmp_path):
     module = case("band_inferred")
     coarse = {"bands": (5.0, 10.0), "raised": ((2.0, 4.0),), "left_out": (6.0,), "realizations": 2000}
     values = module.run(tmp_path, **coarse, seeds=2, few_seeds=1, map_size=200, map_cycles=120)
@@ -172,26 +160,26 @@ def test_band_inferred(tmp_path):
     assert written(tmp_path, "band", values)
 
 
-def test_leakage_against_flux(tmp_path):
+def test_leakage_against_flux(case, main_scene, tmp_path):
     coarse = {"variances": (0.01, 0.04), "restitutions": (0.5, 0.7, 0.9), "cycles": 40, "realizations": 2000}
     values = case("leakage_against_flux").run(tmp_path, **coarse)
     found = values["over_noise"][1]
     assert found["kendall"] == 1.0
     assert found["rate"][0] == pytest.approx(0.0277, rel=4.5 / math.sqrt(found["count"][0]))
     m, d = 0.375, 9.2 / 8.29
-    still = (math.sqrt(d * d - m * m) - m * math.acos(m / d)) / math.pi * MAIN.period
+    still = (math.sqrt(d * d - m * m) - m * math.acos(m / d)) / math.pi * main_scene.period
     assert still < found["flux_per_cycle"][0] < found["flux_per_cycle"][1] < 1.02 * still
     rates = values["over_restitution"]["rate"]
     assert rates[1] < min(rates[0], rates[2])
     assert written(tmp_path, "flux", values)
 
 
-def test_overturning_rate_counts_cycles_lived():
+def test_overturning_rate_counts_cycles_lived(main_scene):
     """Three blocks: one gone before it counts, one that lived for 2.5 of the cycles that count, one that stands."""
-    ensemble = simulate(MAIN, cycles=10, realizations=3)
+    ensemble = simulate(main_scene, cycles=10, realizations=3)
     angle = np.zeros((3, 11))
     angle[0, 3:], angle[1, 7:] = np.nan, np.nan
-    times = MAIN.period * np.array([2.5, 6.5, np.nan])
+    times = main_scene.period * np.array([2.5, 6.5, np.nan])
     made = dataclasses.replace(
         ensemble, angle=angle, overturn_time=times, overturn_side=np.array([1, -1, 0], dtype=np.int8)
     )

@@ -1,10 +1,13 @@
 """The command line: what it prints, writes, refuses and leaves behind, with engines of a known law in place."""
 
 import contextlib
+import ctypes
 import io
 import json
 import pathlib
+import signal
 import sys
+import time
 import types
 
 import fakes
@@ -97,6 +100,15 @@ def test_defaults(engines):
     assert (simulated["method"], simulated["steps_per_cycle"]) == (None, 200)
 
 
+def test_zeros_are_not_taken_for_defaults(engines):
+    """A seed may be 0; what may not is refused by the engines."""
+    run("mc", MAIN, "--seed", 0, "--cycles", 0)
+    run("fpk", MAIN, "--tol", 0, "--cycles", 0)
+    simulated, solved = engines.calls
+    assert (simulated["seed"], simulated["cycles"]) == (0, 0)
+    assert (solved["tol"], solved["cycles"]) == (0.0, 0)
+
+
 def test_tables_go_to_standard_output():
     for command in ("fpk", "mc", "compare"):
         status, out, err = run(command, MAIN, "--cycles", 2)
@@ -174,6 +186,56 @@ def test_interrupted_engine_leaves_nothing(tmp_path, monkeypatch):
     assert (status, out) == (130, "")
     assert "interrupted" in err
     assert not (tmp_path / "out").exists()
+
+
+@ctypes.CFUNCTYPE(None, ctypes.c_int)
+def swallowing(sign):
+    """A callback from C, as LLVM calls one when a kernel is compiled: no exception passes it."""
+    signal.raise_signal(sign)
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize("then", ["computes", "returns", "fails"])
+@pytest.mark.parametrize(
+    ("sign", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_a_signal_that_a_callback_swallows_ends_the_command(sign, code, word, then, tmp_path, monkeypatch):
+    """Twice in callbacks; what comes next is the signal, raised anew, whatever the engine does meanwhile."""
+
+    def solve_fpk(scene, **_):
+        swallowing(sign)
+        swallowing(sign)
+        end = time.monotonic() + 10.0
+        while then == "computes" and time.monotonic() < end:
+            pass
+        if then == "fails":
+            raise RuntimeError("no compiled object yet")
+        return fakes.FakeEvolution(scene, cycles=4)
+
+    monkeypatch.setattr(fpk_rocking.density, "solve_fpk", solve_fpk)
+    monkeypatch.setattr("fpk_rocking.process._AGAIN_S", 0.02 if then == "computes" else 60.0)
+    status, out, err = run("fpk", MAIN, "--json", "--out", tmp_path / "out")
+    assert (status, bool(out)) == (code, then == "returns")
+    assert err == f"fpk-rocking: {word}; files written so far are whole\n"
+    assert (tmp_path / "out").exists() == (then == "returns")
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_other_exceptions_that_nobody_takes_are_shown(monkeypatch):
+    """In a callback as anywhere; and after a command everything is as it was."""
+
+    @ctypes.CFUNCTYPE(None)
+    def failing():
+        raise ValueError("said")
+
+    shown, signs = [], (signal.SIGINT, signal.SIGTERM)
+    hook, handlers = shown.append, [signal.getsignal(sign) for sign in signs]
+    monkeypatch.setattr(sys, "unraisablehook", hook)
+    monkeypatch.setattr(fpk_rocking.density, "solve_fpk", lambda scene, **_: failing() or fakes.FakeEvolution(scene))
+    assert run("fpk", MAIN)[0] == 0
+    assert [type(one.exc_value) for one in shown] == [ValueError]
+    assert sys.unraisablehook is hook
+    assert [signal.getsignal(sign) for sign in signs] == handlers
 
 
 def test_interrupted_writing_leaves_whole_files(tmp_path, monkeypatch):

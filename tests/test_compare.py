@@ -14,6 +14,7 @@ from fpk_rocking.compare import compare, joint_edges, shown_cycles
 from fpk_rocking.output import summary, tables
 from fpk_rocking.remarks import noise_text, remarks
 from fpk_rocking.result import label_of
+from montecarlo import histories
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 
@@ -196,6 +197,17 @@ def test_bins_follow_the_scene():
     assert joint_edges(wide)[1][-1] == 5.0
     noisy = dataclasses.replace(still, noise=WhiteNoise(0.25))
     assert joint_edges(noisy)[1][-1] == 3.5
+
+
+def test_bins_hold_a_strongly_driven_escape():
+    """From rest at 8 phases a far cut-off is reached at up to .94 of the last edge, which the driven speed sets."""
+    fastest = 0.0
+    for phase in 2.0 * np.pi * np.arange(8) / 8:
+        scene = Scene(Block(0.1), Forcing(8.0, 0.6, phase), NoNoise(), Start(), Overturning(8.0))
+        run = histories(scene, cycles=2, method="exact", samples_per_cycle=400)
+        fastest = max(fastest, np.nanmax(np.abs(run.velocity)))
+    edge = joint_edges(scene)[1][-1]
+    assert 0.9 * edge < fastest < edge
 
 
 def test_labels():

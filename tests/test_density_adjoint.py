@@ -45,7 +45,13 @@ def unit(rng, space):
     return coefficients / math.sqrt(integral(space, coefficients, coefficients))
 
 
-KINDS = ["own mesh", "window to mesh", "window to finer degree", "window to window", "over the cut-off"]
+KINDS = [
+    "own mesh",
+    "window to mesh",
+    pytest.param("window to finer degree", marks=pytest.mark.slow),  # kernels of its own to compile
+    "window to window",
+    "over the cut-off",
+]
 
 
 @pytest.mark.parametrize("name", ["main", "second"])
@@ -119,6 +125,7 @@ def test_adjoint_has_the_same_bits_for_any_number_of_threads():
     assert len(results) == 1
 
 
+@pytest.mark.slow
 def test_degrees_of_source_and_target_are_independent():
     """Legendre moments up to the lower degree of two targets do not depend on the degree."""
     cubic, quartic = step_of("main", "window to mesh"), step_of("main", "window to finer degree")

@@ -37,6 +37,14 @@ def test_estimate_from_three_solutions(before, last, bins, lost, expected):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
+def test_the_error_of_the_bins_is_the_largest_of_all_cycles():
+    """Where nearly all overturns it is that of the first cycle, however many follow."""
+    scene = MAIN.varied(forcing={"amplitude": 6.0})
+    first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
+    assert last.survival[3] < 0.1
+    assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
+
+
 def test_the_ladder_is_climbed_until_the_estimate_is_met(monkeypatch):
     """With rungs that are too coarse for it, a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(refinement, "ENOUGH", {1e-3: 2})

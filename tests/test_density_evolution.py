@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+import time
 
 import numpy as np
 import pytest
@@ -26,7 +27,10 @@ def gaussian():
 
 
 def test_band_noise_is_solved_as_its_white_equivalent_and_says_so(band):
+    began = time.perf_counter()
     white = solve_fpk(MAIN.white_equivalent(), cycles=2, tol=1e-2)
+    elapsed = time.perf_counter() - began
+    assert 0.5 * elapsed < white.wall_s <= elapsed
     assert band.scene == MAIN
     assert band.diffusion == equivalent_diffusion(MAIN.noise)
     assert band.closure.startswith("Band noise (variance 0.04 on [0, 10]) is solved as white noise of equal Melnikov")
@@ -41,7 +45,6 @@ def test_shapes_and_honesty_figures(band):
     assert 0.0 < band.error_estimate < 1e-2
     assert 0.0 < band.negative_mass < 1e-2
     assert band.mass_defect < 1e-12
-    assert 0.0 < band.wall_s < 60.0
     assert band.settings["unknowns"] == band.space.unknowns
     for edge, half_width in zip(band.at(1).mesh_lines, (np.pi / 2, band.settings["velocity_bound"]), strict=True):
         assert np.array_equal(edge, -edge[::-1])

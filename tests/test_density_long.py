@@ -2,28 +2,25 @@
 
 import dataclasses
 import math
-import pathlib
 
 import numpy as np
 import pytest
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import solve_fpk
 from fpk_rocking.density.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.start import Gaussian
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.scene import WhiteNoise
 
-SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
-MAIN = load_scene(SCENES / "main.toml").white_equivalent()
 CYCLES = 500
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("name", ["main", "second"])
-def test_everything_is_accounted_for_after_500_cycles(name):
-    evolution = solve_fpk(load_scene(SCENES / f"{name}.toml").white_equivalent(), cycles=CYCLES, tol=1e-2)
+def test_everything_is_accounted_for_after_500_cycles(name, named_scene):
+    evolution = solve_fpk(named_scene(name).white_equivalent(), cycles=CYCLES, tol=1e-2)
     balance = evolution.survival + evolution.overturned.sum(axis=1) + evolution.lost
     assert np.abs(balance - 1.0).max() <= 1e-12
     assert evolution.overturned[-1].sum() > 0.99
@@ -39,14 +36,14 @@ def turned(coefficients):
 @pytest.mark.parametrize(
     ("cells", "cycles", "rise", "worst"), [((64, 112), CYCLES, 0.0, 0.13), ((128, 224), 60, 5e-6, 0.06)]
 )
-def test_weakest_noise_is_stable(cells, cycles, rise, worst):
+def test_weakest_noise_is_stable(cells, cycles, rise, worst, main_scene):
     """Main scene at D = 2.5e-5 on the mesh of the loosest tolerance, and for 500 cycles on one with half the cells.
 
     The filaments are not resolved, 5 % and 11 % of the mass are negative; but that and the L2 norm stay as they are.
     Escape is below what the projection makes of it: a loss of 4e-4 a cycle on the coarse mesh, a gain of 3e-6 on the
     fine one. (On 32 x 56 cells the norm grows by 0.2 % a cycle.)
     """
-    scene = dataclasses.replace(MAIN, noise=WhiteNoise(2.5e-5))
+    scene = dataclasses.replace(main_scene, noise=WhiteNoise(2.5e-5))
     dynamics, duration = Dynamics.of(scene), scene.period / 12
     bound = velocity_bound(scene, dynamics.diffusion)
     space = Space(graded_lines(scene.overturning.angle, cells[0], 1.5), graded_lines(bound, cells[1], 1.3), 3)

@@ -2,20 +2,18 @@
 
 import dataclasses
 import math
-import pathlib
 
 import numpy as np
 import pytest
 from density_operators import affine, flight_noise
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import solve_fpk
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.start import Gaussian
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.scene import Forcing, Overturning
 from montecarlo import simulate
 
-SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
 MEAN, SPREAD = np.array([1.36, 0.4]), np.array([0.02, 0.1])
 
 
@@ -58,12 +56,12 @@ def test_paths_that_pass_the_cutoff_and_return_within_a_step_have_overturned(ste
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["main", "second"])
-def test_first_passage_of_a_near_cutoff_agrees_with_paths(name):
+def test_first_passage_of_a_near_cutoff_agrees_with_paths(name, named_scene):
     """Cut-off 1.4: overturned to each side by each of 4 cycles, against 40,000 paths of the white-noise engine.
 
     4 standard errors, false alarm 8 x 6e-5; with the cut-off at pi/2 the same scene is far outside them.
     """
-    scene, paths = load_scene(SCENES / f"{name}.toml").white_equivalent(), 40_000
+    scene, paths = named_scene(name).white_equivalent(), 40_000
     near = dataclasses.replace(scene, overturning=Overturning(1.4))
     evolution, ensemble = solve_fpk(near, cycles=4), simulate(near, cycles=4, realizations=paths, seed=5)
     expected = evolution.overturned[1:]

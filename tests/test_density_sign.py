@@ -1,18 +1,16 @@
 """The non-negative view of a density: nowhere negative, conservative, local, and no further off than it must be."""
 
 import dataclasses
-import pathlib
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import solve_fpk
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space, gauss
 
-MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
 LINES = graded_lines(1.5, 12, 1.5), graded_lines(3.0, 10, 1.3)
 DEGREES = [1, 2, 3, 4, 5]
 
@@ -60,8 +58,8 @@ def mirrored(law):
 
 
 @pytest.fixture(scope="module")
-def band():
-    return solve_fpk(MAIN, cycles=2, tol=1e-2)
+def band(main_scene):
+    return solve_fpk(main_scene, cycles=2, tol=1e-2)
 
 
 @pytest.mark.parametrize("degree", DEGREES)

@@ -1,10 +1,12 @@
 """The space against scikit-fem: what the solver reads off its coefficients is what scikit-fem's own basis says."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from numpy.polynomial import polynomial
+from scipy.integrate import quad
 from skfem import Basis, BilinearForm, MeshQuad
 from skfem.element import ElementQuad0
 
@@ -232,7 +234,24 @@ def test_window_lines_cover_and_meet_zero(low, high):
 
 def test_velocity_bound_covers_the_separatrix_and_the_start():
     noise, forcing = WhiteNoise(0.0025), Forcing(4.6, 2.7, 0.3)
-    edge = 1.0 + 4.6 / math.sqrt(1.0 + 2.7**2)
-    assert velocity_bound(Scene(Block(0.5), forcing, noise), 0.0025) == pytest.approx(edge + 0.4, abs=1e-12)
-    fast = Scene(Block(0.5), forcing, noise, Start(0.5, -6.0, ((0.01, 0.0), (0.0, 0.04))))
-    assert velocity_bound(fast, 0.0025) > 6.0 + 8.0 * 0.2
+    edge = 1.0 + 4.6 / math.sqrt(1.0 + 2.7**2) + 0.4
+    assert velocity_bound(Scene(Block(0.5), forcing, noise), 0.0025) == pytest.approx(edge, abs=1e-12)
+    outward = Scene(Block(0.5), forcing, noise, Start(0.5, 6.0))
+    assert velocity_bound(outward, 0.0025) == pytest.approx(1.2 * 6.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("phase", [0.3, 2.0, 3.5, 5.0])
+@pytest.mark.parametrize("side", [1, -1])
+def test_velocity_bound_grows_by_what_an_inward_start_has_in_excess(phase, side):
+    """Of the motion w = v - x, w' = -w - s + f, that has been driven for ever: there w is known by quadrature."""
+    noise, forcing = WhiteNoise(0.0025), Forcing(2.0, 2.7, phase)
+    driven = quad(lambda t: -2.0 * math.exp(-t) * math.cos(phase - 2.7 * t), 0.0, 40.0, limit=200)[0]
+    plain = velocity_bound(Scene(Block(0.5), forcing, noise), 0.0025)
+    for excess in (-0.1, 0.0, 0.25, 0.7):
+        velocity = 0.1 * side - side + driven - side * excess
+        scene = Scene(Block(0.5), forcing, noise, Start(0.1 * side, velocity))
+        assert velocity * side < 0.0
+        assert velocity_bound(scene, 0.0025) == pytest.approx(plain + max(excess, 0.0), abs=1e-7)
+    spread = dataclasses.replace(scene, start=Start(0.1 * side, velocity, ((0.09, -0.02), (-0.02, 0.01))))
+    deviation = math.sqrt(0.09 + 0.01 + 2.0 * 0.02)
+    assert velocity_bound(spread, 0.0025) == pytest.approx(plain + 0.7 + 8.0 * deviation, abs=1e-7)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from density_operators import REST, affine, flight_noise, scene_of
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import solve_fpk
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.mesh import graded_lines
 from fpk_rocking.density.space import Space
@@ -19,13 +19,13 @@ from montecarlo import simulate
 QUADRATURE = Quadrature(5, 5, 5, 2)
 
 
-def test_launch_layer_is_that_of_an_independent_simulation():
+def test_launch_layer_is_that_of_an_independent_simulation(named_scene):
     """Start at rest in the second scene, at 5T/16, against 1.2e6 paths with steps of a hundredth of the time elapsed.
 
     The layer moves the mean of the unimpeded flight by (.0017874, .0028889), good to .2 %, and multiplies its
     covariance by .98735, .99072 and .99456, good to 1e-4 each.
     """
-    scene = load_scene("cases/scenes/second.toml")
+    scene = named_scene("second")
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
     departure = Departure(dynamics, scene.start, Windows(20, 8.0, 0.2, 0.005, 5), scene.period)

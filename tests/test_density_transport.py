@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import spsolve
 from skfem import BilinearForm
 
-from fpk_rocking.density import lines, paths
+from fpk_rocking.density import landing, lines, paths
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.forcing import TERMS, Forcing
@@ -180,6 +180,36 @@ def test_paths_of_free_cells_meet_nothing(trace):
         states, codes = traced(points, side, DYNAMICS, QUADRATURE)
         assert np.all(codes == side)
         assert np.abs(states - affine_landing(points, side)[0]).max() < 1e-13
+
+
+def test_free_cells_are_those_that_no_flight_leaves():
+    """Corners of random cells flown without noise: none that is free comes within the margin of an event.
+
+    A flight is affine in its start, so that corners are the extremes. Of those not called free few could be.
+    """
+    rng, found = np.random.default_rng(12), np.zeros((2, 2), dtype=int)
+    for _ in range(60):
+        forcing = Forcing(rng.uniform(0.0, 8.0), rng.uniform(1.0, 4.0), rng.uniform(0.0, 6.3))
+        dynamics = Dynamics(forcing, 0.02, 0.5, CUTOFF)
+        start, duration, margin = rng.uniform(0.0, 3.0), rng.uniform(0.05, 0.3), rng.uniform(0.0, 0.1)
+        angle_lines = np.sort([*rng.uniform(-CUTOFF, CUTOFF, 7), -CUTOFF, 0.0, CUTOFF])
+        velocity_lines = np.sort(rng.uniform(-3.0, 3.0, 7))
+        segment = dynamics.segment(start, duration)
+        marks = landing.classify(angle_lines, velocity_lines, segment, duration, CUTOFF, margin)
+        for side, columns in ((-1, angle_lines[:-1] < 0.0), (1, angle_lines[:-1] >= 0.0)):
+            edges = np.array([angle_lines[:-1][columns], angle_lines[1:][columns]])
+            sides = np.array([velocity_lines[:-1], velocity_lines[1:]])
+            least, most = np.inf, -np.inf
+            for time in np.linspace(0.0, duration, 41)[1:]:
+                matrix, shift = affine(dynamics, start, time, side)
+                angle = matrix[0, 0] * edges[:, None, :, None] + matrix[0, 1] * sides[None, :, None, :] + shift[0]
+                least = np.minimum(least, np.min(side * angle, axis=(0, 1)))
+                most = np.maximum(most, np.max(side * angle, axis=(0, 1)))
+            meets = (least <= margin) | (most >= CUTOFF - margin)
+            np.add.at(found, (marks[columns].astype(int), meets.astype(int)), 1)
+    assert found[0, 1] == 0
+    assert found[0, 0] > 500
+    assert found[1, 0] < 0.2 * found[1, 1]
 
 
 @pytest.mark.parametrize(("point", "side"), [((0.06, -0.4), 1), ((0.05, -0.25), 1), ((-0.04, 0.3), -1)])

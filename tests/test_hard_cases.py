@@ -54,9 +54,9 @@ def test_a_reference_is_consistent(name):
     assert np.all(binned >= 0.999 * standing - 1.0)
 
 
-def test_the_main_scene_agrees_with_independent_paths():
+def test_the_main_scene_agrees_with_independent_paths(reference):
     """Against 10^7 paths of another program: 4.5 standard errors at ten cycles are a false alarm of 1e-4."""
-    other = np.load(ROOT / "tests" / "data" / "main_white.npz")["survival"]
+    other = reference("main_white")["survival"]
     survival, noise = hard_cases.sampling(REFERENCES["main scene"])
     assert np.all(np.abs(survival - other[:11]) <= 4.5 * noise + 3e-4)
 

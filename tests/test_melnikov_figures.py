@@ -1,9 +1,7 @@
 """The cases of Figs. 2 to 4, re-run coarse."""
 
-import importlib.util
 import json
 import math
-import pathlib
 
 import matplotlib.image
 import numpy as np
@@ -11,7 +9,6 @@ import pytest
 
 from fpk_rocking import BandNoise, melnikov
 
-CASES = pathlib.Path(__file__).parents[1] / "cases"
 COARSE = {
     "fig02_phase_portrait": {},
     "fig03_critical_amplitude": {"points": 21},
@@ -20,14 +17,11 @@ COARSE = {
 
 
 @pytest.fixture(scope="module")
-def coarse(tmp_path_factory):
+def coarse(case, tmp_path_factory):
     """Folder and numbers of each case."""
     runs = {}
     for name, options in COARSE.items():
-        spec = importlib.util.spec_from_file_location(name, CASES / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        folder = tmp_path_factory.mktemp(name)
+        module, folder = case(name), tmp_path_factory.mktemp(name)
         runs[name] = folder, module.run(folder, **options), module
     return runs
 

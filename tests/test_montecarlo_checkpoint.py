@@ -11,7 +11,7 @@ import numba
 import pytest
 
 from fpk_rocking import cli
-from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Forcing, Scene, WhiteNoise
 from montecarlo import Tally, checkpoint, engines, simulate, tally, tallying
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
@@ -131,6 +131,18 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changed, mess
     before = path.read_bytes()
     with pytest.raises(ValueError, match=rf"checkpoint: got .*state\.npz with {message}"):
         tally(**asked | changed, checkpoint=path)
+    assert path.read_bytes() == before
+
+
+def test_a_checkpoint_of_another_method_is_refused_and_kept(tmp_path):
+    """Counts of one engine are not to be mixed with those of another."""
+    path, asked = tmp_path / "state.npz", {"cycles": 1, "realizations": 100, "checkpoint": tmp_path / "state.npz"}
+    scene = dataclasses.replace(MAIN, noise=BandNoise(0.04, (0.0, 10.0), 20))
+    tally(scene, method="rk4", **asked)
+    before = path.read_bytes()
+    for other in ("exact", None):
+        with pytest.raises(ValueError, match=r"checkpoint: got .*state\.npz with method rk4, accepted: method exact"):
+            tally(scene, method=other, **asked | {"realizations": 200})
     assert path.read_bytes() == before
 
 

@@ -82,6 +82,18 @@ def test_any_band_and_number_of_harmonics(harmonics, band):
     assert exact.velocity == pytest.approx(rk4.velocity, abs=1e-9, nan_ok=True)
 
 
+def test_strong_noise_hides_no_event():
+    """Few strong harmonics throw blocks to a near cut-off and back within an interval: 20,000 against rk4.
+
+    With bounds of the acceleration that leave out the noise some 10 to 80 would miss an impact or the cut-off.
+    """
+    scene = dataclasses.replace(MAIN, noise=BandNoise(100.0, (0.0, 8.0), 5), overturning=Overturning(0.8))
+    exact = simulate(scene, cycles=1, realizations=20_000, method="exact")
+    rk4 = simulate(scene, cycles=1, realizations=20_000, method="rk4", steps_per_cycle=500)
+    assert exact.overturn_time == pytest.approx(rk4.overturn_time, abs=1e-6, nan_ok=True)
+    assert np.array_equal(exact.overturn_side, rk4.overturn_side)
+
+
 def test_late_cycles_have_their_noise():
     """Impacts up to cycle 60, past chunks and fresh anchors, are those of rk4, whose grid is another."""
     scene = Scene(Block(0.5), Forcing(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40), Start(1e-9))

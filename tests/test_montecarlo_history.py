@@ -10,7 +10,7 @@ import pytest
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
-from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import Histories, engines, histories, simulate
 
 SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
@@ -110,6 +110,20 @@ def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
         begin, end = cycle * MAIN.period, (cycle + 1) * MAIN.period
         during = (whole.impact_realization == r) & (whole.impact_time >= begin) & (whole.impact_time < end)
         assert batch.impacts.time[0, : batch.impacts.count[0]] == pytest.approx(whole.impact_time[during], abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["rk4", "exact"])
+def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
+    """Over 50 cycles, in which the noise's rotations are begun anew; weak forcing, so that the start is forgotten."""
+    scene = Scene(Block(0.5), Forcing(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
+    whole = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
+    late = next(engines.batches(engines.checked(scene, 50, 1, 3, method, 200), capacity=1000, cycle=7)).impacts
+    one = whole.impact_time[(whole.impact_time > 20.0 * scene.period) & (np.abs(whole.impact_velocity) > 1e-3)]
+    time, speed = late.time[0, : late.count[0]], np.abs(late.velocity[0, : late.count[0]])
+    other = time[(time > 20.0 * scene.period) & (speed > 1e-3)]
+    assert one.size == other.size > 50
+    assert one == pytest.approx(other, abs=1e-6)
+    assert one[-1] > 50.0 * scene.period
 
 
 def test_white_paths_of_a_later_cycle_are_others():

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import math
-import pathlib
 
 import numba
 import numpy as np
@@ -14,18 +13,12 @@ from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
 from montecarlo.statistics import survival_test
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")
 
-ROOT = pathlib.Path(__file__).parents[1]
-REFERENCE = np.load(ROOT / "tests" / "data" / "main_band.npz")
 REST = Start()
-
-
-def main_scene():
-    return load_scene(ROOT / "cases" / "scenes" / "main.toml")
 
 
 def noise_free(amplitude=0.0, restitution=0.5, frequency=2.7, phase=math.pi, start=REST, cutoff=math.pi / 2):
@@ -65,8 +58,8 @@ def test_order_is_four_through_impacts():
     assert medians[-1] < 1e-9
 
 
-def test_orbit_of_two_cycles():
-    scene = dataclasses.replace(load_scene(ROOT / "cases" / "scenes" / "fig05.toml"), noise=NoNoise())
+def test_orbit_of_two_cycles(named_scene):
+    scene = dataclasses.replace(named_scene("fig05"), noise=NoNoise())
     angle = simulate(scene, cycles=200, realizations=1).angle[0, -4:]
     assert sorted(angle) == pytest.approx([-0.0836, -0.0836, -0.0219, -0.0219], abs=5e-5)
     assert angle[:2] == pytest.approx(angle[2:], abs=1e-6)
@@ -127,13 +120,12 @@ def test_overturning_is_located_on_either_side():
         assert np.isnan(ensemble.angle[0, 1:]).all()
 
 
-def test_same_realizations_for_any_threads_and_any_size():
-    scene, threads = main_scene(), numba.get_num_threads()
-    results = []
+def test_same_realizations_for_any_threads_and_any_size(main_scene):
+    threads, results = numba.get_num_threads(), []
     try:
         for count, size in ((1, 150), (threads, 150), (threads, 400)):
             numba.set_num_threads(count)
-            results.append(simulate(scene, cycles=6, realizations=size, seed=11, steps_per_cycle=50))
+            results.append(simulate(main_scene, cycles=6, realizations=size, seed=11, steps_per_cycle=50))
     finally:
         numba.set_num_threads(threads)
     for name in ("angle", "velocity", "overturn_time", "overturn_side"):
@@ -143,9 +135,10 @@ def test_same_realizations_for_any_threads_and_any_size():
     assert not np.array_equal(results[0].angle[0], results[0].angle[1])
 
 
-def test_survival_is_that_of_an_independent_program():
+def test_survival_is_that_of_an_independent_program(main_scene, reference):
     """20,000 realizations against 100,000 over 20 cycles; false alarm 1e-3."""
-    ensemble = simulate(main_scene(), cycles=20, realizations=20_000, seed=3, steps_per_cycle=100)
-    size = int(REFERENCE["paths"][0])
-    expected = np.rint(REFERENCE["survival"][1:21] * size).astype(int)
+    ensemble = simulate(main_scene, cycles=20, realizations=20_000, seed=3, steps_per_cycle=100)
+    truth = reference("main_band")
+    size = int(truth["paths"][0])
+    expected = np.rint(truth["survival"][1:21] * size).astype(int)
     assert survival_test(ensemble.survivors[1:], ensemble.realizations, expected, size).agrees

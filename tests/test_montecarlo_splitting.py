@@ -149,6 +149,14 @@ def test_same_estimates_for_any_threads_and_more_repeats():
     assert np.unique(estimates).size == 6
 
 
+def test_steps_are_as_short_as_they_are_asked_for():
+    """A start at rest sees its shortest step: other steps are other paths, and the result says which they were."""
+    coarse, fine, again = (split(MAIN, cycles=7, walkers=30, repeats=4, steps_per_cycle=n) for n in (8, 200, 8))
+    assert (coarse.steps_per_cycle, fine.steps_per_cycle) == (8, 200)
+    assert np.array_equal(coarse.repeat_overturned, again.repeat_overturned)
+    assert not np.any(coarse.repeat_probability[:, -1] == fine.repeat_probability[:, -1])
+
+
 def test_outlook_is_the_nearest_approach_of_an_independent_block():
     """At nodes of the table, scipy's integration and its impacts; one state that escapes among them."""
     intervals = 32

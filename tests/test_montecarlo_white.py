@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import pathlib
 
 import numba
 import numpy as np
@@ -12,11 +11,10 @@ from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.flight import flight, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise, load_scene
+from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.statistics import survival_test
 
-ROOT = pathlib.Path(__file__).parents[1]
 REST = Start()
 
 
@@ -48,22 +46,22 @@ def test_flight_has_its_gaussian_moments(covariance):
 
 
 @pytest.mark.parametrize(("name", "scene"), [("main_white", scene_of()), ("second_white", scene_of(3.0, 0.7, 0.012))])
-def test_survival_is_that_of_an_independent_program(name, scene):
+def test_survival_is_that_of_an_independent_program(name, scene, reference):
     """40,000 paths against the reference of 4e5 or more, 10 cycles; false alarm 1e-3 each."""
-    reference = np.load(ROOT / "tests" / "data" / f"{name}.npz")
+    truth = reference(name)
     ensemble = simulate(scene, cycles=10, realizations=40_000, seed=4)
-    size = int(reference["paths"][10])
-    expected = np.rint(reference["survival"][1:11] * size).astype(int)
+    size = int(truth["paths"][10])
+    expected = np.rint(truth["survival"][1:11] * size).astype(int)
     assert survival_test(ensemble.survivors[1:], ensemble.realizations, expected, size).agrees
 
 
-def test_binned_density_is_that_of_an_independent_program():
+def test_binned_density_is_that_of_an_independent_program(reference):
     """L1 of the bins within 4 standard deviations of what sampling explains; false alarm 3 x 3e-5."""
-    reference = np.load(ROOT / "tests" / "data" / "main_white.npz")
+    known = reference("main_white")
     ensemble = simulate(scene_of(), cycles=4, realizations=40_000, seed=5)
-    for k, truth in zip(reference["cycles"], reference["probabilities"], strict=True):
+    for k, truth in zip(known["cycles"], known["probabilities"], strict=True):
         if k <= 4:
-            bins = ensemble.bin_probabilities(int(k), reference["angle_edges"], reference["velocity_edges"])
+            bins = ensemble.bin_probabilities(int(k), known["angle_edges"], known["velocity_edges"])
             variance = truth * (1.0 - truth) * (1.0 / 40_000 + 1e-7)
             limit = np.sqrt(2.0 / math.pi * variance).sum() + 4.0 * math.sqrt((1.0 - 2.0 / math.pi) * variance.sum())
             assert np.abs(bins - truth).sum() < limit
@@ -88,9 +86,8 @@ def test_start_layer_converges_with_the_shortest_step():
     assert abs(coarse - fine) < 4.0 * math.sqrt(coarse_variance + fine_variance)
 
 
-def test_same_paths_for_any_threads_and_any_size():
-    scene, threads = load_scene(ROOT / "cases" / "scenes" / "second.toml"), numba.get_num_threads()
-    results = []
+def test_same_paths_for_any_threads_and_any_size(named_scene):
+    scene, threads, results = named_scene("second"), numba.get_num_threads(), []
     try:
         for count, size in ((1, 500), (threads, 500), (threads, 900)):
             numba.set_num_threads(count)

@@ -93,6 +93,9 @@ def test_sampled_expectation_agrees_to_four_digits():
     assert np.all(error < 1e-4 * exact)
     again, _ = melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=400, repeats=24, seed=4)
     assert again == pytest.approx(sampled[1, 1], rel=1e-12)
+    other, own = (melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=400, repeats=24, seed=s)[0] for s in (5, 5))
+    assert other == own
+    assert 0.0 < abs(other - again) < 9.0 * error[1, 1]
 
 
 def test_fluxes_as_printed():

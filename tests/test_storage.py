@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import pathlib
 
 import numpy as np
@@ -49,6 +50,23 @@ def test_header_names_the_versions(saved):
         header = json.loads(str(archive["header"]))
     assert header["format"] == 2
     assert header["versions"].keys() == {"fpk-rocking", "numpy", "scipy", "numba"}
+
+
+@pytest.mark.parametrize("where", ["header", "survival"])
+def test_a_pickled_array_is_refused_and_never_run(saved, where):
+    """Unpickling runs what the file says: here it would make a file."""
+    trace = saved.parent / "trace"
+
+    class Touching:
+        def __reduce__(self):
+            return pathlib.Path.touch, (trace,)
+
+    with np.load(saved, allow_pickle=False) as archive:
+        arrays = dict(archive)
+    np.savez(saved, allow_pickle=True, **arrays | {where: np.array(Touching(), dtype=object)})
+    with pytest.raises(ValueError, match=r"result\.npz: a damaged saved result \(Object arrays cannot be loaded"):
+        storage.read_result(saved, "ensemble", LAYOUT)
+    assert not trace.exists()
 
 
 def test_another_kind_is_refused(saved):
@@ -137,6 +155,25 @@ def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, inte
         write_half(path, interruption)
     assert path.read_text(encoding="utf-8") == "old σ\n"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    """All of its bytes: a machine that stops then has the old file or the new one."""
+    path, events = tmp_path / "table.txt", []
+    fsync, replace = os.fsync, pathlib.Path.replace
+
+    def forced(file):
+        fsync(file)
+        events.append((os.fstat(file).st_ino, os.fstat(file).st_size, path.exists()))
+
+    def renamed(self, target):
+        events.append("renamed")
+        return replace(self, target)
+
+    monkeypatch.setattr(os, "fsync", forced)
+    monkeypatch.setattr(pathlib.Path, "replace", renamed)
+    storage.write_text(path, "whole\n")
+    assert events == [(path.stat().st_ino, len("whole\n"), False), "renamed"]
 
 
 def test_temporary_file_stands_beside_its_target_with_the_same_suffix(tmp_path):

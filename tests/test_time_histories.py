@@ -1,6 +1,5 @@
 """The case of time histories and mean maps, re-run coarse."""
 
-import importlib.util
 import json
 import pathlib
 
@@ -15,13 +14,12 @@ CASES = pathlib.Path(__file__).parents[1] / "cases"
 
 
 @pytest.fixture(scope="module")
-def coarse(tmp_path_factory):
+def coarse(case, tmp_path_factory):
     """Folder and numbers of a coarse run of the second scene."""
-    spec = importlib.util.spec_from_file_location("time_histories", CASES / "time_histories.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
     folder = tmp_path_factory.mktemp("histories")
-    return folder, module.run(folder, CASES / "scenes" / "second.toml", cycles=4, realizations=3000, seed=3)
+    return folder, case("time_histories").run(
+        folder, CASES / "scenes" / "second.toml", cycles=4, realizations=3000, seed=3
+    )
 
 
 def test_numbers_agree_with_each_other(coarse):

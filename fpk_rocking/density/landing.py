@@ -26,8 +26,6 @@ def free(low, high, slow, fast, side, segment, duration, cutoff, margin):
     else:
         fall, rise = 1.0 + segment.force_high, cutoff - 1.0 - segment.force_low
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
-    if fall <= 0.0 and slow < 0.0:
-        least = low + slow * duration
     most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
     return least > margin and most < cutoff - margin
 

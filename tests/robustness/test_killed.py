@@ -1,6 +1,7 @@
 """Runs that are interrupted, terminated or killed: what was said to be saved is there, and goes on to the same bits."""
 
 import json
+import os
 import pathlib
 import random
 import signal
@@ -16,6 +17,7 @@ from montecarlo import Tally, simulate, tally
 HERE = pathlib.Path(__file__).parent
 COMMAND = [sys.executable, "-m", "fpk_rocking.cli"]
 RESUME = "; the same command goes on from the checkpoint"
+pytestmark = pytest.mark.usefixtures("interruptible")
 WORDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
 
 
@@ -54,8 +56,9 @@ def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
     assert kills < 10 or len(unfinished) > kills // 10, "hardly a run was killed while it saved"
 
 
-def start(*arguments):
-    return subprocess.Popen([*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def start(*arguments, **environment):
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([*COMMAND, *map(str, arguments)], env=os.environ | environment, **pipes)
 
 
 def stopped(run, sign, ready, limit=200.0):
@@ -110,6 +113,25 @@ def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, tmp_pa
     assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
     assert "Traceback" not in said
     assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["mc", "fpk"])
+def test_a_stopped_engine_that_still_compiles_ends_plainly(command, tmp_path):
+    """With an empty cache most signals come while LLVM makes machine code, to be handled in one of its callbacks."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.to_toml(), encoding="utf-8")
+    instants = random.Random(command)
+    for k in range(8):
+        sign = (signal.SIGINT, signal.SIGTERM)[k % 2]
+        run = start(command, scene, "--cycles", 200, "--out", tmp_path / "out", NUMBA_CACHE_DIR=str(tmp_path / f"{k}"))
+        instant = time.monotonic() + instants.uniform(2.0, 7.0)
+        status, printed, said = stopped(run, sign, lambda instant=instant: time.monotonic() > instant)
+        assert time.monotonic() < instant + 20.0
+        word, code = WORDS[sign]
+        assert (status, printed) == (code, "")
+        assert said == f"fpk-rocking: {word}; files written so far are whole\n"
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_signal_while_a_result_is_saved_leaves_the_old_one(tmp_path, monkeypatch):
