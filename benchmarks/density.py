@@ -13,14 +13,15 @@ from hard_rows import load
 from numba import prange
 from report import ROOT, medians, table, write_section
 
-from fpk_rocking import distances, load_scene, solve_fpk
-from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.resolution import ENOUGH, LADDER
 from fpk_rocking.density.run import Run
 from fpk_rocking.density.solver import NEGLIGIBLE
-from fpk_rocking.density.start import Departure
-from fpk_rocking.jit import kernel
-from fpk_rocking.scene import WhiteNoise
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.results import distances
+from fpk_rocking.scene.scene import WhiteNoise
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
 WEAK = dataclasses.replace(MAIN, noise=WhiteNoise(2.5e-4))

@@ -19,15 +19,16 @@ from eulerian_runs import EDGES, Row
 from eulerian_runs import Run as Baseline
 from report import PAGE, ROOT, medians, slug, table, write_section
 
-from fpk_rocking import CycleOperator, distances, load_scene, solve_fpk
-from fpk_rocking.density.mesh import velocity_bound
+from fpk_rocking import CycleOperator, load_scene, solve_fpk
 from fpk_rocking.density.resolution import LADDER, Resolution
 from fpk_rocking.density.run import Run
 from fpk_rocking.density.solver import NEGLIGIBLE
-from fpk_rocking.density.start import Departure
-from fpk_rocking.density.step import Quadrature
-from fpk_rocking.density.window import Windows
-from fpk_rocking.scene import WhiteNoise
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.density.start.windows import Windows
+from fpk_rocking.density.step.step import Quadrature
+from fpk_rocking.results import distances
+from fpk_rocking.scene.scene import WhiteNoise
 from montecarlo import simulate
 
 SCENES = {"main": MAIN, "second": load_scene(ROOT / "cases" / "scenes" / "second.toml")}

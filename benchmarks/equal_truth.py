@@ -7,8 +7,8 @@ from density import CYCLES, FINE_EDGES, run_of
 from eulerian_runs import EDGES
 from fine_reference import load
 
-from fpk_rocking import distances
 from fpk_rocking.density.resolution import LADDER
+from fpk_rocking.results import distances
 
 BINS = {"coarse": EDGES, "fine": FINE_EDGES}
 DRAWN = 20_000

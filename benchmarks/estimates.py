@@ -15,12 +15,12 @@ import numpy as np
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.resolution import LADDER
 from fpk_rocking.density.run import Run
 from fpk_rocking.density.solver import NEGLIGIBLE
-from fpk_rocking.density.start import Departure
-from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.scene.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
 SEED = 5771

@@ -21,8 +21,9 @@ from eulerian_runs import CONVERGED, EDGES, REFERENCE, SCENE, Row, Run, finer_me
 from eulerian_steps import CRANK_NICOLSON, TOLERANCE
 from report import table, write_section
 
-from fpk_rocking import distances, solve_fpk
+from fpk_rocking import solve_fpk
 from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.results import distances
 
 CYCLES, BINNED = 10, (1, 2, 4, 10)
 TRUTH, TOLS = 1e-4, (1e-2, 1e-3)

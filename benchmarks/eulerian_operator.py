@@ -15,8 +15,8 @@ import numpy as np
 from scipy import sparse
 from skfem import BilinearForm, FacetBasis, asm
 
-from fpk_rocking import checks
-from fpk_rocking.density.space import Space, gauss
+from fpk_rocking.base import checks
+from fpk_rocking.density.space.space import Space, gauss
 
 
 @BilinearForm

@@ -8,10 +8,11 @@ from eulerian_operator import Operator
 from eulerian_steps import CRANK_NICOLSON, GAUSS, March, Scheme
 from report import ROOT
 
-from fpk_rocking import distances, load_scene
+from fpk_rocking import load_scene
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lines
-from fpk_rocking.density.space import Space
+from fpk_rocking.density.space.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lines
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.results import distances
 
 SCENE = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
 REFERENCE = np.load(ROOT / "tests" / "data" / "main_white.npz")
@@ -45,7 +46,7 @@ class Run:
     Parameters
     ----------
     row : Row
-    start : fpk_rocking.density.density.Density
+    start : fpk_rocking.density.space.density.Density
         Where it begins, at the end of a cycle; its mesh has the same extents.
     """
 

@@ -15,7 +15,8 @@ import numpy as np
 from hard_rows import MAIN, SEED, Reference, Row, load, rows, save, simulated
 from report import ROOT, table, write_section
 
-from fpk_rocking import distances, solve_fpk
+from fpk_rocking import solve_fpk
+from fpk_rocking.results import distances
 
 TOL = 1e-3
 SIGMAS = 3.5

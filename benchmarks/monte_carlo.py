@@ -11,12 +11,13 @@ from numba import prange
 from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import noise
-from fpk_rocking.scene import Start
-from montecarlo import rk4, simulate
-from montecarlo.random import open_stream, stream_keys
-from montecarlo.shinozuka import draw
+from fpk_rocking.scene.scene import Start
+from montecarlo import simulate
+from montecarlo.engines import rk4
+from montecarlo.engines.random import open_stream, stream_keys
+from montecarlo.engines.shinozuka import draw
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml")
 CYCLES = 10

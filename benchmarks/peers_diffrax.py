@@ -16,7 +16,7 @@ from report import ROOT, medians, table
 
 from fpk_rocking import solve_fpk
 from montecarlo import simulate
-from montecarlo.white import FINEST
+from montecarlo.engines.white import FINEST
 
 REFERENCE = ROOT / "tests" / "data" / "main_white.npz"
 CYCLES = 10

@@ -11,8 +11,9 @@ from peers_problems import BAND
 from report import medians, table
 
 from fpk_rocking.physics import noise
-from montecarlo import rk4, shinozuka, simulate
-from montecarlo.random import open_stream, stream_keys
+from montecarlo import simulate
+from montecarlo.engines import rk4, shinozuka
+from montecarlo.engines.random import open_stream, stream_keys
 
 CYCLES, PATHS, TOLS = (1, 4), 200, (1e-5, 1e-8)
 TINY = 1e-14

@@ -6,7 +6,7 @@ import re
 import statistics
 import time
 
-from fpk_rocking import storage
+from fpk_rocking.results import storage
 
 ROOT = pathlib.Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"

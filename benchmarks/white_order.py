@@ -23,8 +23,9 @@ import numpy as np
 from report import ROOT, table, write_section
 from scipy.optimize import curve_fit
 
-from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise, load_scene
-from montecarlo import engines, histories, white
+from fpk_rocking.scene.scene import Block, Forcing, Scene, WhiteNoise, load_scene
+from montecarlo import histories
+from montecarlo.engines import running, white
 
 SCENES = ROOT / "cases" / "scenes"
 PATHS = 200_000
@@ -61,7 +62,7 @@ def survival_and_moments(scene, per_cycle, paths):
     """Return survival and moments of the standing paths, and their standard errors, each (cycles + 1, 5)."""
     sums, squares = np.zeros((2, max(CYCLES) + 1, len(NAMES)))
     with shortest_steps(per_cycle):
-        for batch in engines.batches(engines.checked(scene, max(CYCLES), paths, per_cycle, "white", STEPS)):
+        for batch in running.batches(running.checked(scene, max(CYCLES), paths, per_cycle, "white", STEPS)):
             standing = np.isfinite(batch.angle)
             x, v = np.where(standing, batch.angle, 0.0), np.where(standing, batch.velocity, 0.0)
             for i, values in enumerate((standing.astype(float), x, v, x * x, v * v)):

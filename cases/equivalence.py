@@ -3,9 +3,9 @@
 The density solver replaces band noise by white noise with D = σ_M²/2. Its survival is held against Shinozuka Monte
 Carlo in the main scene and in that with e = 0.7, over bands that cover the block's frequencies or leave some out, with
 two σ or more for each, and over the number N of harmonics. So is a rival closure, which keeps the jump of velocity in
-the heteroclinic orbit (`fpk_rocking.equivalence.jump_diffusion`), and the average of the density solver over the
-diffusions of single realizations (`fpk_rocking.realizations`). For one noise the difference is divided into parts, each
-isolated by switching one thing:
+the heteroclinic orbit (`jump_diffusion` of `fpk_rocking.physics.equivalence`), and the average of the density solver
+over the diffusions of single realizations (`solve_realizations`). For one noise the difference is divided into parts,
+each isolated by switching one thing:
 
 * finite N: N = 100 against N = 1000,
 * band: N = 1000 against white noise, both sampled,
@@ -16,7 +16,7 @@ All noises of a scene share densities: it is solved for nine diffusions, and sur
 (monotone cubics in log D, to a few 1e-4). Below D = 8e-5, where a thousandth overturns in 40 cycles, it is taken for 1.
 
 Cover is the part of the Melnikov variance of white noise that a band takes in, spread the relative standard deviation
-of the diffusions of single realizations. The bounds in `fpk_rocking.equivalence` follow from this study.
+of the diffusions of single realizations. The bounds in `fpk_rocking.physics.equivalence` follow from this study.
 
 Source: the closure is eq. 15 of H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic
 excitations", J. Eng. Mech. 122(8), 719-727, 1996; the bands other than [0, 10] are this project's.
@@ -35,10 +35,11 @@ import warnings
 
 import numpy as np
 
-from fpk_rocking import BandNoise, WhiteNoise, equivalence, load_scene, solve_fpk
+from fpk_rocking import BandNoise, WhiteNoise, load_scene, solve_fpk
+from fpk_rocking.density.realizations import realized_diffusions
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.realizations import realized_diffusions
+from fpk_rocking.physics import equivalence
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"

@@ -26,7 +26,7 @@ from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
 from montecarlo import histories, simulate
-from montecarlo.statistics import wilson_interval
+from montecarlo.results.statistics import wilson_interval
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "fig05.toml"
 BANDS = (5.0, 10.0, 20.0)

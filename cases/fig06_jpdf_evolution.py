@@ -32,7 +32,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, summary, surfaces, tables, vtk
 from fpk_rocking.output.opengl import probe_rendering
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.remarks import remarks
+from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"

@@ -30,9 +30,9 @@ from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.remarks import remarks
+from fpk_rocking.results.remarks import remarks
 from montecarlo import tally
-from montecarlo.statistics import wilson_interval
+from montecarlo.results.statistics import wilson_interval
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCES = (0.01, 0.02, 0.04)

@@ -28,7 +28,7 @@ from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.remarks import remarks
+from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"

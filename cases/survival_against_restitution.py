@@ -26,7 +26,7 @@ from fpk_rocking import NoNoise, load_scene, solve_fpk
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.remarks import remarks
+from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"

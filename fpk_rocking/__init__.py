@@ -22,7 +22,7 @@ from fpk_rocking.scene import (
 )
 
 # The density solver brings the compiler and the finite-element library: loaded on first use.
-_LAZY = dict.fromkeys(("solve_fpk", "Evolution"), "fpk_rocking.density")
+_LAZY = dict.fromkeys(("solve_fpk", "solve_realizations", "Evolution"), "fpk_rocking.density")
 _LAZY |= {"CycleOperator": "fpk_rocking.horizon"}
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "load_scene",
     "melnikov",
     "solve_fpk",
+    "solve_realizations",
 ]
 
 

@@ -9,8 +9,8 @@ import json
 import pathlib
 import sys
 
-from fpk_rocking import process
-from fpk_rocking.scene import load_scene
+from fpk_rocking import console
+from fpk_rocking.scene.scene import load_scene
 
 _DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
 _EXAMPLES = """\
@@ -40,7 +40,7 @@ class _Parser(argparse.ArgumentParser):
     """Refuses bad input in one line, as the rest of the command line does."""
 
     def error(self, message):
-        self.exit(2, f"{self.prog}: {process.line(message)}\n")
+        self.exit(2, f"{self.prog}: {console.line(message)}\n")
 
 
 def main(arguments=None) -> int:
@@ -58,21 +58,21 @@ def main(arguments=None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        with process.terminable(), process.insistent(), process.plain_warnings(options.command):
+        with console.terminable(), console.insistent(), console.plain_warnings(options.command):
             if options.out:
-                process.check_folder("--out", options.out)
+                console.check_folder("--out", options.out)
             if getattr(options, "checkpoint", None) and not options.tally:
                 raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
             options.run(options)
             sys.stdout.flush()
     except KeyboardInterrupt as stop:
         resume = "; the same command goes on from the checkpoint" if getattr(options, "checkpoint", None) else ""
-        word = "terminated" if isinstance(stop, process.Terminated) else "interrupted"
+        word = "terminated" if isinstance(stop, console.Terminated) else "interrupted"
         sys.stderr.write(f"fpk-rocking: {word}; files written so far are whole{resume}\n")
-        return 143 if isinstance(stop, process.Terminated) else 130
+        return 143 if isinstance(stop, console.Terminated) else 130
     except (ValueError, TypeError, OSError, ArithmeticError, MemoryError) as error:
-        sys.stderr.write(f"fpk-rocking {options.command}: {process.line(error) or type(error).__name__}\n")
-        process.drop_unwritten()
+        sys.stderr.write(f"fpk-rocking {options.command}: {console.line(error) or type(error).__name__}\n")
+        console.drop_unwritten()
         return 2
     return 0
 
@@ -216,7 +216,7 @@ def _simulated(options, scene):
 
 def _loaded(options) -> list:
     from fpk_rocking.density import Evolution
-    from fpk_rocking.storage import result_kind
+    from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
     for name in ("cycles", "tol", "realizations", "seed", "method", "steps_per_cycle", "tally", "checkpoint"):

@@ -10,10 +10,11 @@ import typing
 
 import numpy as np
 
-from fpk_rocking import checks, distances
 from fpk_rocking.analytics import melnikov
-from fpk_rocking.binning import joint_edges
-from fpk_rocking.remarks import noise_text, remarks
+from fpk_rocking.base import checks
+from fpk_rocking.results import distances
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.remarks import noise_text, remarks
 
 __all__ = ["Comparison", "Result", "compare", "joint_edges", "shown_cycles"]
 

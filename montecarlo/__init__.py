@@ -6,15 +6,16 @@ ensembles of any size. ``histories`` keeps whole time histories with their impac
 ``bin_errors`` say what there is to see, and how much of it is sampling noise.
 """
 
-from montecarlo.ensemble import Ensemble
-from montecarlo.histograms import first_passage, impact_speeds
-from montecarlo.history import Histories, histories
+from montecarlo.history import histories
 from montecarlo.poincare import correlation_dimension, mean_poincare_map, restarted_poincare_map
-from montecarlo.rates import overturning_rate
+from montecarlo.rare.splitting import Splitting, split
+from montecarlo.results.ensemble import Ensemble
+from montecarlo.results.histograms import first_passage, impact_speeds
+from montecarlo.results.histories import Histories
+from montecarlo.results.rates import overturning_rate
+from montecarlo.results.statistics import bin_errors
+from montecarlo.results.tally import Tally
 from montecarlo.simulation import simulate
-from montecarlo.splitting import Splitting, split
-from montecarlo.statistics import bin_errors
-from montecarlo.tallies import Tally
 from montecarlo.tallying import tally
 
 __all__ = [

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking import checks
-from fpk_rocking.parts import Start
-from montecarlo import engines
-from montecarlo.ensemble import Ensemble
+from fpk_rocking.base import checks
+from fpk_rocking.scene.parts import Start
+from montecarlo.engines import running
+from montecarlo.results.ensemble import Ensemble
 
 _RULES = ("clamped", "left out")
 
@@ -90,8 +90,8 @@ def restarted_poincare_map(
     TypeError, ValueError
         A parameter is refused, as by `montecarlo.simulate`.
     """
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
-    engines.refuse_large(run)
+    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    running.refuse_large(run)
     run = run._replace(cycles=1)
     _checked(overturned)
     cutoff, rows, place = scene.overturning.angle, [], scene.start
@@ -153,7 +153,7 @@ def _checked(overturned):
 
 def _images(run, cycle):
     """States (realizations, 2) before and after one cycle, and the side of overturning in it."""
-    batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in engines.batches(run, cycle=cycle)]
+    batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in running.batches(run, cycle=cycle)]
     return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 

@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from montecarlo import engines
-from montecarlo.ensemble import Ensemble
+from montecarlo.engines import running
+from montecarlo.results.ensemble import Ensemble
 
 
 def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycle=200, progress=None):
@@ -43,8 +43,8 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
         exp(-π/√3), where impacts accumulate; the states would take more than 4 GiB.
     """
     started = time.perf_counter()
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
-    engines.refuse_large(run, instead="; `tally` keeps none and takes more")
+    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    running.refuse_large(run, instead="; `tally` keeps none and takes more")
     shape = (run.realizations, run.cycles + 1)
     arrays = {
         "angle": np.empty(shape),
@@ -52,7 +52,7 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
         "overturn_time": np.empty(run.realizations),
         "overturn_side": np.empty(run.realizations, np.int8),
     }
-    for batch in engines.batches(run, progress=progress):
+    for batch in running.batches(run, progress=progress):
         for name, array in arrays.items():
             part = getattr(batch, name)
             array[batch.first : batch.first + len(part)] = part

@@ -4,12 +4,12 @@ import time
 
 import numpy as np
 
-from fpk_rocking import checks
-from fpk_rocking.binning import ascending_edges, joint_edges
-from montecarlo import engines
-from montecarlo.checkpoint import Keeper, resumed
-from montecarlo.counts import LARGEST, add, empty_counts
-from montecarlo.tallies import Tally
+from fpk_rocking.base import checks
+from fpk_rocking.results.binning import ascending_edges, joint_edges
+from montecarlo.engines import running
+from montecarlo.results.checkpoint import Keeper, resumed
+from montecarlo.results.counts import LARGEST, add, empty_counts
+from montecarlo.results.tally import Tally
 
 _HISTOGRAM_BYTES = 2**29
 _BATCH_STATES = 2**22
@@ -40,7 +40,7 @@ def tally(
     realizations : int
         Size of the ensemble, 1 to 2**31 - 1.
     angle_edges, velocity_edges : array_like, optional
-        Ascending edges of the bins kept. By default the bins of `fpk_rocking.binning.joint_edges` cut in half, which
+        Ascending edges of the bins kept. By default the bins of `joint_edges` cut in half, which
         comparisons and pictures need.
     checkpoint : path, optional
         File that keeps the state: it is written now and then, at the end, and at an exception that `progress` raises
@@ -58,7 +58,7 @@ def tally(
         or belongs to another run, and is then left as it is.
     """
     started = time.perf_counter()
-    run = engines.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
     if run.realizations > LARGEST:
         raise ValueError(checks.refusal("realizations", run.realizations, f"a whole number from 1 to {LARGEST}"))
     angles, velocities = joint_edges(scene)
@@ -90,7 +90,7 @@ def _batches(run, first, progress):
     report = None if progress is None else lambda done, _: progress(done, run.realizations)
     for begin in range(first, run.realizations, most):
         piece = run._replace(realizations=min(begin + most, run.realizations))
-        yield from engines.batches(piece, first=begin, progress=report)
+        yield from running.batches(piece, first=begin, progress=report)
 
 
 def _halved(edges):

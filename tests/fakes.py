@@ -11,10 +11,11 @@ import math
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from fpk_rocking import Scene, storage
-from fpk_rocking.layout import Layout
-from fpk_rocking.result import DensityResult
-from montecarlo.sample import Sample
+from fpk_rocking import Scene
+from fpk_rocking.results import storage
+from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.result import DensityResult
+from montecarlo.results.sample import Sample
 
 KEPT = 0.9
 LEFT_SHARE = 0.6  # of what is left, and of what has overturned

@@ -213,7 +213,7 @@ def test_a_signal_that_a_callback_swallows_ends_the_command(sign, code, word, th
         return fakes.FakeEvolution(scene, cycles=4)
 
     monkeypatch.setattr(fpk_rocking.density, "solve_fpk", solve_fpk)
-    monkeypatch.setattr("fpk_rocking.process._AGAIN_S", 0.02 if then == "computes" else 60.0)
+    monkeypatch.setattr("fpk_rocking.console._AGAIN_S", 0.02 if then == "computes" else 60.0)
     status, out, err = run("fpk", MAIN, "--json", "--out", tmp_path / "out")
     assert (status, bool(out)) == (code, then == "returns")
     assert err == f"fpk-rocking: {word}; files written so far are whole\n"

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise, distances
+from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
 from fpk_rocking.output import summary, tables
-from fpk_rocking.remarks import noise_text, remarks
-from fpk_rocking.result import label_of
+from fpk_rocking.results import distances
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.result import label_of
 from montecarlo import histories
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))

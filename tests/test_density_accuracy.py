@@ -9,13 +9,13 @@ import pytest
 from density_operators import affine, flight_noise, scene_of
 
 from fpk_rocking import Forcing, solve_fpk
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.lines import blur_variances
-from fpk_rocking.density.mesh import graded_lines
-from fpk_rocking.density.space import Space, gauss
-from fpk_rocking.density.start import Gaussian
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene import Start
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import graded_lines
+from fpk_rocking.density.space.space import Space, gauss
+from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.step.free_flight import blur_variances
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.scene.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)
 CALM = Dynamics(Forcing(0.5, 2.0, 0.0), 0.01, 0.5, 6.0)

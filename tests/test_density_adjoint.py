@@ -9,9 +9,9 @@ import pytest
 from density_operators import affine, flight_noise
 
 from fpk_rocking import Forcing, load_scene
-from fpk_rocking.density.mesh import graded_lines, velocity_bound
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
 SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
 QUADRATURE = Quadrature(5, 6, 5, 2)

@@ -10,12 +10,12 @@ import pytest
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
-from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.refinement import bins_tolerance, safe_difference
 from fpk_rocking.density.resolution import ENOUGH, LADDER, longest_step, rattling_speed
 from fpk_rocking.density.run import Run, Solution
-from fpk_rocking.density.start import Departure
-from fpk_rocking.scene import Forcing, Start, WhiteNoise
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.scene.scene import Forcing, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml").white_equivalent()
 

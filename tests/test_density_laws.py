@@ -11,11 +11,11 @@ from density_operators import affine, flight_noise, gauss_points, hermite_weight
 from numpy.polynomial import legendre
 
 from fpk_rocking import Forcing
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.mesh import graded_lines
-from fpk_rocking.density.space import Space, gauss
-from fpk_rocking.density.start import Gaussian
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import graded_lines
+from fpk_rocking.density.space.space import Space, gauss
+from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
 QUADRATURE = Quadrature(6, 6, 5, 2)
 CALM = Dynamics(Forcing(0.5, 2.0, 0.0), 0.05, 0.5, 6.0)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.mesh import graded_lines, velocity_bound
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.start import Gaussian
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene import WhiteNoise
+from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.scene.scene import WhiteNoise
 
 CYCLES = 500
 

@@ -8,10 +8,10 @@ import pytest
 from density_operators import affine, flight_noise
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.start import Gaussian
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene import Forcing, Overturning
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.scene.scene import Forcing, Overturning
 from montecarlo import simulate
 
 MEAN, SPREAD = np.array([1.36, 0.4]), np.array([0.02, 0.1])

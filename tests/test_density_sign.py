@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import binom
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.mesh import graded_lines
-from fpk_rocking.density.space import Space, gauss
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import graded_lines
+from fpk_rocking.density.space.space import Space, gauss
 
 LINES = graded_lines(1.5, 12, 1.5), graded_lines(3.0, 10, 1.3)
 DEGREES = [1, 2, 3, 4, 5]

@@ -10,10 +10,10 @@ from scipy.integrate import quad
 from skfem import Basis, BilinearForm, MeshQuad
 from skfem.element import ElementQuad0
 
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.mesh import graded_lines, velocity_bound, window_lines
-from fpk_rocking.density.space import ElementQuadLegendre, Space
-from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
+from fpk_rocking.density.space.space import ElementQuadLegendre, Space
+from fpk_rocking.scene.scene import Block, Forcing, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
 VELOCITY_LINES = np.array([-1.0, -0.2, 0.15, 1.7])

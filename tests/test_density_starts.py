@@ -7,13 +7,13 @@ import pytest
 from density_operators import REST, affine, flight_noise, scene_of
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.mesh import graded_lines
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.start import Departure, first_resolved
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.density.window import Windows, window_of
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import graded_lines
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Departure, first_resolved
+from fpk_rocking.density.start.windows import Windows, window_of
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.scene.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
 QUADRATURE = Quadrature(5, 5, 5, 2)

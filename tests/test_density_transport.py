@@ -13,9 +13,10 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import spsolve
 from skfem import BilinearForm
 
-from fpk_rocking.density import landing, lines, paths
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step import landing, noise_paths
+from fpk_rocking.density.step.free_flight import FreeFlight
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.forcing import TERMS, Forcing
 
 CUTOFF = 1.2
@@ -36,11 +37,11 @@ def lines_of(side):
 
 def traced(points, side, dynamics, quadrature, duration=DURATION):
     """Landing points (points, nodes, 2) and codes (points, nodes), one call of the path kernel a point."""
-    nodes, _ = paths.hermite_nodes(quadrature.long, quadrature.short)
+    nodes, _ = noise_paths.hermite_nodes(quadrature.long, quadrature.short)
     offsets = noise_offsets(dynamics, duration, quadrature.long, quadrature.short)
     states, codes = np.empty((len(points), len(nodes), 2)), np.empty((len(points), len(nodes)), np.int32)
     for k, (x, v) in enumerate(points):
-        paths.trace(
+        noise_paths.trace(
             x, v, side, dynamics.segment(START, duration), duration, dynamics.diffusion, dynamics.restitution,
             dynamics.cutoff, nodes, offsets, np.abs(offsets[:, 0]).max(), np.empty((4, TERMS)), states[k], codes[k],
         )  # fmt: skip
@@ -131,7 +132,7 @@ def test_shifts_are_projections_of_the_moved_lines(trace, coefficients, side):
     affinity, columns = (trace.cosh, trace.sinh, trace.shifts), SIDES[side]
     free, out = np.zeros(SOURCE.shape[:2], dtype=bool), np.zeros(SOURCE.shape)
     free[columns] = True
-    overturned_left, overturned_right, lost = lines.FreeFlight(
+    overturned_left, overturned_right, lost = FreeFlight(
         SOURCE, free, affinity, DYNAMICS.diffusion, DURATION, 15
     ).apply(coefficients, out)
     expected, angle_ends, velocity_ends = free_flight(

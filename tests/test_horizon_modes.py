@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import block_diag
 
 from fpk_rocking import Forcing
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.horizon import modes
 from fpk_rocking.horizon.modes import Powers, leading_modes
 

@@ -9,9 +9,9 @@ from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
 from fpk_rocking.density.run import turn
-from fpk_rocking.horizon import ladder
+from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
-from fpk_rocking.scene import Block, Forcing, Scene
+from fpk_rocking.scene.scene import Block, Forcing, Scene
 from montecarlo import simulate, tally
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
@@ -291,7 +291,7 @@ def test_escape_rate_against_a_million_paths():
 
 @pytest.mark.slow
 def test_too_little_memory_is_warned_of(monkeypatch):
-    monkeypatch.setattr(ladder, "MEMORY", 1e6)
+    monkeypatch.setattr(level, "MEMORY", 1e6)
     with pytest.warns(RuntimeWarning, match="not within the tolerance: estimated error .* in the escape rate"):
         operator = CycleOperator(MAIN.varied(noise=WhiteNoise(3e-3), forcing={"amplitude": 3.0}), tol=1e-2)
     assert np.e * 1e-2 < operator.escape_error < 1.0

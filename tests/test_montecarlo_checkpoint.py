@@ -11,8 +11,10 @@ import numba
 import pytest
 
 from fpk_rocking import cli
-from fpk_rocking.scene import BandNoise, Block, Forcing, Scene, WhiteNoise
-from montecarlo import Tally, checkpoint, engines, simulate, tally, tallying
+from fpk_rocking.scene.scene import BandNoise, Block, Forcing, Scene, WhiteNoise
+from montecarlo import Tally, simulate, tally, tallying
+from montecarlo.engines import running
+from montecarlo.results import checkpoint
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
 SIZE = {"cycles": 6, "realizations": 3000}
@@ -23,8 +25,8 @@ def content(result):
 
 
 def in_small_batches(monkeypatch):
-    monkeypatch.setattr(engines, "_BATCH_S", 1e-9)
-    monkeypatch.setattr(engines, "_FIRST_STATES", 0)
+    monkeypatch.setattr(running, "_BATCH_S", 1e-9)
+    monkeypatch.setattr(running, "_FIRST_STATES", 0)
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +42,13 @@ def test_same_counts_for_any_threads_and_any_batches(whole, monkeypatch):
     finally:
         numba.set_num_threads(threads)
     in_small_batches(monkeypatch)
-    monkeypatch.setattr(engines, "_SMALLEST_BATCH", 101)
+    monkeypatch.setattr(running, "_SMALLEST_BATCH", 101)
     assert content(tally(MAIN, **SIZE)) == content(whole)
 
 
 def test_memory_does_not_grow_with_the_ensemble(whole, monkeypatch):
     """Not even where the engine is so fast that a batch could hold all: 0.8 MB of states for the largest."""
-    monkeypatch.setattr(engines, "_BATCH_S", math.inf)
+    monkeypatch.setattr(running, "_BATCH_S", math.inf)
     monkeypatch.setattr(tallying, "_BATCH_STATES", 3 * 300)
     peaks = []
     for realizations in (64, 1000, 16_000):

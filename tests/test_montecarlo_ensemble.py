@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fpk_rocking.scene import load_scene
+from fpk_rocking.scene.scene import load_scene
 from montecarlo import Ensemble, correlation_dimension, simulate
-from montecarlo.statistics import survival_test, wilson_interval
+from montecarlo.results.statistics import survival_test, wilson_interval
 
 SCENE = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
 

@@ -10,8 +10,9 @@ import pytest
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
-from montecarlo import Histories, engines, histories, simulate
+from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from montecarlo import Histories, histories, simulate
+from montecarlo.engines import running
 
 SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
@@ -86,7 +87,7 @@ def test_every_impact_turns_the_side(scene, method):
 def test_no_impact_is_dropped_where_there_are_many():
     """A block rattles at 1e4 impacts a cycle or so: more than there is room for at first."""
     scene = Scene(Block(0.999), Forcing(0.0, 0.05), NoNoise(), Start(1e-4))
-    few = next(engines.batches(engines.checked(scene, 1, 2, 1, None, 400), capacity=3)).impacts
+    few = next(running.batches(running.checked(scene, 1, 2, 1, None, 400), capacity=3)).impacts
     run = histories(scene, cycles=1, realizations=2, steps_per_cycle=400)
     assert few.count.tolist() == run.impacts.tolist()
     assert run.impacts[0] > 1000
@@ -104,7 +105,7 @@ def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
     r = np.flatnonzero(whole.overturn_side == 0)[0]
     for cycle in (1, 5, 18):
         scene = dataclasses.replace(MAIN, start=Start(angle[r, cycle], velocity[r, cycle]))
-        batch = next(engines.batches(engines.checked(scene, 1, r + 1, 3, method, 200), r, capacity=50, cycle=cycle))
+        batch = next(running.batches(running.checked(scene, 1, r + 1, 3, method, 200), r, capacity=50, cycle=cycle))
         assert batch.angle[0, 1] == pytest.approx(angle[r, cycle + 1], abs=1e-9)
         assert batch.velocity[0, 1] == pytest.approx(velocity[r, cycle + 1], abs=1e-9)
         begin, end = cycle * MAIN.period, (cycle + 1) * MAIN.period
@@ -117,7 +118,7 @@ def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
     """Over 50 cycles, in which the noise's rotations are begun anew; weak forcing, so that the start is forgotten."""
     scene = Scene(Block(0.5), Forcing(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
     whole = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
-    late = next(engines.batches(engines.checked(scene, 50, 1, 3, method, 200), capacity=1000, cycle=7)).impacts
+    late = next(running.batches(running.checked(scene, 50, 1, 3, method, 200), capacity=1000, cycle=7)).impacts
     one = whole.impact_time[(whole.impact_time > 20.0 * scene.period) & (np.abs(whole.impact_velocity) > 1e-3)]
     time, speed = late.time[0, : late.count[0]], np.abs(late.velocity[0, : late.count[0]])
     other = time[(time > 20.0 * scene.period) & (speed > 1e-3)]
@@ -127,11 +128,11 @@ def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
 
 
 def test_white_paths_of_a_later_cycle_are_others():
-    run = engines.checked(WHITE, 1, 40, 3, None, 200)
-    first, second = (next(engines.batches(run, cycle=cycle)) for cycle in (0, 1))
+    run = running.checked(WHITE, 1, 40, 3, None, 200)
+    first, second = (next(running.batches(run, cycle=cycle)) for cycle in (0, 1))
     assert not np.any(first.angle[:, 1] == second.angle[:, 1])
     scene = dataclasses.replace(WHITE, start=Start(1.4, 0.8))
-    gone = next(engines.batches(engines.checked(scene, 1, 40, 3, None, 200), cycle=7))
+    gone = next(running.batches(running.checked(scene, 1, 40, 3, None, 200), cycle=7))
     assert np.all(gone.overturn_time > 7.0 * scene.period)
 
 

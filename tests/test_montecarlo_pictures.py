@@ -7,10 +7,9 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import (
     bin_errors,
-    engines,
     first_passage,
     histories,
     impact_speeds,
@@ -18,6 +17,7 @@ from montecarlo import (
     restarted_poincare_map,
     simulate,
 )
+from montecarlo.engines import running
 
 SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
@@ -90,7 +90,7 @@ def test_noise_goes_on_through_a_restart(scene):
     again = dataclasses.replace(scene, start=Start(*restarted.points[2]))
     means = []
     for cycle in (0, 2):
-        batches = engines.batches(engines.checked(again, 1, 100, 1, None, 200), cycle=cycle)
+        batches = running.batches(running.checked(again, 1, 100, 1, None, 200), cycle=cycle)
         means.append(np.nanmean(np.concatenate([batch.angle[:, 1] for batch in batches])))
     assert restarted.points[3, 0] == pytest.approx(means[1], abs=1e-12)
     assert abs(means[0] - means[1]) > 1e-6

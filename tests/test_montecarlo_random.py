@@ -4,7 +4,7 @@ import numba
 import numpy as np
 from scipy import stats
 
-from montecarlo import random
+from montecarlo.engines import random
 
 MASK = 2**64 - 1
 

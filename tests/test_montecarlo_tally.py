@@ -7,11 +7,13 @@ import fakes
 import numpy as np
 import pytest
 
-from fpk_rocking import storage
-from fpk_rocking.binning import joint_edges
 from fpk_rocking.compare import compare
-from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, Start, WhiteNoise
-from montecarlo import Tally, counts, engines, simulate, tally
+from fpk_rocking.results import storage
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.scene.scene import Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from montecarlo import Tally, simulate, tally
+from montecarlo.engines import running
+from montecarlo.results import counts
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
 SIZE = {"cycles": 6, "realizations": 3000}
@@ -23,7 +25,7 @@ def content(result):
 
 def batch_of(first, angle, velocity):
     count = len(angle)
-    return engines.Batch(first, angle, velocity, np.full(count, math.nan), np.zeros(count, np.int8), None)
+    return running.Batch(first, angle, velocity, np.full(count, math.nan), np.zeros(count, np.int8), None)
 
 
 @pytest.fixture(scope="module")

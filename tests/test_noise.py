@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics import noise
-from fpk_rocking.scene import BandNoise, Block, Forcing, Scene
-from montecarlo import rk4
-from montecarlo.random import open_stream, stream_keys
+from fpk_rocking.scene.scene import BandNoise, Block, Forcing, Scene
+from montecarlo.engines import rk4
+from montecarlo.engines.random import open_stream, stream_keys
 
 VARIANCE, BAND = 0.04, (1.0, 6.0)
 

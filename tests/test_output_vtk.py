@@ -11,8 +11,8 @@ import pytest
 import pyvista
 
 from fpk_rocking import BandNoise, Block, Forcing, Scene, Start
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.space import Space
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.output import vtk
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))

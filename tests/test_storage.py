@@ -8,8 +8,9 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking import Block, Dimensions, Forcing, NoNoise, Scene, storage
-from fpk_rocking.layout import Layout
+from fpk_rocking import Block, Dimensions, Forcing, NoNoise, Scene
+from fpk_rocking.results import storage
+from fpk_rocking.results.layout import Layout
 
 SCENE = Scene(Block(1 / 3, Dimensions(0.4, 1.7)), Forcing(4.6, 2.7, math.pi), NoNoise())
 ARRAYS = {

@@ -8,9 +8,9 @@ threshold: the process then crosses zero at any amplitude, and how much it does 
 
 import numpy as np
 
-from fpk_rocking import checks
 from fpk_rocking.analytics.inputs import deviations, numbers
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss
+from fpk_rocking.base import checks
 
 _SHARES = {"peak": 1.0, "mean square": 0.5}
 

@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
-from fpk_rocking import checks
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
+from fpk_rocking.base import checks
 from fpk_rocking.physics.forcing import Harmonics
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from fpk_rocking import checks
-from fpk_rocking.equivalence import noise_variance
-from fpk_rocking.parts import NOISES
+from fpk_rocking.base import checks
+from fpk_rocking.physics.equivalence import noise_variance
 from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.scene.parts import NOISES
 
 
 def numbers(name, value, *, at_least=None, above=None, at_most=None):

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking import checks
+from fpk_rocking.base import checks
 
 __all__ = ["SymmetricOrbit", "symmetric_orbits"]
 

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from fpk_rocking import checks
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
-from fpk_rocking.parts import BandNoise
+from fpk_rocking.base import checks
 from fpk_rocking.physics.forcing import FORCINGS, Harmonics
+from fpk_rocking.scene.parts import BandNoise
 
 
 def heteroclinic_orbit(times):

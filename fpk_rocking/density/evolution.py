@@ -4,14 +4,14 @@ import dataclasses
 
 import numpy as np
 
-from fpk_rocking import checks
-from fpk_rocking.binning import ascending_edges
-from fpk_rocking.density.density import Density
-from fpk_rocking.density.space import Space
-from fpk_rocking.layout import Layout
-from fpk_rocking.result import DensityResult
-from fpk_rocking.scene import Scene
-from fpk_rocking.storage import read_result, write_result
+from fpk_rocking.base import checks
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.result import DensityResult
+from fpk_rocking.results.storage import read_result, write_result
+from fpk_rocking.scene.scene import Scene
 
 _KIND = "evolution"
 _FLOATS = ("diffusion", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s")
@@ -158,7 +158,7 @@ class Evolution(DensityResult):
 
     @classmethod
     def load(cls, path):
-        """Read a saved result; raises as `fpk_rocking.storage.read_result`."""
+        """Read a saved result; raises as `fpk_rocking.results.storage.read_result`."""
         scene, arrays, attributes = read_result(path, _KIND, _LAYOUT)
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)

@@ -7,7 +7,7 @@ are its long run. The first two levels are there to be differed from.
 import math
 from typing import NamedTuple, Protocol
 
-from fpk_rocking import checks
+from fpk_rocking.base import checks
 from fpk_rocking.density.resolution import ENOUGH, LADDER
 
 UNRESOLVED = 0.05

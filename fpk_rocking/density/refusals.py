@@ -4,8 +4,9 @@ import warnings
 
 import numpy as np
 
-from fpk_rocking import checks, limits
+from fpk_rocking.base import checks
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
+from fpk_rocking.scene import limits
 
 LARGEST = 8e9
 """Bytes that a solution may be expected to take."""

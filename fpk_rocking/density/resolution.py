@@ -3,9 +3,9 @@
 import dataclasses
 import math
 
-from fpk_rocking.density.mesh import ANGLE_GRADING, VELOCITY_GRADING
-from fpk_rocking.density.step import Quadrature
-from fpk_rocking.density.window import Windows
+from fpk_rocking.density.space.mesh import ANGLE_GRADING, VELOCITY_GRADING
+from fpk_rocking.density.start.windows import Windows
+from fpk_rocking.density.step.step import Quadrature
 
 _MAIN_DIFFUSION = 0.00628
 

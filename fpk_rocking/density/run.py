@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from fpk_rocking.density.mesh import extended_lines, graded_lines
-from fpk_rocking.density.space import Space
-from fpk_rocking.density.start import Departure, first_resolved, initial_density
-from fpk_rocking.density.step import Dynamics, Step, Trace, deposit_buffers
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.space.mesh import extended_lines, graded_lines
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
+from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
 
 BINS = 32, 64
 """Bins (angle, velocity) between the bounds, in which two solutions are compared; of about 0.1 in the main scene."""

@@ -5,16 +5,16 @@ import time
 
 import numpy as np
 
-from fpk_rocking import checks
+from fpk_rocking.base import checks
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, first_number, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.resolution import ENOUGH, LADDER
 from fpk_rocking.density.run import Run
-from fpk_rocking.density.start import Departure
-from fpk_rocking.remarks import closure_of
-from fpk_rocking.scene import Scene
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.scene.scene import Scene
 
 NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be covered."""

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.mesh import velocity_bound
 from fpk_rocking.density.resolution import LADDER
+from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.horizon.leg import CycleLeg
 
 _SEEN = 1e-6

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from fpk_rocking import checks
+from fpk_rocking.base import checks
 
 COUNT = 6
 """Modes that are computed: those left out have fallen to 1e-9 within some ten cycles in the main scene."""

@@ -6,15 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from fpk_rocking import checks
-from fpk_rocking.density.density import Density
+from fpk_rocking.base import checks
 from fpk_rocking.density.refusals import refuse_unsolvable
 from fpk_rocking.density.resolution import ENOUGH
-from fpk_rocking.density.start import Departure
-from fpk_rocking.horizon.ladder import Level, climb
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
-from fpk_rocking.remarks import closure_of
-from fpk_rocking.scene import Scene
+from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.scene.scene import Scene
 
 
 class Outlook(NamedTuple):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from fpk_rocking.density.space import Space
+from fpk_rocking.density.space.space import Space
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from matplotlib.ticker import MaxNLocator
 from fpk_rocking.compare import compare
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
-from fpk_rocking.remarks import noise_text, remarks
-from fpk_rocking.result import label_of
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.result import label_of
 
 __all__ = ["survival_figure"]
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
-from fpk_rocking.remarks import noise_text, remarks
-from fpk_rocking.result import label_of
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.result import label_of
 
 __all__ = ["ANGLE", "TIME", "VELOCITY", "history_panel", "motion_figure"]
 

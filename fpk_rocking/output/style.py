@@ -4,7 +4,7 @@ import contextlib
 import pathlib
 import textwrap
 
-from fpk_rocking.storage import replaced_atomically
+from fpk_rocking.results.storage import replaced_atomically
 
 __all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "page", "save", "shades"]
 

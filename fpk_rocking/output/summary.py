@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from fpk_rocking.remarks import noise_text, remarks
-from fpk_rocking.storage import write_text
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.storage import write_text
 
 __all__ = ["result_summary", "write_summary"]
 

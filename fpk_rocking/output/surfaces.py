@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.ticker import MaxNLocator
 
-from fpk_rocking.binning import joint_edges
 from fpk_rocking.output import style
-from fpk_rocking.remarks import noise_text, remarks
-from fpk_rocking.result import label_of
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.result import label_of
 
 __all__ = ["surface_figure"]
 

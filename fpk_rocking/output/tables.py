@@ -6,8 +6,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from fpk_rocking.remarks import noise_text, remarks
-from fpk_rocking.result import label_of
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.result import label_of
 
 __all__ = ["comparison_table", "result_table", "show"]
 

@@ -18,8 +18,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from fpk_rocking.binning import joint_edges
-from fpk_rocking.storage import replaced_atomically, write_text
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.storage import replaced_atomically, write_text
 
 __all__ = ["write_function", "write_series"]
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from scipy import special
 
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.forcing import TERMS
 
 WIDTH = 16

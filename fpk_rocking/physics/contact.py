@@ -6,7 +6,7 @@ acceleration is x - s + f; all quantities are nondimensional.
 
 import math
 
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 
 CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
 """Below it white noise gives infinitely many impacts in finite time (Cornell, Swift, Bray 1998, cond-mat/9804229)."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.forcing import TERMS
 
 NOTHING, IMPACT, OVERTURNING = 0, 1, 2

@@ -2,7 +2,7 @@
 
 import math
 
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 
 
 @kernel

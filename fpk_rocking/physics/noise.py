@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 
 ANCHOR_CYCLES = 16
 """Cycles between fresh anchors; the rotations between them, some 200, cost about 1e-14 of the noise's amplitude."""

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.jit import kernel
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.contact import chatter_time, impact
 from fpk_rocking.physics.flight import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, polynomial, safe_time
 

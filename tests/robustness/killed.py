@@ -8,7 +8,9 @@ import sys
 
 import fuzz
 
-from montecarlo import Tally, checkpoint, engines, tally
+from montecarlo import Tally, tally
+from montecarlo.engines import running
+from montecarlo.results import checkpoint
 
 SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
 ASKED = {"cycles": 4, "angle_edges": [-1.6, 0.0, 1.6], "velocity_edges": [-3.0, 0.0, 3.0]}
@@ -23,6 +25,6 @@ def told(self, path):
 
 if __name__ == "__main__":
     save, Tally.save = Tally.save, told
-    engines._BATCH_S, engines._SMALLEST_BATCH = 1e-9, 256
+    running._BATCH_S, running._SMALLEST_BATCH = 1e-9, 256
     checkpoint._BETWEEN_S, checkpoint._SHARE = 0.0, math.inf
     tally(SCENE, **ASKED, realizations=int(sys.argv[2]), checkpoint=sys.argv[1])

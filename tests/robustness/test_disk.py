@@ -17,8 +17,9 @@ import numpy as np
 import pytest
 from test_fuzz_files import ASKED, EDGES, content, evolution
 
-from fpk_rocking import cli, storage
+from fpk_rocking import cli
 from fpk_rocking.output import curves, summary, vtk
+from fpk_rocking.results import storage
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 
 resource = pytest.importorskip("resource", reason="limits of a process are those of Unix")

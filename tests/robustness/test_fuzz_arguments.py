@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import Evolution
-from fpk_rocking.density.space import Space
+from fpk_rocking.density.space.space import Space
 from montecarlo import (
     bin_errors,
     first_passage,

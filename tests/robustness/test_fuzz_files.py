@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from fpk_rocking import Start
 from fpk_rocking.density import Evolution
-from fpk_rocking.density.space import Space
-from fpk_rocking.storage import KINDS, result_kind
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.results.storage import KINDS, result_kind
 from montecarlo import Ensemble, Histories, Tally, histories, simulate, tally
 
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01))))

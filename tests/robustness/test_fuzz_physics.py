@@ -13,7 +13,8 @@ import pytest
 from hypothesis import strategies as st
 
 from fpk_rocking import solve_fpk
-from montecarlo import engines, exact, histories, simulate, split, tally
+from montecarlo import histories, simulate, split, tally
+from montecarlo.engines import exact, running
 
 RANGE = ("forcing.", "noise.", "start.", "overturning.", "block.")
 FEW = {"cycles": 2, "realizations": 3}
@@ -107,7 +108,7 @@ def test_an_overturning_that_leaves_states_behind_raises(monkeypatch):
     realize = exact.realize
     monkeypatch.setattr(exact, "realize", spoil)
     with pytest.raises(FloatingPointError, match=r"realization 2 .*: 3 finite states, overturning at 0.5"):
-        next(engines.batches(engines.checked(fuzz.scene(), 2, 3, 1, None, 200)))
+        next(running.batches(running.checked(fuzz.scene(), 2, 3, 1, None, 200)))
 
 
 @st.composite

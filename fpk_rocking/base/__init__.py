@@ -1,0 +1,1 @@
+"""What knows nothing of rocking: refusals in one voice, and the compiler with its cache."""

@@ -1,0 +1,91 @@
+"""One decorator for every compiled kernel, with a disk cache that cannot go stale.
+
+Numba keys a cached kernel by its own file alone, so a kernel would keep running old machine code after a kernel that it
+imports from another file has changed. Here the cache folder is named after the text of a kernel's file and of all the
+project's files that it imports, directly or through others: a change anywhere else leaves the machine code valid.
+"""
+
+import functools
+import hashlib
+import os
+import pathlib
+import re
+
+# Threads that wait in a busy loop starve whatever else runs on the machine, the project's other runs included. The
+# OpenMP library reads this when it is loaded, so it is set before; a value that the user has set is kept.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+import numba
+
+_ROOT = pathlib.Path(__file__).resolve().parents[2]
+_IMPORT = re.compile(r"^ *from ((?:fpk_rocking|montecarlo)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
+def _cache_root() -> pathlib.Path:
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return pathlib.Path(chosen)
+    return pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "fpk-rocking"
+
+
+@functools.cache
+def sources(path: pathlib.Path) -> frozenset:
+    """Return a source file of the project and all of the project's files that it imports, directly or not."""
+    found, todo = set(), [path]
+    while todo:
+        here = todo.pop()
+        if here not in found:
+            found.add(here)
+            todo += _imported(here)
+    return frozenset(found)
+
+
+@functools.cache
+def _imported(path):
+    """Files of the project that a file imports, modules and packages alike."""
+    found = []
+    for module, names in _IMPORT.findall(path.read_text(encoding="utf-8")):
+        folder = _ROOT.joinpath(*module.split("."))
+        places = [folder.with_suffix(".py"), folder / "__init__.py"]
+        places += [folder / f"{name}.py" for name in re.findall(r"\w+", names)]
+        found += [place for place in places if place.is_file()]
+    return found
+
+
+@functools.cache
+def _cache_folder(path: pathlib.Path) -> pathlib.Path:
+    digest = hashlib.sha256()
+    for source in sorted(sources(path)):
+        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+    return _cache_root() / digest.hexdigest()[:16]
+
+
+def kernel(function=None, *, borrows=False, **options):
+    """Compile a function to machine code on first call; the result is kept on disk between runs.
+
+    Parameters
+    ----------
+    function : callable
+        A function in the subset of Python that numba compiles.
+    borrows : bool
+        Leave out the counting of references to arrays, which can cost more than a small kernel itself. Only for a
+        function that neither makes arrays nor returns any, and calls none that does.
+    **options
+        Passed to `numba.njit`, e.g. ``parallel=True``, ``fastmath={"contract"}``, ``inline="always"``.
+
+    Returns
+    -------
+    callable
+        The compiled dispatcher. Division by zero gives inf or nan as in numpy, never an exception.
+    """
+    if function is None:
+        return functools.partial(kernel, borrows=borrows, **options)
+    if borrows:
+        options["_nrt"] = False
+    options.setdefault("error_model", "numpy")
+    file = pathlib.Path(function.__code__.co_filename).resolve()
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_cache_folder(file))
+    try:
+        return numba.njit(cache=True, **options)(function)
+    finally:
+        numba.config.CACHE_DIR = previous

@@ -1,0 +1,172 @@
+"""Finite sums of harmonics as a mixture of white noises: the density solver averaged over realizations.
+
+A realization of band noise draws its N frequencies once. What it has near the system's own frequencies is therefore
+random, and so is the diffusion D_r that it stands for: the mean is that of the band, the relative spread falls as
+N^(-1/2). Survival is not linear in D, so an ensemble of realizations is not the mean white noise. Here it is the mean
+over the distribution of D_r. Each frequency counts in it by `physics.equivalence.response`, in which the impact
+keeps its jump of velocity: where blocks lose speed they respond to more frequencies than the kernel of (15) has, and
+realizations differ less.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from fpk_rocking.base import checks
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.solver import solve_fpk
+from fpk_rocking.physics.equivalence import equivalent_diffusion, jump_diffusion, response
+from fpk_rocking.results.result import DensityResult
+from fpk_rocking.scene.scene import Scene, WhiteNoise
+
+_SAMPLES, _SEED = 200_000, 1
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RealizationAverage(DensityResult):
+    """Evolutions for the diffusions of single realizations, and their weights in an ensemble: a result for `compare`.
+
+    Attributes
+    ----------
+    scene : Scene
+        With band noise.
+    diffusions, weights : ndarray, shape (nodes,)
+        Gauss quadrature for the distribution of a realization's diffusion.
+    evolutions : tuple of Evolution
+        One a diffusion.
+    """
+
+    averaged = True
+    scene: Scene
+    diffusions: np.ndarray
+    weights: np.ndarray
+    evolutions: tuple[Evolution, ...]
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return self.evolutions[0].cycles
+
+    @property
+    def closure(self):
+        """How the noise was replaced."""
+        return (
+            f"Band noise replaced by a mixture of {len(self.weights)} white noises, of diffusions from "
+            f"{self.diffusions.min():.3g} to {self.diffusions.max():.3g}, as those of single realizations scatter."
+        )
+
+    @property
+    def error_estimate(self):
+        """Estimated error in survival: the mean of the parts'."""
+        return float(self.weights @ [evolution.error_estimate for evolution in self.evolutions])
+
+    @property
+    def mass_defect(self):
+        """Largest of the parts'."""
+        return max(evolution.mass_defect for evolution in self.evolutions)
+
+    @property
+    def negative_mass(self):
+        """Mean of the parts': their densities may cancel, so that of the mixture is not larger."""
+        return float(self.weights @ [evolution.negative_mass for evolution in self.evolutions])
+
+    @property
+    def facts(self):
+        """What it says of its own errors, as plain values."""
+        own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
+
+    def at(self, cycle):  # noqa: ARG002  (the same call as of an evolution)
+        """Return None: its parts are densities on meshes of their own; see `evolutions`."""
+        return
+
+    @property
+    def wall_s(self):
+        """Seconds that all evolutions took."""
+        return sum(evolution.wall_s for evolution in self.evolutions)
+
+    @property
+    def survival(self):
+        """Probability (cycles + 1,) of not having overturned by kT."""
+        return self.weights @ np.array([evolution.survival for evolution in self.evolutions])
+
+    @property
+    def overturned(self):
+        """Probability (cycles + 1, 2) of having overturned by kT to the left and to the right."""
+        return np.tensordot(self.weights, [evolution.overturned for evolution in self.evolutions], 1)
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+        """Probability of not having overturned and being in each bin; see `Evolution.bin_probabilities`."""
+        parts = [evolution.bin_probabilities(cycle, angle_edges, velocity_edges) for evolution in self.evolutions]
+        return np.tensordot(self.weights, parts, 1)
+
+
+def realized_diffusions(noise, restitution, samples, seed):
+    """Draw the diffusions (samples,) that single realizations of a band noise stand for; nondimensional."""
+    rng, (low, high) = np.random.default_rng(seed), noise.band
+    total = np.zeros(samples)
+    for _ in range(noise.harmonics):
+        total += response(rng.uniform(low, high, samples), restitution)
+    mean = noise.harmonics * jump_diffusion(noise, restitution) / noise.variance
+    return equivalent_diffusion(noise) * total / mean
+
+
+def gauss_quadrature(values, count):
+    """Nodes and weights (count,) that are exact for polynomials up to degree 2 count - 1 of equally likely values.
+
+    By Lanczos's recurrence on the values and the eigenvalues of its matrix (Golub and Welsch 1969); both are positive
+    where the values are.
+    """
+    mean, spread = values.mean(), values.std()
+    scaled, size = (values - mean) / spread, len(values)
+    before, now = np.zeros(size), np.full(size, 1.0 / math.sqrt(size))
+    diagonal, beside, beta = [], [], 0.0
+    for _ in range(count):
+        new = scaled * now - beta * before
+        diagonal.append(new @ now)
+        new -= diagonal[-1] * now
+        beta = math.sqrt(new @ new)
+        beside.append(beta)
+        before, now = now, new / beta
+    nodes, vectors = eigh_tridiagonal(diagonal, beside[:-1])
+    return mean + spread * nodes, vectors[0] ** 2
+
+
+def solve_realizations(scene, *, cycles, tol=1e-3, nodes=5):
+    """Average the density solver over the distribution of a realization's equivalent diffusion.
+
+    Parameters
+    ----------
+    scene : Scene
+        With band noise.
+    cycles : int
+        Forcing cycles to evolve.
+    tol : float
+        Of each solution, see `solve_fpk`.
+    nodes : int
+        Solutions, from 2 to 12.
+
+    Returns
+    -------
+    RealizationAverage
+
+    Raises
+    ------
+    TypeError, ValueError
+        The noise is not band noise of two harmonics or more, or as `solve_fpk`.
+    """
+    checks.instance("scene", scene, Scene)
+    nodes = checks.count("nodes", nodes)
+    if not 2 <= nodes <= 12:
+        raise ValueError(checks.refusal("nodes", nodes, "a whole number from 2 to 12"))
+    if scene.noise.kind != "band" or scene.noise.harmonics < 2 or scene.noise.variance == 0.0:
+        raise ValueError(checks.refusal("noise", scene.noise, "band noise of two harmonics or more"))
+    drawn = realized_diffusions(scene.noise, scene.block.restitution, _SAMPLES, _SEED)
+    diffusions, weights = gauss_quadrature(drawn, nodes)
+    evolutions = tuple(
+        solve_fpk(dataclasses.replace(scene, noise=WhiteNoise(float(diffusion))), cycles=cycles, tol=tol)
+        for diffusion in diffusions
+    )
+    return RealizationAverage(scene, diffusions, weights, evolutions)

@@ -1,0 +1,266 @@
+"""From the start to the first density that the main mesh resolves.
+
+A start that is a point, or a Gaussian finer than the mesh, is carried on *windows*: small meshes that follow the
+density and grow with it. While nothing can happen to the block the density is a Gaussian in closed form. Next to x = 0
+it is not: at rest under |f| > 1 noise beats drift until about t* = D / (|f| - 1)^2, the block rattles through x = 0 and
+only then lifts off; under |f| <= 1 it keeps rattling. There the windows take steps in proportion to the time elapsed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.windows import NEGLIGIBLE, Windows, next_window, window_of
+from fpk_rocking.density.step.landing import classify
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.gaussian import flight_covariance
+
+SHORT, LONG = (5, 2), (9, 3)
+"""Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
+
+MISSING = 1e-5
+"""Most that the projection of a Gaussian on its window may miss of its mass."""
+
+MORE = 3
+"""Gauss points an axis added while the forcing cannot lift the block off: it rattles, and many short steps follow."""
+
+RESOLVED = 0.3
+"""The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
+
+BARELY = 0.2
+"""The same, where it must."""
+
+BROKEN = 100.0
+"""Sum of the sizes of the masses of a window's cells above which its density grows without bound."""
+
+_RATTLE, _SINCE, _MOST_STEPS, _LEAST_STEPS = 0.25, 0.4, 320, 16
+
+
+class Gaussian:
+    """A Gaussian density of angle and velocity: mean (2,), covariance (2, 2); nondimensional."""
+
+    def __init__(self, mean, covariance):
+        self.mean, self.covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
+
+    @classmethod
+    def of(cls, start):
+        """Take the start of a scene; a point has covariance 0."""
+        return cls((start.angle, start.velocity), np.zeros((2, 2)) if start.covariance is None else start.covariance)
+
+    def __call__(self, angle, velocity):
+        """Density at points (broadcast)."""
+        xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
+        determinant = xx * vv - xv * xv
+        x, v = angle - self.mean[0], velocity - self.mean[1]
+        exponent = (vv * x * x - 2.0 * xv * x * v + xx * v * v) / determinant
+        return np.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(determinant))
+
+    def tails(self, cutoff):
+        """Mass beyond the cut-off, to the left and to the right."""
+        spread = math.sqrt(2.0 * self.covariance[0, 0])
+        return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
+
+    def after(self, dynamics: Dynamics, start, duration, side):
+        """Return the Gaussian after a flight on one side in which nothing happens."""
+        cosh, sinh, shifts = dynamics.affine(start, duration)
+        matrix = np.array([[cosh, sinh], [sinh, cosh]])
+        xx, xv, vv = flight_covariance(dynamics.diffusion, duration)
+        covariance = matrix @ self.covariance @ matrix.T + [[xx, xv], [xv, vv]]
+        return Gaussian(matrix @ self.mean + shifts[side], covariance)
+
+
+def initial_density(start, space, cutoff):
+    """Coefficients of a Gaussian start, for looking at it, and what of it is beyond the cut-off; zeros for a point."""
+    if start.covariance is None:
+        return np.zeros(space.shape), [0.0, 0.0]
+    gaussian = Gaussian.of(start)
+    return space.project(gaussian, 2 * space.degree + 2), gaussian.tails(cutoff)
+
+
+class Carried(NamedTuple):
+    """A density on a window: its time, the window, the coefficients, and what has gone (3,) on the way."""
+
+    time: float
+    window: Space
+    coefficients: np.ndarray
+    gone: np.ndarray
+
+
+class Departure:
+    """A start carried from window to window, as far as anyone asks; the ways to several meshes share it.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    start : Start
+        Of the scene.
+    windows : Windows
+        Their fineness.
+    period : float
+        Of the forcing: nothing is carried further.
+    """
+
+    def __init__(self, dynamics: Dynamics, start, windows: Windows, period):
+        self.dynamics, self.windows, self.period = dynamics, windows, period
+        self._initial = Gaussian.of(start)
+        x, v = self._initial.mean
+        self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
+        self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
+        self._quiet = self._quiet_time()
+        self._carried, self._next = [self._undisturbed(self._quiet)], None
+
+    def flight(self, time):
+        """Gaussian that an undisturbed flight leads to."""
+        return self._initial.after(self.dynamics, 0.0, time, self._side) if time > 0.0 else self._initial
+
+    def undisturbed(self, gaussian):
+        """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
+        reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
+        return reach < self._side * gaussian.mean[0] < self.dynamics.cutoff - reach
+
+    def land(self, end, target: Space):
+        """Density at a time on a mesh: coefficients, and the masses (3,) that have gone."""
+        now = self._before(end)
+        duration = end - now.time
+        quiet = self._free_time(now, duration) >= duration
+        coefficients, sinks = Step(self._trace(now, duration, quiet), target).apply(now.coefficients)
+        return coefficients, now.gone + sinks
+
+    def _before(self, end):
+        """Last density on a window from which one step leads to a time."""
+        if end <= self._quiet / 0.75:
+            return self._undisturbed(min(self._quiet, 0.75 * end))
+        while self._carried[-1].time < end:
+            self._carried.append(self._further(self._carried[-1]))
+        return next(now for now in reversed(self._carried) if now.time < end)
+
+    def _further(self, now):
+        """Carry a density by one step, as long as its spread and what may happen to it allow."""
+        longest = self.dynamics.forcing.shortest_period / _LEAST_STEPS
+        duration = min(self.windows.growth * (now.time + self._gathered), longest)
+        if self._rattles(now, duration):
+            duration = min(duration, self._longest(now.time))
+        free = self._free_time(now, self.period - now.time)
+        quiet = free >= duration
+        duration, dynamics = max(free, duration), self.dynamics
+        trace = self._trace(now, duration, quiet)
+        target = next_window(self.windows, trace, now.coefficients, dynamics.cutoff)
+        coefficients, sinks = Step(trace, target).apply(now.coefficients)
+        if not np.abs(target.masses(coefficients)).sum() < BROKEN:
+            accepted = "a start that small meshes can follow: the block rattles at rest (use simulate())"
+            raise ValueError(checks.refusal("scene", f"diffusion {dynamics.diffusion:g}", accepted))
+        return Carried(now.time + duration, target, coefficients, now.gone + sinks)
+
+    def _trace(self, now, duration, quiet):
+        """Trace one step from the cells of a window that hold something."""
+        points = self.windows.points + (0 if abs(self.dynamics.forcing.value(now.time)) > 1.0 else MORE)
+        quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
+        holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
+        return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding)
+
+    def _undisturbed(self, time):
+        gaussian, cutoff = self.flight(time), self.dynamics.cutoff
+        window = window_of(self.windows, gaussian.mean, gaussian.covariance, cutoff)
+        coefficients, tails = window.project(gaussian, self.windows.points + 1), gaussian.tails(cutoff)
+        missing = 1.0 - sum(tails) - window.masses(coefficients).sum()
+        if abs(missing) > MISSING:
+            accepted = "a wider Gaussian, or one that is less oblique: its mesh does not resolve it"
+            raise ValueError(checks.refusal("start.covariance", gaussian.covariance.tolist(), accepted))
+        gone = np.array([*tails, missing])
+        return Carried(time, window, coefficients, gone)
+
+    def _quiet_time(self):
+        """Last time until which the density is a Gaussian that nothing has disturbed."""
+        initial, least = self._initial, 1e-9 * self.period
+        if not initial.mean.any() and not initial.covariance.any():
+            return self.windows.early * _drift_time(self.dynamics)
+        quiet = 0.0 if initial.covariance.any() else least
+        for time in np.geomspace(least, 0.75 * self.period, 100):
+            gaussian = self.flight(time)
+            if not self.undisturbed(gaussian):
+                break
+            quiet = time
+        return quiet
+
+    def _longest(self, time):
+        """Longest step for a block that rattles at x = 0, and while it is lifted off.
+
+        Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
+        are a part of that; from |f| = 1 on they also grow with the time since.
+        """
+        dynamics, growth = self.dynamics, self.windows.growth
+        gap, change = 1.0 - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
+        if gap > 0.0:
+            lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
+            return growth * max(_RATTLE * lifting, self.period / _MOST_STEPS)
+        since, change = dynamics.forcing.since_lift_off(time)
+        if since > time:
+            return math.inf
+        return growth * (_SINCE * since + _RATTLE * _crossing_time(dynamics, change))
+
+    def _rattles(self, now, duration):
+        """Whether mass that matters may come to rest at x = 0 within a step."""
+        slow = max(1.0 - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
+        slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.diffusion * duration)
+        angle, velocity = (
+            (lines[:-1] < size) & (lines[1:] > -size)
+            for lines, size in zip(now.window.lines, (slow * duration, slow), strict=True)
+        )
+        return np.abs(now.window.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > MISSING
+
+    def _free_time(self, now, longest):
+        """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
+        dynamics, window, masses = self.dynamics, now.window, np.abs(now.window.masses(now.coefficients))
+        for duration in longest * 0.5 ** np.arange(7):
+            reach = self.windows.reach * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
+            segment = dynamics.segment(now.time, duration)
+            events = classify(*window.lines, segment, duration, dynamics.cutoff, reach)
+            if masses[events].sum() < NEGLIGIBLE:
+                return duration
+        return 0.0
+
+
+def first_resolved(departure: Departure, space: Space, steps):
+    """Step boundary, one cycle at most, at which a mesh takes over from the windows.
+
+    It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
+    at least `BARELY` resolved there: the windows would have to follow it through the event.
+    """
+    before = None
+    for step in range(1, steps):
+        gaussian = departure.flight(step * departure.period / steps)
+        resolved = _resolution(gaussian, space)
+        if resolved >= RESOLVED:
+            return step
+        if departure.undisturbed(gaussian):
+            before = step if resolved >= BARELY else None
+        elif before:
+            return before
+    return steps
+
+
+def _resolution(gaussian, space):
+    """Conditional standard deviations of a Gaussian over the size of the cell it is centred in: the lesser one."""
+    xx, xv, vv = gaussian.covariance[0, 0], gaussian.covariance[0, 1], gaussian.covariance[1, 1]
+    angle, velocity = (_cell_size(lines, mean) for lines, mean in zip(space.lines, gaussian.mean, strict=True))
+    return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
+
+
+def _drift_time(dynamics: Dynamics):
+    """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    drift = abs(abs(dynamics.forcing.value(0.0)) - 1.0)
+    steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
+    return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)
+
+
+def _crossing_time(dynamics: Dynamics, change):
+    """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
+    return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf
+
+
+def _cell_size(lines, point):
+    cell = np.clip(np.searchsorted(lines, point) - 1, 0, len(lines) - 2)
+    return lines[cell + 1] - lines[cell]

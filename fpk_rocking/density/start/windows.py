@@ -1,0 +1,136 @@
+"""Windows: small meshes that follow a density too fine for the main mesh, and grow with it."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.space.mesh import window_lines
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
+from fpk_rocking.density.step.step import Trace
+
+DEGREE = 3
+"""Degree of a window."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Windows:
+    """Fineness of the windows of a start.
+
+    Parameters
+    ----------
+    cells : int
+        Cells an axis.
+    reach : float
+        Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
+    growth : float
+        A step next to x = 0 over the time in which the noise has gathered.
+    early : float
+        First time on a window, from rest, over the time t* at which drift takes over from noise.
+    points : int
+        Gauss points an axis of a cell.
+    """
+
+    cells: int
+    reach: float
+    growth: float
+    early: float
+    points: int
+
+
+MOST_CELLS = 60
+"""Most cells an axis that tails and splinters of a density may ask for."""
+
+NEGLIGIBLE, VISIBLE = 1e-13, 1e-10
+"""Mass below which nothing is left, and mass of a node below which a window need not cover it."""
+
+
+def window_of(windows: Windows, mean, covariance, cutoff, box=None):
+    """Space on which a density of these moments is resolved, `windows.reach` standard deviations to all sides.
+
+    `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
+    off. The window covers it with cells of the same size, up to MOST_CELLS of them.
+    """
+    spread = np.sqrt(np.diag(covariance))
+    # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
+    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
+    count = math.ceil(windows.cells * max(1.0, 0.5 / thin))
+    low, high = mean - windows.reach * spread, mean + windows.reach * spread
+    sizes = (high - low) / count
+    if box is not None:
+        low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
+    low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
+    counts = np.minimum(np.ceil((high - low) / sizes - 1e-9), max(MOST_CELLS, count)).astype(int)
+    angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
+    return Space(_within(angle, cutoff), velocity, DEGREE)
+
+
+def _within(lines, cutoff):
+    """Equal cells cut off at both sides; what is left of a cell there and is too thin goes to its neighbour."""
+    first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
+    inner = lines[(lines > first + thin) & (lines < last - thin)]
+    return np.concatenate([[first], inner, [last]])
+
+
+def next_window(windows: Windows, trace: Trace, coefficients, cutoff):
+    """Return the window for the density after a traced step, by the moments of what has not overturned."""
+    source = trace.source
+    # Cells that are not covered hold nothing, and were not traced: where they would land nobody knows.
+    values = np.where(trace.covered[..., None, None], trace.tables[0] @ coefficients @ trace.tables[1].T, 0.0)
+    values *= np.outer(trace.angle_weights, trace.velocity_weights)
+    values *= source.areas[..., None, None]
+    total, x, v, xx, xv, vv, box = landing_sums(
+        values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
+        trace.node_weights, trace.events, trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts,
+        trace.offsets, VISIBLE,
+    )  # fmt: skip
+    if total < NEGLIGIBLE:
+        return source
+    x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
+    # Nothing narrower than half a cell of the source is known of the density.
+    xx = max(xx - x * x, 0.25 * np.diff(source.angle_lines).min() ** 2)
+    vv = max(vv - v * v, 0.25 * np.diff(source.velocity_lines).min() ** 2)
+    return window_of(windows, np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
+
+
+@kernel
+def landing_sums(
+    values, angle_lines, velocity_lines, angle_points, velocity_points, weights, events, states, codes, cosh, sinh,
+    shifts, offsets, least,
+):  # fmt: skip
+    """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2, and the box that holds them.
+
+    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace. The box
+    (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
+    """
+    total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    box = np.array([np.inf, -np.inf, np.inf, -np.inf])
+    for i in range(values.shape[0]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        for j in range(values.shape[1]):
+            row = events[i, j]
+            for p in range(len(angle_points)):
+                x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
+                for q in range(len(velocity_points)):
+                    v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
+                    for n in range(len(weights)):
+                        mass = values[i, j, p, q] * weights[n]
+                        if row >= 0:
+                            if abs(codes[row, p, q, n]) == OVERTURNED_SIDE:
+                                continue
+                            xn, vn = states[row, p, q, n]
+                        else:
+                            xn = shifts[side, 0] + cosh * x + sinh * v + offsets[n, 0]
+                            vn = shifts[side, 1] + sinh * x + cosh * v + offsets[n, 1]
+                        total += mass
+                        sx += mass * xn
+                        sv += mass * vn
+                        sxx += mass * xn * xn
+                        sxv += mass * xn * vn
+                        svv += mass * vn * vn
+                        if abs(mass) > least:
+                            box[0], box[1] = min(box[0], xn), max(box[1], xn)
+                            box[2], box[3] = min(box[2], vn), max(box[3], vn)
+    return total, sx, sv, sxx, sxv, svv, box

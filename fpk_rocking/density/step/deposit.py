@@ -1,0 +1,187 @@
+"""The deposit: every Gauss point of the source mesh puts its mass, times the test functions, where its nodes land.
+
+This is the one numerical kernel that evaluates shape functions itself; a test holds its operator against one assembled
+from scikit-fem's own evaluation. Source columns are split into a fixed number of chunks, each with a buffer of its own,
+and the buffers are added in a fixed order: the result does not depend on the number of threads.
+"""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.step.landing import LOST, locate
+
+CHUNKS = 8
+
+
+MAX_DEGREE = 5
+
+_C1, _C2, _C3, _C4, _C5 = math.sqrt(3.0), math.sqrt(5.0) / 2.0, math.sqrt(7.0) / 2.0, 3.0 / 8.0, math.sqrt(11.0) / 8.0
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def legendre(xi):
+    """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal for the measure of the unit interval."""
+    square = xi * xi
+    p2 = _C2 * (3.0 * square - 1.0)
+    p3 = _C3 * xi * (5.0 * square - 3.0)
+    p4 = _C4 * ((35.0 * square - 30.0) * square + 3.0)
+    p5 = _C5 * xi * ((63.0 * square - 70.0) * square + 15.0)
+    return 1.0, _C1 * xi, p2, p3, p4, p5
+
+
+@kernel
+def add_row(target, a, part, across, norms):
+    """Add to one row of the unknowns of a cell."""
+    modes = len(norms)
+    # Scalars, not an array: a store to `target` could alias an array, and then nothing is vectorized.
+    row = target[a * modes : (a + 1) * modes]
+    row[0] += part * across[0]
+    row[1] += part * across[1]
+    if modes > 2:
+        row[2] += part * across[2]
+    if modes > 3:
+        row[3] += part * across[3]
+    if modes > 4:
+        row[4] += part * across[4]
+    if modes > 5:
+        row[5] += part * across[5]
+
+
+@kernel
+def add(target, amount, xi, eta, norms):
+    """Add a mass times the shape functions at a reference point to the unknowns of one cell."""
+    modes = len(norms)
+    along, across = legendre(xi), legendre(eta)
+    add_row(target, 0, amount * along[0], across, norms)
+    add_row(target, 1, amount * along[1], across, norms)
+    if modes > 2:
+        add_row(target, 2, amount * along[2], across, norms)
+    if modes > 3:
+        add_row(target, 3, amount * along[3], across, norms)
+    if modes > 4:
+        add_row(target, 4, amount * along[4], across, norms)
+    if modes > 5:
+        add_row(target, 5, amount * along[5], across, norms)
+
+
+@kernel
+def values_at_points(cell, area, tables, weights, rows, values, norms):
+    """Masses (g, h) of the Gauss points of one cell."""
+    modes = len(norms)
+    (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
+    for a in range(modes):
+        for q in range(values.shape[1]):
+            total = 0.0
+            for b in range(modes):
+                total += cell[a, b] * velocity_table[q, b]
+            rows[a, q] = total * velocity_weights[q] * area
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            total = 0.0
+            for a in range(modes):
+                total += rows[a, q] * angle_table[p, a]
+            values[p, q] = total * angle_weights[p]
+
+
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def deposit_landed(values, node_weights, cells, points, buffer, sink, norms):
+    """Deposit one cell whose nodes were traced."""
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            for k in range(len(node_weights)):
+                amount = values[p, q] * node_weights[k]
+                target = cells[p, q, k]
+                if target < 0:
+                    sink[-1 - target] += amount
+                else:
+                    add(buffer[target], amount, points[p, q, k, 0], points[p, q, k, 1], norms)
+
+
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, norms):
+    """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
+    cosh, sinh, shift = affine
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            mean_x = shift[0] + cosh * x[p] + sinh * v[q]
+            mean_v = shift[1] + sinh * x[p] + cosh * v[q]
+            for k in range(len(node_weights)):
+                amount = values[p, q] * node_weights[k]
+                i, xi = locate(angle_grid, mean_x + offsets[k, 0])
+                j, eta = locate(velocity_grid, mean_v + offsets[k, 1])
+                if i < 0 or j < 0:
+                    sink[-1 - LOST] += amount
+                else:
+                    add(buffer[i * (len(velocity_grid[0]) - 1) + j], amount, xi, eta, norms)
+
+
+@kernel
+def deposit_chunk(
+    source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink,
+    source_norms, norms,
+):  # fmt: skip
+    """Deposit the columns of one chunk."""
+    angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
+    across = len(velocity_grid[0]) - 1
+    sink[:] = 0.0
+    buffer[chunk[2] * across : chunk[3] * across] = 0.0
+    rows = np.empty((len(source_norms), len(velocity_points)))
+    values = np.empty((len(angle_points), len(velocity_points)))
+    for i in range(chunk[0], chunk[1]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        x = angle_lines[i] + angle_points * (angle_lines[i + 1] - angle_lines[i])
+        for j in range(source.shape[1]):
+            if not chosen[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
+                continue
+            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, source_norms)
+            row = events[i, j]
+            if row >= 0:
+                deposit_landed(values, node_weights, landed[0][row], landed[1][row], buffer, sink, norms)
+            else:
+                v = velocity_lines[j] + velocity_points * (velocity_lines[j + 1] - velocity_lines[j])
+                affine = cosh, sinh, shifts[side]
+                deposit_free(
+                    values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, norms
+                )
+
+
+@kernel(parallel=True)
+def deposit(
+    source,  # (angle cells, velocity cells, modes, modes) coefficients
+    chosen,  # (angle cells, velocity cells) of the source: those to deposit
+    areas,  # (angle cells, velocity cells) of the source
+    tables,  # (g, modes), (h, modes) shape functions at the Gauss points of both axes
+    weights,  # (g,), (h,) Gauss weights on [0, 1]
+    events,  # (angle cells, velocity cells) row in `landed`, or -1 for a free cell
+    landed,  # cells (m, g, h, n) and reference coordinates (m, g, h, n, 2)
+    free,  # source lines, Gauss points (g,), (h,), cosh, sinh, shifts (3, 2) by side, offsets (n, 2), node weights (n,)
+    angle_grid,
+    velocity_grid,
+    chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
+    buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
+    sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
+    source_norms,  # tuple (modes,) of the source: its length tells the compiler the number of modes
+    norms,  # the same of the target
+):
+    """Deposit the density of the chosen cells into the buffers of the chunks."""
+    for k in prange(len(chunks)):
+        deposit_chunk(
+            source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
+            chunks[k], buffers[k], sinks[k], source_norms, norms,
+        )  # fmt: skip
+
+
+@kernel
+def gather(buffers, chunks, areas, out):
+    """Add the buffers of the chunks in their order and divide by the Jacobian: the coefficients, into `out`."""
+    across, modes = out.shape[1], out.shape[2]
+    out[:] = 0.0
+    for k in range(len(chunks)):
+        for i in range(chunks[k, 2], chunks[k, 3]):
+            for j in range(across):
+                for a in range(modes):
+                    for b in range(modes):
+                        out[i, j, a, b] += buffers[k, i * across + j, a * modes + b] / areas[i, j]

@@ -1,0 +1,289 @@
+"""Free flight without quadrature of the plane: exact shifts along mesh lines, and the noise as exact blurs of them.
+
+The affine flight z -> F z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
+F = X Y X with X = [[1, tanh(t/2)], [0, 1]] and Y = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a
+whole, so each is an L2 projection in one dimension, done exactly, and cannot amplify. White noise is a small blur of
+the angle with the first and the last shear and one of the velocity after the second: together they have the covariance
+of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
+
+A density in flight is held by its values at the Gauss points of the cells; its rows are the cells that share an
+interval of the velocity, one row for each side of x = 0, or an interval of the angle.
+"""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.space.space import Space, gauss, shapes
+from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
+from fpk_rocking.density.step.shifts import hermite, landing_range, prepare_shift
+
+_FINE_NODES = 3
+"""Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
+
+_FAST = {"contract", "reassoc", "nsz"}
+
+
+def blur_variances(diffusion, duration):
+    """Variances of the velocity's blur and of each of the angle's two blurs (derived in docs/theory)."""
+    sinh = math.sinh(duration)
+    if duration < 0.1:
+        square = duration * duration
+        deficit = square / 6.0 * (1.0 - square * (7.0 / 60.0) * (1.0 - square * (31.0 / 294.0)))
+    else:
+        deficit = 1.0 - duration / sinh
+    small = diffusion * math.tanh(0.5 * duration) * deficit
+    return diffusion * (sinh + duration * math.cosh(duration)), small
+
+
+class FreeFlight:
+    """Map of densities over one step for the cells that no event can reach.
+
+    Parameters
+    ----------
+    space : Space
+        Source and target.
+    free : ndarray of bool, shape (angle cells, velocity cells)
+        The cells to fly from.
+    affine : tuple
+        cosh and sinh of the duration, and shifts (3, 2) with the side as first index.
+    diffusion, duration : float
+        D and the length of the step.
+    nodes : int
+        Gauss-Hermite nodes of the velocity's blur.
+    """
+
+    def __init__(self, space: Space, free, affine, diffusion, duration, nodes):
+        _, sinh, shifts = affine
+        self.space, self.free = space, free
+        (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
+        points, weights = gauss(space.degree + 1)
+        table = shapes(points, space.degree)
+        self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
+        self.edges = shapes(np.array([0.0, 1.0]), space.degree) @ table.T
+        self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
+        shear = math.tanh(0.5 * duration)
+        large, small = blur_variances(diffusion, duration)
+        (fine, fine_weights), (blur, blur_weights), (still, one) = hermite(_FINE_NODES), hermite(nodes), hermite(1)
+        fine, blur = math.sqrt(small) * fine, math.sqrt(large) * blur
+        drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
+        along = shear * _line_points(space.velocity_lines, points)
+        drifts = np.concatenate([along + drift[-1], along + drift[1]])
+        kick = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
+        kicks = sinh * _line_points(space.angle_lines, points) + np.repeat(kick, (middle, limit - middle))[:, None]
+        sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
+        whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
+
+        first = hulls(angle_rows(free, middle))
+        drifted = landing_range(space.angle_lines, sides, drifts, fine, first)
+        second = hulls(by_velocity(covered(drifted, limit)).T)
+        kicked = landing_range(space.velocity_lines, whole, kicks, still, second)
+        blurred = landing_range(space.velocity_lines, whole, nothing, blur, kicked)
+        third = hulls(angle_rows(covered(blurred, across), middle))
+        landed = landing_range(space.angle_lines, sides, drifts, fine, third)
+        self.ranges = (first, drifted), (second, kicked, blurred), (third, landed)
+        self.orders = order(first), order(second), order(third)
+        degree, every = space.degree, hulls(covered(kicked, across).any(axis=0)[None])
+        self.shear = prepare_shift(space.angle_lines, sides, drifts, fine, fine_weights, degree, union(first, third))
+        self.kick = prepare_shift(space.velocity_lines, whole, kicks, still, one, degree, second)
+        self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, blur, blur_weights, degree, every)
+
+    @property
+    def memory(self):
+        """Bytes of the prepared shifts."""
+        return sum(part.nbytes for shift in (self.shear, self.kick, self.blur) for part in shift)
+
+    @property
+    def operations(self):
+        """Multiplications and additions of a flight, without the changes of basis."""
+        modes, blurred = len(self.edges[0]), self.ranges[1][2]
+        wide = self.blur.count.mean() * (blurred[:, 1] - blurred[:, 0]).sum() * modes**3
+        return 2 * (2 * self.shear.blocks.size + self.kick.blocks.size + wide)
+
+    def apply(self, coefficients, out):
+        """Add the density after the step to `out`, and return the masses that passed the bounds.
+
+        Parameters
+        ----------
+        coefficients : ndarray, shape ``space.shape``
+            Before the step; only the free cells are read.
+        out : ndarray, shape ``space.shape``
+            Coefficients of what else there is after the step.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            What passed the cut-off to the left and to the right, and the velocity bound. Nothing passes x = 0: what a
+            projection would put there is set down at it.
+        """
+        limit, across, modes, _ = coefficients.shape
+        norms = (1.0,) * modes
+        drifted, blurred = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
+        drift_rows(
+            coefficients, self.free, self.orders[0], *self.ranges[0], self.shear, self.tables, self.edges, self.sizes,
+            drifted, norms,
+        )  # fmt: skip
+        lost = kick_rows(
+            drifted, self.orders[1], *self.ranges[1], self.kick, self.blur, self.tables, self.sizes, blurred, norms
+        )
+        left = land_rows(
+            blurred, self.orders[2], *self.ranges[2], self.shear, self.tables, self.edges, self.sizes, out, norms
+        )
+        return np.array([left[0].sum(), left[1].sum(), lost.sum()])
+
+
+def _line_points(lines, points):
+    """Gauss points (cells, points) of all cells of a line."""
+    return lines[:-1, None] + np.diff(lines)[:, None] * points
+
+
+@kernel(fastmath=_FAST)
+def shift_row(r, values, source, target, shift, moved, norms):
+    """Move the lines of row r: values (cells, lines, modes) of its source cells to those of its target cells."""
+    origin, first, count, start, blocks, _, _ = shift
+    modes, shared = len(norms), first.shape[1] == 1
+    base = origin[min(r, len(origin) - 1)]
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            # Scalars, not an array: a store could alias what is read, and then nothing is vectorized.
+            a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for s in range(low, high):
+                for k in range(modes):
+                    value = values[s, q, k]
+                    a0 += blocks[block, k, 0] * value
+                    a1 += blocks[block, k, 1] * value
+                    if modes > 2:
+                        a2 += blocks[block, k, 2] * value
+                    if modes > 3:
+                        a3 += blocks[block, k, 3] * value
+                    if modes > 4:
+                        a4 += blocks[block, k, 4] * value
+                    if modes > 5:
+                        a5 += blocks[block, k, 5] * value
+                block += 1
+            moved[c, q, 0] = a0
+            moved[c, q, 1] = a1
+            if modes > 2:
+                moved[c, q, 2] = a2
+            if modes > 3:
+                moved[c, q, 3] = a3
+            if modes > 4:
+                moved[c, q, 4] = a4
+            if modes > 5:
+                moved[c, q, 5] = a5
+
+
+@kernel(fastmath=_FAST)
+def mass_beyond(r, end, values, source, shift, masses):
+    """Masses of the lines of row r that pass an end, per size of their cells across; whether there are any."""
+    place = shift.beyond[min(r, len(shift.beyond) - 1), end]
+    if place < 0:
+        return False
+    ends = shift.ends[place]
+    for q in range(len(masses)):
+        line = ends[0 if len(ends) == 1 else q]
+        masses[q] = 0.0
+        for c in range(source[0], source[1]):
+            for k in range(len(masses)):
+                masses[q] += line[c, k] * values[c, q, k]
+    return True
+
+
+@kernel(fastmath=_FAST)
+def set_down(end, masses, target, edges, sizes, moved):
+    """Set down at an end of a row what passed it."""
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(masses)):
+        for i in range(len(masses)):
+            moved[cell, q, i] += masses[q] / sizes[cell] * edges[end, i]
+
+
+@kernel(fastmath=_FAST)
+def turn_row(t, moved, target, out, norms):
+    """Write row t (cells, lines, modes) where the rows of the other direction find it."""
+    for c in range(target[0], target[1]):
+        for q in range(len(norms)):
+            for i in range(len(norms)):
+                out[c, t, i, q] = moved[c, q, i]
+
+
+@kernel(fastmath=_FAST)
+def transform(cell, first, second, out, norms):
+    """Apply tables to both axes of a cell and exchange them: out[j, i] = sum of second[j, b] first[i, a] cell[a, b]."""
+    modes = len(norms)
+    for j in range(modes):
+        for i in range(modes):
+            out[j, i] = 0.0
+    for i in range(modes):
+        for b in range(modes):
+            part = 0.0
+            for a in range(modes):
+                part += first[i, a] * cell[a, b]
+            for j in range(modes):
+                out[j, i] += second[j, b] * part
+
+
+@kernel(parallel=True)
+def drift_rows(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, norms):
+    """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity); nothing leaves."""
+    (limit, across), modes = free.shape, len(norms)
+    for n in prange(len(order)):
+        r = order[n]
+        j, source, target = r % across, sources[r], targets[r]
+        values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
+        for c in range(source[0], source[1]):
+            if free[c, j]:
+                transform(coefficients[c, j], tables[0], tables[0], values[c], norms)
+        shift_row(r, values, source, target, shift, moved, norms)
+        for end in range(2):
+            if mass_beyond(r, end, values, source, shift, masses):
+                set_down(end, masses, target, edges, sizes[0], moved)
+        turn_row(j, moved, target, out, norms)
+
+
+@kernel(parallel=True)
+def kick_rows(values, order, sources, kicked, blurred, kick, blur, tables, sizes, out, norms):
+    """Shear and blur of the velocity: values to (velocity cells, angle cells, velocity, angle); masses that left."""
+    across, modes, left = values.shape[1], len(norms), np.zeros(len(sources))
+    for n in prange(len(order)):
+        c = order[n]
+        now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
+        shift_row(c, values[c], sources[c], kicked[c], kick, now, norms)
+        shift_row(c, now, kicked[c], blurred[c], blur, moved, norms)
+        for end in range(2):
+            if mass_beyond(c, end, values[c], sources[c], kick, masses):
+                left[c] += (masses * tables[2]).sum() * sizes[0][c]
+            if mass_beyond(c, end, now, kicked[c], blur, masses):
+                left[c] += (masses * tables[2]).sum() * sizes[0][c]
+        turn_row(c, moved, blurred[c], out, norms)
+    return left
+
+
+@kernel(parallel=True)
+def land_rows(values, order, sources, targets, shift, tables, edges, sizes, out, norms):
+    """Last shear: from values to coefficients, added; masses (2, velocity cells) that passed the cut-off."""
+    (across, limit), modes = values.shape[:2], len(norms)
+    left = np.zeros((2, across))
+    for n in prange(len(order)):
+        r = order[n]
+        side, j, source, target = r // across, r % across, sources[r], targets[r]
+        moved, masses, cell = np.zeros((limit, modes, modes)), np.zeros(modes), np.zeros((modes, modes))
+        shift_row(r, values[j], source, target, shift, moved, norms)
+        for end in range(2):
+            if mass_beyond(r, end, values[j], source, shift, masses):
+                if end == side:
+                    left[side, j] += (masses * tables[2]).sum() * sizes[1][j]
+                else:
+                    set_down(end, masses, target, edges, sizes[0], moved)
+        for c in range(target[0], target[1]):
+            transform(moved[c], tables[1], tables[1], cell, norms)
+            for a in range(modes):
+                for b in range(modes):
+                    out[c, j, a, b] += cell[a, b]
+    return left

@@ -1,0 +1,125 @@
+"""Where the mass of every Gauss point goes in one step: from the ends of its paths to the cells of a mesh.
+
+Cells that no event can reach within the step ("free") share one affine map and need no stored landing; the paths of the
+others are those of `density.step.noise_paths`.
+"""
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
+from fpk_rocking.physics.forcing import TERMS
+
+LEFT, RIGHT, LOST = -1, -2, -3
+"""Landing cells below zero: overturned to the left, to the right, outside the mesh."""
+
+
+@kernel
+def free(low, high, slow, fast, side, segment, duration, cutoff, margin):
+    """Whether no path from a cell comes within `margin` of an impact or the cut-off during a step.
+
+    In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity.
+    """
+    if side > 0:
+        fall, rise = 1.0 - segment.force_low, cutoff - 1.0 + segment.force_high
+    else:
+        fall, rise = 1.0 + segment.force_high, cutoff - 1.0 - segment.force_low
+    least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
+    most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
+    return least > margin and most < cutoff - margin
+
+
+@kernel
+def classify(angle_lines, velocity_lines, segment, duration, cutoff, margin):
+    """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool."""
+    marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
+    for i in range(marks.shape[0]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        low, high = min(abs(angle_lines[i]), abs(angle_lines[i + 1])), max(abs(angle_lines[i]), abs(angle_lines[i + 1]))
+        for j in range(marks.shape[1]):
+            slow, fast = side * velocity_lines[j], side * velocity_lines[j + 1]
+            slow, fast = min(slow, fast), max(slow, fast)
+            marks[i, j] = not free(low, high, slow, fast, side, segment, duration, cutoff, margin)
+    return marks
+
+
+@kernel(parallel=True)
+def trace_cells(
+    cells, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
+    cutoff, nodes, offsets, margin,
+):  # fmt: skip
+    """Trace all nodes of all Gauss points of the given cells.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (m, 2)
+        Angle and velocity index of each cell.
+    angle_points, velocity_points : ndarray, shape (g,), (h,)
+        Gauss points on [0, 1].
+
+    Returns
+    -------
+    states : ndarray, shape (m, g, h, n, 2)
+        Angle and velocity at the end of the step.
+    codes : ndarray, shape (m, g, h, n)
+        The side there, +-2 where overturned.
+    """
+    shape = len(cells), len(angle_points), len(velocity_points), len(nodes)
+    states, codes = np.empty((*shape, 2)), np.empty(shape, np.int32)
+    for c in prange(len(cells)):
+        scratch = np.empty((4, TERMS))
+        i, j = cells[c]
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        for p in range(len(angle_points)):
+            x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
+            for q in range(len(velocity_points)):
+                v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
+                trace(
+                    x, v, side, segment, duration, diffusion, restitution, cutoff, nodes, offsets, margin, scratch,
+                    states[c, p, q], codes[c, p, q],
+                )  # fmt: skip
+    return states, codes
+
+
+@kernel
+def locate(grid, point):
+    """Cell that holds a point and its reference coordinate on [-1, 1]; (LOST, 0) outside the mesh.
+
+    `grid` is (lines, 2 / cell sizes, table, density of the table): the table has the cells of equidistant points, with
+    at most one mesh line between neighbours.
+    """
+    lines, scales, table, density = grid
+    if not lines[0] <= point < lines[-1]:
+        return LOST, 0.0
+    i = table[int((point - lines[0]) * density)]
+    i += point >= lines[i + 1]
+    return i, (point - lines[i]) * scales[i] - 1.0
+
+
+@kernel(parallel=True)
+def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
+    """Turn traced states into cells and, in place, into reference coordinates on [-1, 1].
+
+    Returns
+    -------
+    ndarray, shape (m, g, g, n)
+        Flat cell index, or LEFT, RIGHT, LOST.
+    """
+    across = len(velocity_grid[0]) - 1
+    cells = np.empty(codes.shape, np.int32)
+    flat_states, flat_codes, flat_cells = states.reshape(-1, 2), codes.reshape(-1), cells.reshape(-1)
+    for n in prange(len(flat_codes)):
+        if abs(flat_codes[n]) == OVERTURNED_SIDE:
+            flat_cells[n] = LEFT if flat_codes[n] < 0 else RIGHT
+            continue
+        x, v = flat_states[n]
+        i, xi = locate(angle_grid, x)
+        j, eta = locate(velocity_grid, v)
+        if v == 0.0 and flat_codes[n] < 0 and j > 0 and velocity_grid[0][j] == 0.0:
+            j, eta = j - 1, 1.0
+        if i == first and x == 0.0 and flat_codes[n] < 0 and i > 0:
+            i, xi = i - 1, 1.0
+        flat_cells[n] = LOST if i < 0 or j < 0 else i * across + j
+        flat_states[n, 0], flat_states[n, 1] = xi, eta
+    return cells

@@ -1,0 +1,278 @@
+"""One step of the density in time: traced once, applied as often as its phase of the forcing cycle comes round."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+
+from fpk_rocking.density.space.space import Space, gauss, gauss_shapes
+from fpk_rocking.density.step.adjoint import collect, fly_back
+from fpk_rocking.density.step.deposit import CHUNKS, deposit, gather
+from fpk_rocking.density.step.free_flight import FreeFlight
+from fpk_rocking.density.step.landing import classify, settle_in_cells, trace_cells
+from fpk_rocking.density.step.noise_paths import hermite_nodes, principal_axes
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS, PeriodicForcing
+from fpk_rocking.physics.gaussian import flight_covariance
+
+
+@dataclasses.dataclass(frozen=True)
+class Dynamics:
+    """What a step needs to know of a scene with white noise; nondimensional.
+
+    Parameters
+    ----------
+    forcing : Forcing or Harmonics
+    diffusion, restitution, cutoff : float
+        D, e and the angle of overturning.
+    """
+
+    forcing: PeriodicForcing
+    diffusion: float
+    restitution: float
+    cutoff: float
+
+    @classmethod
+    def of(cls, scene):
+        """Take the dynamics of a scene with white noise."""
+        return cls(scene.forcing, scene.noise.diffusion, scene.block.restitution, scene.overturning.angle)
+
+    def segment(self, start, duration):
+        """Return the forcing over a step as the kernels take it."""
+        return segment_of(self.forcing.pieces([start])[0], np.empty(TERMS), duration)
+
+    def affine(self, start, duration):
+        """Affine flight z -> F z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
+        (p0, q0), (p1, q1) = self.forcing.particular(start), self.forcing.particular(start + duration)
+        cosh, sinh = math.cosh(duration), math.sinh(duration)
+        shifts = np.zeros((3, 2))
+        for side in (1, -1):
+            shifts[side] = side + p1 - cosh * (side + p0) - sinh * q0, q1 - sinh * (side + p0) - cosh * q0
+        return cosh, sinh, shifts
+
+
+@dataclasses.dataclass(frozen=True)
+class Quadrature:
+    """Sampling of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of the noise.
+
+    `blur` nodes make the blur of the velocity in free flight: 15 end at 6.4 standard deviations, 9 at 4.5; beyond,
+    nothing is sent.
+    """
+
+    angle: int
+    velocity: int
+    long: int
+    short: int
+    blur: int = 15
+
+
+class Trace:
+    """The paths of one step from the Gauss points of the cells that it covers, before it is known where they land.
+
+    Parameters
+    ----------
+    source : Space
+        Where the paths start.
+    start, duration : float
+        The step, nondimensional times.
+    dynamics : Dynamics
+    quadrature : Quadrature
+    cells : bool or ndarray of bool, shape (angle cells, velocity cells)
+        Cells to cover now, whose paths' ends are kept; all unless given.
+
+    Attributes
+    ----------
+    marks, covered : ndarray of bool, shape (angle cells, velocity cells)
+        The cells that an event can reach, and those whose mass the step moves.
+    events : ndarray of int, shape (angle cells, velocity cells)
+        Number of a covered cell that an event can reach, in the order in which they were traced; else -1.
+    states, codes : ndarray
+        Ends of the paths of the cells covered at first, see `trace_cells`.
+    """
+
+    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True):
+        self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
+        (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
+        (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
+        self.tables = tuple(gauss_shapes(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
+        self._nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
+        axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
+        self.blur = quadrature.blur
+        self.offsets = self._nodes @ np.reshape(axes, (2, 2))
+        self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
+        self._margin = np.abs(self.offsets[:, 0]).max()
+        lines = source.angle_lines, source.velocity_lines
+        self._segment = dynamics.segment(start, duration)
+        self.marks = classify(*lines, self._segment, duration, dynamics.cutoff, self._margin)
+        self.covered = np.zeros_like(self.marks)
+        self.events = np.full(self.marks.shape, -1, dtype=np.int32)
+        self.states, self.codes = self.cover(np.full_like(self.marks, cells))
+
+    def cover(self, cells):
+        """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
+        source, dynamics = self.source, self.dynamics
+        new = np.argwhere(self.marks & cells & ~self.covered)
+        self.covered |= cells
+        self.events[new[:, 0], new[:, 1]] = self.events.max() + 1 + np.arange(len(new))
+        return trace_cells(
+            new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self._segment,
+            self.duration, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes, self.offsets,
+            self._margin,
+        )  # fmt: skip
+
+
+class Step:
+    """The linear map of densities over one step, from the coefficients of one space to those of another.
+
+    Mass is conserved to rounding: what does not land on the target is returned, overturned (to the left, to the
+    right) or lost, which is beyond the mesh or out of cells that the step does not cover.
+
+    Parameters
+    ----------
+    trace : Trace
+    target : Space
+        Where the paths end.
+    buffers : ndarray, optional
+        From `deposit_buffers`, to be shared by the steps of one run.
+    """
+
+    def __init__(self, trace: Trace, target: Space, buffers=None):
+        self.trace, self.target = trace, target
+        self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
+        degree, modes = trace.source.degree, target.degree + 1
+        self._weights = trace.angle_weights, trace.velocity_weights
+        self._affine = (
+            trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
+            trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
+        )  # fmt: skip
+        self.buffers = deposit_buffers(target) if buffers is None else buffers
+        self._sinks = np.empty((CHUNKS, 3))
+        self._norms = (1.0,) * (degree + 1), (1.0,) * modes
+        self._landed = self._settled(trace.states, trace.codes)
+        self._prepare()
+
+    def cover(self, cells):
+        """Add cells (angle cells, velocity cells) to those whose mass the step moves."""
+        landed = self._settled(*self.trace.cover(cells))
+        self._landed = tuple(np.concatenate(pair) for pair in zip(self._landed, landed, strict=True))
+        self._prepare()
+
+    @property
+    def memory(self):
+        """Bytes that the step holds, shared buffers left out."""
+        return sum(part.nbytes for part in self._landed) + (self._flight.memory if self._flight else 0)
+
+    @property
+    def operations(self):
+        """Multiplications and additions of a step, about."""
+        modes = self.target.degree + 1
+        return self._landed[0].size * (24 + 2 * modes * modes) + (self._flight.operations if self._flight else 0)
+
+    def _settled(self, states, codes):
+        points = states.copy()
+        return settle_in_cells(points, codes, *self._grids, self.target.first_positive), points
+
+    def _prepare(self):
+        """Divide the covered cells: free ones fly where source and target are one mesh, all others are deposited."""
+        trace = self.trace
+        self._flight, self._deposited = None, trace.covered
+        if self.target is trace.source:
+            affine = trace.cosh, trace.sinh, trace.shifts
+            free = trace.covered & ~trace.marks
+            self._deposited = trace.covered & trace.marks
+            self._flight = FreeFlight(self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur)
+        self._chunks = self._split()
+
+    def apply(self, coefficients):
+        """Return the coefficients after the step and the masses (3,) that went left, right and were lost."""
+        trace, source = self.trace, self.trace.source
+        deposit(
+            coefficients, self._deposited, source.areas, trace.tables, self._weights, trace.events, self._landed,
+            self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._norms,
+        )  # fmt: skip
+        out = np.empty(self.target.shape)
+        gather(self.buffers, self._chunks, self.target.areas, out)
+        sinks = self._sinks.sum(axis=0)
+        if self._flight:
+            sinks += self._flight.apply(coefficients, out)
+        sinks[2] += source.masses(coefficients)[~trace.covered].sum()
+        return out, sinks
+
+    def apply_adjoint(self, values, worth):
+        """Return what a function of the state after the step is worth, on average, before it.
+
+        Adjoint of `apply` in L2: for every density p of the source, with ``after, sinks = apply(p)``, the integral of p
+        times the result is the integral of `after` times the function, plus ``sinks @ worth``, to rounding.
+
+        Parameters
+        ----------
+        values : ndarray, shape ``target.shape``
+            Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
+        worth : array_like, shape (3,)
+            Of having overturned to the left, to the right, and of being lost.
+
+        Returns
+        -------
+        ndarray, shape ``trace.source.shape``
+            Coefficients of the function before the step.
+        """
+        trace, worth = self.trace, np.asarray(worth, dtype=float)
+        out = np.zeros(trace.source.shape)
+        if self._flight:
+            fly_back(self._flight, values, worth, out)
+        collect(
+            values.reshape(-1, self.buffers.shape[2]), worth, trace.tables, self._weights, trace.events,
+            self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._norms,
+        )  # fmt: skip
+        out[~trace.covered, 0, 0] = worth[2]
+        return out
+
+    def _split(self):
+        """Columns of the source that each chunk reads, and columns of the target that it writes."""
+        trace, (limit, across, *_) = self.trace, self.target.shape
+        (low, high), lines = self._reach(), self.target.angle_lines
+        first = np.where(low < high, np.clip(np.searchsorted(lines, low) - 1, 0, limit - 1), limit)
+        last = np.where(low < high, np.clip(np.searchsorted(lines, high) - 1, 0, limit - 1), -1)
+        landed = self._landed[0] // across
+        rows = np.nonzero(trace.events >= 0)[0]
+        order = trace.events[trace.events >= 0]
+        np.maximum.at(last, rows, landed.max(axis=(1, 2, 3))[order])
+        np.minimum.at(first, rows, np.where(landed < 0, limit, landed).min(axis=(1, 2, 3))[order])
+        load = np.cumsum(self._deposited.sum(axis=1) + 1e-9)
+        edges = np.searchsorted(load, load[-1] * np.arange(1, CHUNKS) / CHUNKS)
+        edges = np.concatenate([[0], edges, [len(load)]])
+        chunks = np.zeros((CHUNKS, 4), dtype=np.int64)
+        for k, (begin, end) in enumerate(itertools.pairwise(edges)):
+            reached = min(first[begin:end], default=limit), max(last[begin:end], default=-1) + 1
+            chunks[k] = begin, end, *(reached if reached[0] < reached[1] else (0, 0))
+        return chunks
+
+    def _reach(self):
+        """Lowest and highest angle, (columns,) each, that the free cells to be deposited send a node to."""
+        trace, lines = self.trace, self.trace.source.angle_lines
+        free = self._deposited & ~trace.marks
+        hulls = np.stack([free.argmax(axis=1), free.shape[1] - free[:, ::-1].argmax(axis=1)])
+        shift = trace.shifts[np.where(lines[1:] + lines[:-1] > 0.0, 1, -1), 0]
+        low, high = (
+            shift + trace.cosh * edge + trace.sinh * trace.source.velocity_lines[hull] + extreme
+            for edge, hull, extreme in zip(
+                (lines[:-1], lines[1:]), hulls, (trace.offsets[:, 0].min(), trace.offsets[:, 0].max()), strict=True
+            )
+        )
+        return np.where(free.any(axis=1), [low, high], 0.0)
+
+
+def deposit_buffers(target: Space):
+    """Make room for what the chunks of a step deposit."""
+    angle, velocity, modes, _ = target.shape
+    return np.empty((CHUNKS, angle * velocity, modes * modes))
+
+
+def _grid(lines):
+    """Prepare mesh lines for `locate`: no two of them between neighbouring entries of its table."""
+    sizes = np.diff(lines)
+    count = math.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1
+    density = count / (lines[-1] - lines[0])
+    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / density, side="right") - 1
+    return lines, 2.0 / sizes, np.clip(cells, 0, len(sizes) - 1).astype(np.int32), density

@@ -1,0 +1,79 @@
+"""The bins in which joint densities of angle and velocity are compared and drawn."""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.base import checks
+
+__all__ = ["ascending_edges", "joint_edges"]
+
+_BINS_PER_UNIT = 10
+
+
+def ascending_edges(name, value, *, finite) -> np.ndarray:
+    """Return the edges of bins as floats.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for the message.
+    value : array_like, shape (n + 1,)
+    finite : bool
+        Whether the outer edges have to be finite.
+
+    Raises
+    ------
+    TypeError
+        Not real numbers.
+    ValueError
+        Fewer than two edges, or they are nan, infinite against the rule, or do not ascend.
+    """
+    accepted = f"two or more {'finite ' if finite else ''}numbers in ascending order"
+    try:
+        edges = np.asarray(value)
+    except ValueError:
+        raise TypeError(checks.refusal(name, value, accepted)) from None
+    if edges.dtype.kind not in "fiu":
+        raise TypeError(checks.refusal(name, value, accepted))
+    ascending = edges.ndim == 1 and edges.size >= 2 and np.all(edges[:-1] < edges[1:])
+    if not ascending or (finite and not np.isfinite(edges).all()):
+        raise ValueError(checks.refusal(name, value, accepted))
+    return edges.astype(float)
+
+
+def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
+    """Bin edges of width 0.1 that cover the angles up to the cut-off and the velocities that can be expected there.
+
+    x = 0 and v = 0 are edges. The velocity bound is derived for long flights: with s the side and B the forcing's swing
+    (A/sqrt(1+Ω²) of a harmonic one), the amplitude of the driven relaxation, w = v - x obeys dw/dτ = -w - s + f. On the
+    right side w so tends to [-1-B, B-1] from at most e (1 + B), after an impact at speed 1 + B, and v = w + x with x
+    between 0 and the cut-off c gives |v| <= max(1 + B, c + e (1 + B), c + B - 1). Before w has forgotten the impact it
+    may pass this: with a cut-off far out, strong forcing and e < .3 by up to 28 % in 1,466 random scenes. The spread of
+    w under white noise, sqrt(D), is added four times; a start far from rest widens the range.
+
+    Parameters
+    ----------
+    scene : Scene
+        Block, forcing, noise, start and overturning are used.
+
+    Returns
+    -------
+    angle_edges, velocity_edges : ndarray
+        Nondimensional, symmetric about 0. The main scene has 32 bins on [-1.6, 1.6] and 64 on [-3.2, 3.2].
+    """
+    cut_off = scene.overturning.angle
+    driven = scene.forcing.swing
+    rebound = scene.block.restitution * (1.0 + driven)
+    started = abs(scene.start.velocity) + abs(scene.start.angle)
+    if scene.start.covariance is not None:
+        (xx, _), (_, vv) = scene.start.covariance
+        started += 4.0 * (math.sqrt(xx) + math.sqrt(vv))
+    velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
+    velocity += 4.0 * math.sqrt(scene.white_equivalent().noise.diffusion)
+    return _edges(cut_off), _edges(velocity)
+
+
+def _edges(bound) -> np.ndarray:
+    half = math.ceil(round(bound * _BINS_PER_UNIT, 9))
+    return np.arange(-half, half + 1) / _BINS_PER_UNIT

@@ -1,0 +1,99 @@
+"""What every table, figure and file says beside its numbers: for which noise they are, and what was assumed."""
+
+import math
+
+from fpk_rocking.physics import equivalence
+
+__all__ = ["closure_of", "noise_text", "remarks"]
+
+
+def noise_text(noise) -> str:
+    """One line that names a noise and its parameters (nondimensional).
+
+    Parameters
+    ----------
+    noise : BandNoise, WhiteNoise or NoNoise
+        The noise of a scene.
+
+    Returns
+    -------
+    str
+        For example ``"band noise, variance 0.04 on [0, 10], 100 harmonics"``.
+    """
+    if noise.kind == "band":
+        low, high = noise.band
+        return f"band noise, variance {noise.variance:g} on [{low:g}, {high:g}], {noise.harmonics} harmonics"
+    if noise.kind == "white":
+        return f"white noise, diffusion {noise.diffusion:.6g}"
+    return "no noise"
+
+
+def closure_of(scene, white) -> str:
+    """Say how the band noise of a scene became white noise, that of the scene `white`; empty where it was white."""
+    if scene.noise.kind == "white":
+        return ""
+    low, high = scene.noise.band
+    return (
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as white noise of equal "
+        f"Melnikov variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo."
+    )
+
+
+def remarks(*results) -> tuple[str, ...]:
+    """Sentences that have to stand wherever these results are shown.
+
+    Parameters
+    ----------
+    *results
+        Results of either engine.
+
+    Returns
+    -------
+    tuple of str
+        What a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
+        trusted for the band and its harmonics; each once, and empty if nothing applies.
+    """
+    sentences = []
+    for result in results:
+        noise = result.scene.noise
+        if getattr(noise, "remark", ""):
+            sentences.append(noise.remark)
+        if result.closure:
+            sentences.append(result.closure)
+        if _stands_for(results, result):
+            sentences += _doubts(result.scene, averaged=result.averaged)
+    return tuple(dict.fromkeys(sentences))
+
+
+def _stands_for(results, result) -> bool:
+    """Whether the band noise of a result is held against its equivalent white noise, within itself or in another."""
+    noise = result.scene.noise
+    if noise.kind != "band" or noise.variance == 0.0:
+        return False
+    diffusion = equivalence.equivalent_diffusion(noise)
+    whites = (other.scene.noise.diffusion for other in results if other.scene.noise.kind == "white")
+    return bool(result.closure) or any(math.isclose(white, diffusion) for white in whites)
+
+
+def _doubts(scene, averaged):
+    """Yield what speaks against white noise for the band noise of a scene; bounds and figures are of `equivalence`.
+
+    A result that is averaged over realizations has the scatter between them.
+    """
+    noise = scene.noise
+    low, high = noise.band
+    part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, scene.block.restitution)
+    if part < equivalence.TRUSTED_COVER:
+        yield (
+            f"Not to be trusted: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white "
+            f"noise ({equivalence.TRUSTED_COVER:g} is wanted); below, survival under the equivalent white noise was "
+            f"found wrong by up to {equivalence.WORST:g}, either way. Take Monte Carlo (docs/paper.md)."
+        )
+    if spread > equivalence.TRUSTED_SPREAD and not averaged:
+        excess = min(equivalence.EXCESS * spread**2, 1.0)
+        yield (
+            f"Few harmonics: the diffusions that single realizations of {noise.harmonics} stand for scatter by "
+            f"{100 * spread:.0f} % ({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), and blocks survive more "
+            f"often than under their mean, by up to about {excess:.2g} within 40 cycles. "
+            "fpk_rocking.density.realizations.solve_realizations averages over them."
+        )

@@ -1,0 +1,200 @@
+"""Files that are whole or not there, and saved results.
+
+A result file is an .npz archive without pickled objects: the arrays as they are, and one JSON header with the format's
+version, the kind of result, the scene as TOML, the scalar attributes and the versions of the programs that wrote it.
+"""
+
+import contextlib
+import importlib.metadata
+import json
+import os
+import pathlib
+import secrets
+import zipfile
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.scene.scene import Scene
+
+KINDS = ("evolution", "ensemble", "tally", "histories")
+_FORMAT = 2
+_HEADER = "header"
+_HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
+_PIECE = 2**20
+
+
+@contextlib.contextmanager
+def replaced_atomically(path):
+    """Give a temporary path to write to; it takes the place of `path` when the block ends without an exception.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file to write; its folder is made where missing.
+
+    Yields
+    ------
+    pathlib.Path
+        A new name in the same folder with the same suffix. Whatever is there is removed on any exception, an
+        interruption included, and `path` is then as it was.
+    """
+    path = checks.path("path", path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{path.suffix}")
+    try:
+        yield temporary
+        # On the disk before it has the name: a machine that stops must not leave an empty file in an old one's place.
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_text(path, text):
+    """Write a text file in UTF-8, whole or not at all."""
+    with replaced_atomically(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_result(path, kind, scene, arrays, attributes):
+    """Save a result.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File to write, by custom with the suffix .npz.
+    kind : str
+        "evolution" (density solver), "ensemble", "tally" or "histories" (Monte Carlo).
+    scene : Scene
+        The scene as it was asked for.
+    arrays : dict of str to array_like
+        Numeric, boolean or text arrays; "header" is not available as a name.
+    attributes : dict of str
+        What JSON holds: numbers, strings, None, lists, dicts.
+
+    Raises
+    ------
+    TypeError
+        An array would need pickling, or an attribute is not JSON.
+    ValueError
+        The kind is unknown, or an array is called "header".
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind: got {kind!r}, accepted: {', '.join(map(repr, KINDS))}")
+    arrays = {name: np.asarray(values) for name, values in arrays.items()}
+    for name, values in arrays.items():
+        if name == _HEADER:
+            raise ValueError(f"arrays: got the name {name!r}, accepted: any other name")
+        if values.dtype.hasobject:
+            raise TypeError(f"arrays[{name!r}]: got dtype {values.dtype}, accepted: numbers, booleans or text")
+    header = {
+        "format": _FORMAT,
+        "kind": kind,
+        "scene": scene.to_toml(),
+        "attributes": attributes,
+        "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
+    }
+    try:
+        text = json.dumps(header)
+    except TypeError as error:
+        raise TypeError(f"attributes: {error}, accepted: numbers, strings, None, lists, dicts") from None
+    with replaced_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **{_HEADER: np.array(text)}, **arrays)
+
+
+def read_result(path, kind, layout):
+    """Load a result that `write_result` saved, all that is read of it held against its checksum.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+    kind : str
+        The kind that is wanted, one of `KINDS`.
+    layout : fpk_rocking.results.layout.Layout
+        What it has to hold.
+
+    Returns
+    -------
+    scene : Scene
+    arrays : dict of str to numpy.ndarray
+    attributes : dict of str
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    ValueError
+        The file is not a result, is damaged or truncated, or holds another kind, format or content.
+    """
+    with _opened(path) as (header, archive):
+        if header["kind"] != kind:
+            raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
+        names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
+        arrays = {name: _array(path, archive, name) for name in sorted(names)}
+    try:
+        layout.check(arrays, header["attributes"])
+        return Scene.from_toml(header["scene"]), arrays, header["attributes"]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: not what save() writes: {error}") from None
+
+
+def result_kind(path):
+    """Return the kind of a saved result, one of `KINDS`; raises as `read_result`."""
+    with _opened(path) as (header, _):
+        return header["kind"]
+
+
+@contextlib.contextmanager
+def _opened(path):
+    """Open a result file as (header, archive)."""
+    try:
+        file = checks.path("path", path).open("rb")
+    except FileNotFoundError:
+        raise FileNotFoundError(f"no result file {str(path)!r} (looked from {str(pathlib.Path.cwd())!r})") from None
+    with file:
+        if not zipfile.is_zipfile(file):
+            raise ValueError(f"{path}: not a saved result, or truncated; accepted: a file that save() wrote")
+        try:
+            archive = zipfile.ZipFile(file)
+        except Exception as error:  # whatever damage makes of a list of contents
+            raise _damaged(path, error) from error
+        with archive:
+            yield _header(path, archive), archive
+
+
+def _array(path, archive, name):
+    """Read an array, to the end first: numpy reads no further than a shape says, and the checksum is known last."""
+    try:
+        with archive.open(f"{name}.npy") as member:
+            while member.read(_PIECE):
+                pass
+        with archive.open(f"{name}.npy") as member:
+            return np.lib.format.read_array(member, allow_pickle=False)
+    except Exception as error:  # whatever damage makes of a zip member or of an array's header
+        raise _damaged(path, error) from error
+
+
+def _damaged(path, error):
+    return ValueError(f"{path}: a damaged saved result ({error})")
+
+
+def _header(path, archive):
+    strange = f"{path}: not a saved result (no header); accepted: a file that save() wrote"
+    if f"{_HEADER}.npy" not in archive.namelist():
+        raise ValueError(strange)
+    text = str(_array(path, archive, _HEADER))
+    try:
+        header = json.loads(text)
+        found = header["format"]
+        if found == _FORMAT:
+            whole = [isinstance(header[name], cls) for name, cls in _HEADER_PARTS.items()]
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise ValueError(strange) from None
+    if found != _FORMAT:
+        raise ValueError(f"{path}: got format {found!r}, accepted: {_FORMAT} (saved by another version)")
+    if not all(whole):
+        raise ValueError(strange)
+    return header

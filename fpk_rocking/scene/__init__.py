@@ -1,0 +1,20 @@
+"""The problem as a frozen value: its parts, its TOML form, its units, and how far the engines' scenes may go."""
+
+from fpk_rocking.physics.forcing import Forcing, Harmonics
+from fpk_rocking.scene.parts import BandNoise, Block, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.scene.scene import Scene, load_scene
+from fpk_rocking.scene.units import Dimensions
+
+__all__ = [
+    "BandNoise",
+    "Block",
+    "Dimensions",
+    "Forcing",
+    "Harmonics",
+    "NoNoise",
+    "Overturning",
+    "Scene",
+    "Start",
+    "WhiteNoise",
+    "load_scene",
+]

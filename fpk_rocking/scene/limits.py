@@ -1,0 +1,88 @@
+"""The scenes that an engine can carry: sizes that double precision resolves beside each other, without overflow.
+
+A `Scene` may hold any finite numbers, and the analytics take them. An engine cannot: where the velocity is 1e17 times
+the cut-off the rounding of an angle is larger than the strip, with a phase of 1e16 nothing is left of the time beside
+it, and squares of 1e200 overflow. The bounds are far from anything that rocks, and everything within them was tried
+(docs/reliability.md).
+"""
+
+import math
+
+from fpk_rocking.base import checks
+
+_RANGES = {
+    "forcing.amplitude": (0.0, 1e4),
+    "forcing.frequency": (1e-3, 1e4),
+    "forcing.phase": (0.0, 1e6),
+    "forcing.amplitudes": (0.0, 1e4),
+    "forcing.phases": (0.0, 1e6),
+    "noise.variance": (0.0, 1e6),
+    "noise.diffusion": (1e-12, 1e4),
+    "start.angle": (1e-30, 1e4),
+    "start.velocity": (1e-30, 1e4),
+    "overturning.angle": (1e-2, 1e4),
+}
+"""Smallest and largest size by dotted name; noise and start may be 0 as well."""
+
+_HIGHEST, _TURNS, _HARMONICS = 1e4, 1e5, 100_000
+_VARIANCES = 1e-24, 1e8
+_ELASTIC, _SLOWEST = 1.0 - 1e-6, 1e-5
+
+
+def check(scene):
+    """Refuse a scene that the engines cannot carry.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    TypeError
+        Not a scene.
+    ValueError
+        A value is out of the engines' range; the message names it.
+    """
+    for name, (low, high) in _RANGES.items():
+        part, _, field = name.partition(".")
+        values = getattr(getattr(scene, part), field, 0.0)
+        none = low > 0.0 and part in {"noise", "start"}
+        for value in values if isinstance(values, tuple) else (values,):
+            if not (low <= abs(value) <= high or (none and value == 0.0)):
+                accepted = f"for an engine a size from {low:g} to {high:g}" + (", or 0" if none else "")
+                raise ValueError(checks.refusal(name, value, accepted))
+    if scene.noise.kind == "band":
+        _check_band(scene.noise, scene.forcing.frequency)
+    _check_covariance(scene.start)
+    if scene.noise.kind != "white":
+        _check_bounces(scene)
+
+
+def _check_band(noise, frequency):
+    highest = min(_HIGHEST, _TURNS * frequency)
+    if noise.band[1] > highest:
+        accepted = f"for an engine frequencies up to {highest:g}, and up to {_TURNS:g} times forcing.frequency"
+        raise ValueError(checks.refusal("noise.band", noise.band, accepted))
+    if noise.harmonics > _HARMONICS:
+        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"for an engine up to {_HARMONICS}"))
+
+
+def _check_covariance(start):
+    (xx, _), (_, vv) = start.covariance or ((_VARIANCES[0], 0.0), (0.0, _VARIANCES[0]))
+    if not _VARIANCES[0] <= min(xx, vv) <= max(xx, vv) <= _VARIANCES[1]:
+        accepted = f"for an engine variances from {_VARIANCES[0]:g} to {_VARIANCES[1]:g}, or none for a point"
+        raise ValueError(checks.refusal("start.covariance", start.covariance, accepted))
+
+
+def _check_bounces(scene):
+    """Refuse an elastic block that bounces so slowly that following it would not end; white noise speeds it up."""
+    start = scene.start
+    (xx, _), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
+    speed = math.hypot(abs(start.velocity) + math.sqrt(vv), math.sqrt(2.0 * (abs(start.angle) + math.sqrt(xx))))
+    if 0.0 < speed < _SLOWEST and scene.block.restitution > _ELASTIC:
+        name = "start.velocity" if start.velocity else "start.angle"
+        accepted = (
+            f"rest, or a start that leads to impacts at {_SLOWEST:g} or more: at restitution "
+            f"{scene.block.restitution!r} a slower block bounces all but without end"
+        )
+        raise ValueError(checks.refusal(name, start.velocity or start.angle, accepted))

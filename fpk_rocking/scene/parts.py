@@ -1,0 +1,145 @@
+"""The parts of a scene but its forcing: block, noise, start and overturning, each checked when it is made."""
+
+import dataclasses
+import math
+from typing import ClassVar
+
+from fpk_rocking.base import checks
+from fpk_rocking.scene.units import Dimensions
+
+
+def _set(value, name, checked):
+    object.__setattr__(value, name, checked)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Block:
+    """A rocking block.
+
+    Parameters
+    ----------
+    restitution : float
+        Ratio of the velocities after and before an impact, from 0 to 1 (paper eq. 3).
+    dimensions : Dimensions, optional
+        Its size, where results are wanted in metres and seconds; the motion does not depend on it.
+    """
+
+    restitution: float
+    dimensions: Dimensions | None = None
+
+    def __post_init__(self):
+        _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
+        if self.dimensions is not None:
+            checks.instance("block.dimensions", self.dimensions, Dimensions)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class BandNoise:
+    """Shinozuka noise: harmonics with random frequencies in a band and random phases (paper eq. 4).
+
+    Parameters
+    ----------
+    variance : float
+        σ², at least 0.
+    band : (float, float)
+        Lowest and highest angular frequency, 0 <= lowest < highest.
+    harmonics : int
+        Number of harmonics, at least 1.
+    remark : str
+        What a reader of results has to know of these values, where they were assumed, say: shown with every result.
+        Noises that differ in it alone are equal.
+    """
+
+    kind: ClassVar[str] = "band"
+    variance: float
+    band: tuple[float, float]
+    harmonics: int
+    remark: str = dataclasses.field(default="", compare=False)
+
+    def __post_init__(self):
+        _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
+        _set(self, "band", checks.interval("noise.band", self.band))
+        _set(self, "harmonics", checks.count("noise.harmonics", self.harmonics))
+        _set(self, "remark", checks.sentence("noise.remark", self.remark))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class WhiteNoise:
+    """White noise with ⟨η(τ)η(τ')⟩ = 2Dδ(τ - τ').
+
+    Parameters
+    ----------
+    diffusion : float
+        D, at least 0.
+    """
+
+    kind: ClassVar[str] = "white"
+    diffusion: float
+
+    def __post_init__(self):
+        _set(self, "diffusion", checks.number("noise.diffusion", self.diffusion, at_least=0.0))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class NoNoise:
+    """No noise: the motion is deterministic."""
+
+    kind: ClassVar[str] = "none"
+
+
+NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, NoNoise)}
+"""Noises by their kind."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Start:
+    """State at τ = 0: a point, or a Gaussian around it.
+
+    Parameters
+    ----------
+    angle, velocity : float
+        The point, or the mean of the Gaussian.
+    covariance : ((float, float), (float, float)), optional
+        [[xx, xv], [xv, vv]], symmetric and positive definite; None for a point.
+    """
+
+    angle: float = 0.0
+    velocity: float = 0.0
+    covariance: tuple[tuple[float, float], tuple[float, float]] | None = None
+
+    def __post_init__(self):
+        _set(self, "angle", checks.number("start.angle", self.angle))
+        _set(self, "velocity", checks.number("start.velocity", self.velocity))
+        if self.covariance is not None:
+            _set(self, "covariance", _covariance(self.covariance))
+
+
+def _covariance(value):
+    name = "start.covariance"
+    accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
+    if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 2) == 0:
+        raise TypeError(checks.refusal(name, value, accepted))
+    rows = tuple(checks.vector(f"{name}[{i}]", row, "a row of two numbers") for i, row in enumerate(value))
+    if len(rows) != 2:
+        raise ValueError(checks.refusal(name, value, accepted))
+    (xx, xv), (vx, vv) = rows
+    # A correlation within rounding of 1 has no Cholesky factor, so it counts as singular.
+    if xv != vx or xx <= 0.0 or vv <= 0.0 or abs(xv) >= (1.0 - 1e-12) * math.sqrt(xx) * math.sqrt(vv):
+        raise ValueError(checks.refusal(name, value, accepted))
+    return rows
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Overturning:
+    """Cut-off: the block has overturned when the size of its angle first reaches this.
+
+    Parameters
+    ----------
+    angle : float
+        In units of the critical angle, above 0; π/2 is the paper's bookkeeping value.
+    """
+
+    angle: float = math.pi / 2
+
+    def __post_init__(self):
+        _set(self, "angle", checks.number("overturning.angle", self.angle, above=0.0))

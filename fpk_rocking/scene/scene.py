@@ -1,0 +1,306 @@
+"""The scene: everything that defines a rocking problem, as one frozen value with a TOML text form.
+
+All quantities are nondimensional: angles in units of the critical angle, time τ = pt; equations and symbols are in
+docs/theory.md. A scene says nothing about how it is solved.
+"""
+
+import dataclasses
+import pathlib
+import tomllib
+
+from fpk_rocking.base import checks
+from fpk_rocking.physics.equivalence import equivalent_diffusion
+from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics
+from fpk_rocking.scene.parts import NOISES, BandNoise, Block, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.scene.units import Dimensions
+
+__all__ = [
+    "BandNoise",
+    "Block",
+    "Dimensions",
+    "Forcing",
+    "Harmonics",
+    "NoNoise",
+    "Overturning",
+    "Scene",
+    "Start",
+    "WhiteNoise",
+    "load_scene",
+]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Scene:
+    """A rocking problem.
+
+    Parameters
+    ----------
+    block : Block
+    forcing : Forcing or Harmonics
+    noise : BandNoise, WhiteNoise or NoNoise
+    start : Start
+        At rest by default.
+    overturning : Overturning
+
+    Raises
+    ------
+    TypeError
+        A part has the wrong type.
+    ValueError
+        The start is at or beyond overturning.
+    """
+
+    block: Block
+    forcing: Forcing | Harmonics
+    noise: BandNoise | WhiteNoise | NoNoise
+    start: Start = Start()
+    overturning: Overturning = Overturning()
+
+    def __post_init__(self):
+        checks.instance("block", self.block, Block)
+        checks.instance("forcing", self.forcing, *FORCINGS.values())
+        checks.instance("noise", self.noise, *NOISES.values())
+        checks.instance("start", self.start, Start)
+        checks.instance("overturning", self.overturning, Overturning)
+        if abs(self.start.angle) >= self.overturning.angle:
+            accepted = f"a size below overturning.angle = {self.overturning.angle!r}"
+            raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
+
+    @property
+    def period(self):
+        """T = 2π/Ω in nondimensional time: one cycle."""
+        return self.forcing.period
+
+    def varied(self, **parts):
+        """Return the scene with some values changed, for a study over them.
+
+        Parameters
+        ----------
+        **parts : dict or part of a scene
+            New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A
+            remark on the values of a part is dropped with them, unless it is given too.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        TypeError, ValueError
+            A part or a key is unknown, or a value is refused.
+        """
+        own = _fields(self)
+        checks.arguments("", own | parts, Scene)
+        for name, given in parts.items():
+            if isinstance(given, dict):
+                cls = type(own[name])
+                kept = {key: value for key, value in _fields(own[name]).items() if key != "remark"}
+                parts[name] = cls(**checks.arguments(name, kept | given, cls))
+        return dataclasses.replace(self, **parts)
+
+    def white_equivalent(self):
+        """Return the same scene with white noise of the equivalent diffusion.
+
+        Band noise is replaced by a closure (see `fpk_rocking.melnikov.equivalent_diffusion`), no noise by white noise
+        of diffusion 0; a scene with white noise is returned as it is.
+
+        Returns
+        -------
+        Scene
+            Its noise is a WhiteNoise.
+        """
+        if self.noise.kind == "white":
+            return self
+        return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise)))
+
+    @classmethod
+    def from_block(
+        cls,
+        width,
+        height,
+        peak_acceleration,
+        frequency_hz,
+        *,
+        restitution=None,
+        phase=0.0,
+        noise_rms_acceleration=0.0,
+        noise_band_hz=None,
+        harmonics=100,
+        gravity=9.80665,
+        start=Start(),
+        overturning=Overturning(),
+    ):
+        """Build a scene from the size of a slender block and the shaking of its base.
+
+        Parameters
+        ----------
+        width, height : float
+            Full width and height, metres. Angles are linearized for a slender block (see `fpk_rocking.scene.units`).
+        peak_acceleration : float
+            Amplitude of the harmonic base acceleration, m/s².
+        frequency_hz : float
+            Its frequency, Hz.
+        restitution : float, optional
+            Velocity ratio of an impact; by default Housner's 1 - (3/2) sin²θ_cr.
+        phase : float
+            Phase of the harmonic base acceleration, radians.
+        noise_rms_acceleration : float
+            Root mean square of the random base acceleration, m/s²; 0 for none.
+        noise_band_hz : (float, float), optional
+            Its band, Hz; given exactly where there is noise.
+        harmonics : int
+            Number of harmonics of the noise.
+        gravity : float
+            m/s².
+        start, overturning : Start, Overturning
+            Nondimensional, angles in units of the critical angle.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A value is refused, the block is too squat for Housner's restitution, or only one of the noise's strength
+            and band is given.
+        """
+        size = Dimensions(width, height, gravity)
+        peak = checks.number("peak_acceleration", peak_acceleration, at_least=0.0)
+        hertz = checks.number("frequency_hz", frequency_hz, above=0.0)
+        rms = checks.number("noise_rms_acceleration", noise_rms_acceleration, at_least=0.0)
+        if (rms > 0.0) != (noise_band_hz is not None):
+            accepted = "a number > 0 together with noise_band_hz = [lowest, highest], or neither of them"
+            raise ValueError(checks.refusal("noise_rms_acceleration", noise_rms_acceleration, accepted))
+        noise = NoNoise()
+        if noise_band_hz is not None:
+            low, high = checks.interval("noise_band_hz", noise_band_hz)
+            noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
+        return cls(
+            block=Block(size.restitution if restitution is None else restitution, size),
+            forcing=Forcing(size.amplitude(peak), size.frequency(hertz), phase),
+            noise=noise,
+            start=start,
+            overturning=overturning,
+        )
+
+    @classmethod
+    def from_toml(cls, text):
+        """Read a scene from TOML text.
+
+        Parameters
+        ----------
+        text : str
+            Tables ``[block]``, ``[forcing]`` and ``[noise]``, and optionally ``[start]`` and ``[overturning]``; the
+            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white" or "none" and
+            ``forcing.kind`` = "harmonic" (where left out) or "harmonics".
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not TOML, or a key is unknown, missing or refused; the message names it.
+        """
+        try:
+            document = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
+            raise ValueError(f"not valid TOML: {error}") from None
+        tables = checks.arguments("", document, cls)
+        return cls(**{name: _READERS[name](name, table) for name, table in tables.items()})
+
+    def to_toml(self):
+        """Return the TOML text that `from_toml` reads back as an equal scene."""
+        tables = _fields(self)
+        if self.block.dimensions is not None:
+            tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
+        return "\n".join(_table(name, part) for name, part in tables.items())
+
+
+def load_scene(path):
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        A TOML file, e.g. ``cases/scenes/main.toml``.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    TypeError, ValueError
+        As `Scene.from_toml`, with the path in front.
+    """
+    path = checks.path("path", path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise FileNotFoundError(f"no scene file {str(path)!r} (looked from {str(pathlib.Path.cwd())!r})") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: not a text file in UTF-8 ({error})") from None
+    try:
+        return Scene.from_toml(text)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def _fields(value):
+    """Return the fields of a dataclass, themselves and not copied."""
+    return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+
+
+def _read(cls):
+    """Return the reader of a table with the parameters of a class."""
+    return lambda name, table: cls(**checks.arguments(name, table, cls))
+
+
+def _block(name, table):
+    values = checks.arguments(name, table, Block)
+    if "dimensions" in values:
+        values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"])
+    return Block(**values)
+
+
+def _of_kind(classes, default=None):
+    """Return the reader of a table whose key "kind" names one of several classes."""
+
+    def read(name, table):
+        values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
+        kind = values.pop("kind", default)
+        if kind is None:
+            raise ValueError(f"{name}.kind: missing, accepted: {accepted}")
+        if not isinstance(kind, str) or kind not in classes:
+            raise ValueError(checks.refusal(f"{name}.kind", kind, accepted))
+        return _read(classes[kind])(name, values)
+
+    return read
+
+
+_READERS = {
+    "block": _block,
+    "forcing": _of_kind(FORCINGS, Forcing.kind),
+    "noise": _of_kind(NOISES),
+    "start": _read(Start),
+    "overturning": _read(Overturning),
+}
+
+
+def _table(name, part):
+    lines = [f"[{name}]"]
+    if getattr(part, "kind", Forcing.kind) != Forcing.kind:
+        lines.append(f"kind = {_literal(part.kind)}")
+    for field in dataclasses.fields(part):
+        value = getattr(part, field.name)
+        if value not in (None, "") and not dataclasses.is_dataclass(value):
+            lines.append(f"{field.name} = {_literal(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _literal(value):
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    # Python's shortest exact forms of int and float are TOML too.
+    return "[" + ", ".join(map(_literal, value)) + "]" if isinstance(value, tuple) else repr(value)

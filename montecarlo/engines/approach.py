@@ -1,0 +1,103 @@
+"""Steps of a white-noise path near the barriers, x = 0 and the cut-off: as long as is safe, and across an impact.
+
+Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Problem` these kernels read.
+"""
+
+import math
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.contact import impact
+from fpk_rocking.physics.flight import flight, polynomial, safe_time
+from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.transition import record
+from montecarlo.engines.random import normal
+
+FAST = 1e-3
+"""A block arrives at a barrier after t at speed w, all but certainly and nearly on time, if 2 D t < FAST w^2."""
+
+_BRIEF = 0.02
+
+
+@kernel
+def noise_factor(diffusion, duration):
+    """Cholesky factor xx, vx, vv of the covariance of a flight."""
+    xx, xv, vv = flight_covariance(diffusion, duration)
+    first = math.sqrt(xx)
+    second = xv / first
+    return first, second, math.sqrt(vv - second * second)
+
+
+@kernel
+def safe_step(gap, slope, bend, reach, limit, shortest):
+    """Longest step, up to `limit`, in which a gap stays open.
+
+    It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0. With bend <= 0 that is concave in h, so Newton's
+    iteration comes down on the root from above; it stops once nine tenths of `reach` are kept, or below `shortest`.
+    """
+    h = limit
+    root = math.sqrt(h)
+    value = gap + h * (slope + 0.5 * bend * h - reach * root)
+    if value >= 0.0:
+        return limit
+    if slope < 0.0 and -gap / slope < h:
+        h = -gap / slope
+    while h > shortest:
+        root = math.sqrt(h)
+        noise = reach * root
+        value = gap + h * (slope + 0.5 * bend * h - noise)
+        if value >= -0.1 * h * noise:
+            return h
+        h -= value / (slope + bend * h - 1.5 * noise)
+    return h
+
+
+@kernel
+def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
+    """Say where a draw that ended beyond x = 0, or was meant to end there, has led: through an impact if one is found.
+
+    The impact lies on the parabola through the drawn state. Where that has none within the step, the motion since the
+    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None.
+    """
+    restitution = problem.restitution
+    pull = u - 1.0 + side * polynomial(segment.force, end)[0]
+    square = w * w - 2.0 * pull * u
+    if w < 0.0 and square >= 0.0:
+        speed = math.sqrt(square)
+        time = end + 2.0 * u / (speed - w)
+        if start <= time <= (problem.span if arrives else end):
+            if impacts is not None:
+                record(impacts, origin + time, -side * speed)
+            return 0.0, impact(speed, restitution), -side, time
+    if u < 0.0:
+        if impacts is not None:
+            record(impacts, origin + end, -side * abs(w))
+        return -impact(u, restitution), -impact(w, restitution), -side, end
+    return u, w, side, end
+
+
+@kernel(forceinline=True)  # see flight.next_event
+def near(stream, u, w, side, segment, start, problem, impacts, origin):
+    """Take one step near a barrier; return u, w, side and the time reached. u >= cutoff means overturned."""
+    cutoff, left = problem.cutoff, problem.span - start
+    low, high = (segment.force_low, segment.force_high) if side > 0 else (-segment.force_high, -segment.force_low)
+    down = safe_step(u, w, min(0.0, low - 1.0), problem.reach, left, problem.shortest)
+    up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), problem.reach, left, problem.shortest)
+    duration, arrives = min(down, up), False
+    if duration < left:
+        duration = min(max(duration, problem.shortest), left)
+        pull = u - 1.0 + side * polynomial(segment.force, start)[0]
+        falls = down <= up
+        needed = safe_time(u, w, -pull) if falls else safe_time(cutoff - u, -w, pull)
+        towards = w < 0.0 if falls else w > 0.0
+        if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * problem.diffusion * needed < FAST * w * w:
+            if not falls:
+                return cutoff, w, side, start + needed
+            duration, arrives = needed, True
+    end = problem.span if duration == left else start + duration
+    x, v = flight(side * u, side * w, side, segment, start, end)
+    xx, vx, vv = noise_factor(problem.diffusion, end - start)
+    first, second = normal(stream), normal(stream)
+    u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
+    if u < 0.0 or arrives:
+        return land(u, w, side, segment, start, end, arrives, problem, impacts, origin)
+    return u, w, side, end

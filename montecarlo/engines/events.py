@@ -1,0 +1,200 @@
+"""What happens to a block within one interval of the exact engine's grid: impacts, rest, overturning, states between.
+
+An impact between two grid points is met by Halley's iteration on the flight written as a polynomial, and accepted only
+where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
+impacts, chatter, rest, uplift, grazing and overturning, goes to `fpk_rocking.physics.transition.advance`.
+
+A flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
+as they are at the interval's begin and returned as they are at its end.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.flight import Segment, bounds, polynomial
+from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.transition import advance, record
+
+FAST = 1e-4
+"""Impacts that leave with less speed go to `advance`, which decides about chatter and rest."""
+
+_CLOSE = 1e-7
+_ROUNDS = 8
+
+
+class Interval(NamedTuple):
+    """One interval: `particular` (TERMS,) is P; `force`, `folded` (TERMS,) are scratch.
+
+    `exponentials` (2, TERMS): Taylor coefficients of e^t and e^-t. `bend` (TERMS,): k (k-1) half^(k-2) for k > 2.
+    `half`: half of the interval's duration; `factor`: its exponential.
+    """
+
+    particular: np.ndarray
+    force: np.ndarray
+    folded: np.ndarray
+    exponentials: np.ndarray
+    bend: np.ndarray
+    half: float
+    factor: float
+
+
+def interval_tables(half):
+    """Return `exponentials` and `bend` of an `Interval`."""
+    order = np.arange(TERMS)
+    inverse = np.array([1.0 / math.factorial(k) for k in order])
+    bend = np.where(order > 2, order * (order - 1.0) * half ** np.maximum(order - 2.0, 0.0), 0.0)
+    return np.stack([inverse, inverse * (-1.0) ** order]), bend
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _fold(interval, grow, decay, sign):
+    """Write the angle u = s x of a flight as a polynomial."""
+    particular, folded, exponentials = interval.particular, interval.folded, interval.exponentials
+    grow, decay = sign * grow, sign * decay
+    for k in range(particular.size):
+        folded[k] = sign * particular[k] + (grow * exponentials[0, k] + decay * exponentials[1, k])
+    folded[0] += 1.0
+
+
+@kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
+def _bend(folded, bend):
+    """Half of the bounds of -u'' and u'' over the interval, at least 0."""
+    spread = 0.0
+    for k in range(folded.size):
+        spread += bend[k] * abs(folded[k])
+    return max(0.5 * spread - folded[2], 0.0), max(0.5 * spread + folded[2], 0.0)
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _meet(q, half):
+    """Find where the polynomial q passes zero downwards; return time and slope, or slope 0 if that does not work."""
+    square = q[1] * q[1] - 4.0 * q[2] * q[0]
+    if square <= 0.0:
+        return 0.0, 0.0
+    # Root of the first three terms, then one step of Newton's iteration on six.
+    root = math.sqrt(square)
+    t = 2.0 * q[0] / (root - q[1])
+    t += t * t * t * (q[3] + t * (q[4] + t * q[5])) / (root - t * t * (3.0 * q[3] + t * (4.0 * q[4] + t * 5.0 * q[5])))
+    for _ in range(_ROUNDS):
+        if not -half <= t <= half:
+            break
+        value, slope = polynomial(q, t)
+        if slope >= 0.0:
+            break
+        bend = t * (30.0 * q[6] + t * (42.0 * q[7] + t * (56.0 * q[8] + t * 72.0 * q[9])))
+        bend = 2.0 * q[2] + t * (6.0 * q[3] + t * (12.0 * q[4] + t * (20.0 * q[5] + bend)))
+        shift = -value / slope
+        shift *= 1.0 + 0.5 * shift * bend / slope
+        t += shift
+        if abs(shift) < _CLOSE and abs(shift * bend) < -_CLOSE * slope:
+            jerk = 6.0 * q[3] + t * (24.0 * q[4] + t * 60.0 * q[5])
+            return t, slope + shift * (bend + 0.5 * shift * jerk)
+    return 0.0, 0.0
+
+
+@kernel(forceinline=True, borrows=True)
+def _stays(u, end, square, rise, fall, cutoff):
+    """Whether a flight with these angles at its ends has no event between them: the parabolas over its chord tell.
+
+    `square` is that of the duration; `rise`, `fall` are half of the bounds of u'' and -u''.
+    """
+    higher, lower = max(u, end), min(u, end)
+    return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff
+
+
+@kernel(borrows=True)
+def _carry(particular, force, half, x, v, side, begin, end, restitution, cutoff, impacts, origin):
+    """Carry a block from one time in the interval to another through whatever happens; returns as `advance`."""
+    segment = Segment(particular, force, *bounds(particular, half, force))
+    return advance(x, v, side, segment, begin, end, restitution, cutoff, impacts, origin)
+
+
+@kernel(borrows=True)
+def begin_of(particular, half, grow, decay, side):
+    """Angle and velocity at the interval's begin."""
+    if side == 0:
+        return 0.0, 0.0
+    p, q = polynomial(particular, -half)
+    return side + p + grow + decay, q + grow - decay
+
+
+@kernel(forceinline=True, borrows=True)
+def cross(interval, node, grow, decay, u, end, side, problem, impacts, origin):
+    """Carry a block through an interval in which it may meet an event.
+
+    Parameters
+    ----------
+    interval : Interval
+    node : float
+        P at the interval's end.
+    grow, decay : float
+        The flight's exponentials at the interval's begin; not used at rest.
+    u, end : float
+        Folded angle at the interval's begin, and at its end if nothing happens.
+    side : int
+        +1, -1, or 0 at rest.
+    problem : NamedTuple
+        Its restitution and cut-off are used.
+    impacts : Impacts
+        Records the impacts.
+    origin : float
+        Time of the interval's middle.
+
+    Returns
+    -------
+    grow, decay, u, side, time : float, float, float, int, float
+        At the interval's end; `time` is that of overturning within the interval, or inf.
+    """
+    half, factor, cutoff = interval.half, interval.factor, problem.cutoff
+    x, v, begin = 0.0, 0.0, -half
+    if side != 0:
+        middle_grow, middle_decay = grow * factor, decay / factor
+        _fold(interval, middle_grow, middle_decay, float(side))
+        fall, rise = _bend(interval.folded, interval.bend)
+        if end > 0.0 and u > 0.0 and _stays(u, end, 4.0 * half * half, rise, fall, cutoff):
+            return middle_grow * factor, middle_decay / factor, end, side, math.inf
+        time, slope = _meet(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
+        speed, square = -problem.restitution * slope, (time + half) ** 2
+        if speed > FAST and u >= rise * square and u + 0.25 * fall * square < cutoff:
+            v = side * slope
+            record(impacts, origin + time, v)
+            shift, shrink = 0.5 * (problem.restitution - 1.0) * v, math.exp(-time)
+            middle_grow += (side + shift) * shrink
+            middle_decay += (side - shift) / shrink
+            side = -side
+            grow, decay = middle_grow * factor, middle_decay / factor
+            old, end = end, 1.0 + side * (node + grow + decay)
+            # Seen from the new side, u'' is that of the old flight turned round, plus the sum of both angles less 2.
+            rise, fall = max(1.01 * fall + 0.5 * cutoff - 1.0, 0.0), 1.01 * rise + 1.0 - 0.5 * old
+            if end > 0.0 and _stays(0.0, end, (half - time) ** 2, rise, fall, cutoff):
+                return grow, decay, end, side, math.inf
+            v, begin = problem.restitution * v, time
+        else:
+            x, v = begin_of(interval.particular, half, grow, decay, side)
+    particular = interval.particular
+    x, v, side, time = _carry(
+        particular, interval.force, half, x, v, side, begin, half, problem.restitution, cutoff, impacts, origin
+    )
+    if abs(x) >= cutoff:
+        return 0.0, 0.0, cutoff, side, origin + time
+    if side == 0:
+        return 0.0, 0.0, 0.0, 0, math.inf
+    p, q = polynomial(particular, half)
+    y, z = x - side - p, v - q
+    return 0.5 * (y + z), 0.5 * (y - z), side * x, side, math.inf
+
+
+@kernel(forceinline=True, borrows=True)
+def state_at(interval, grow, decay, side, time, restitution, cutoff):
+    """Angle and velocity at a time in the interval, nan if overturned; arguments as for `cross`."""
+    x, v = begin_of(interval.particular, interval.half, grow, decay, side)
+    begin = -interval.half
+    x, v, _, _ = _carry(
+        interval.particular, interval.force, interval.half, x, v, side, begin, time, restitution, cutoff, None, 0.0
+    )
+    if abs(x) >= cutoff:
+        return math.nan, math.nan
+    return x, v

@@ -1,0 +1,130 @@
+"""Random numbers: one independent stream for each realization, a function of the seed and its number alone.
+
+Generator: xoshiro256++ (D. Blackman, S. Vigna, ACM Trans. Math. Softw. 47(4), 36, 2021). A stream's four words of
+state are hashes (the finalizer of splitmix64) of the realization's number under four keys that come from the seed, so
+no two realizations of a seed share a word. Normals: the ziggurat of 256 layers (G. Marsaglia, W. W. Tsang, J. Stat.
+Softw. 5(8), 2000, in the form of J. A. Doornik, 2005, where the layer and the abscissa use different bits).
+"""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+
+_MASK = 2**64 - 1
+_GOLDEN = 0x9E3779B97F4A7C15
+_TAIL = 3.6541528853610088
+_AREA = 0.00492867323399
+
+
+def _layers():
+    """Right ends (257,) of the layers, widest first, and the fraction (256,) of each that lies inside the next."""
+    ends = np.zeros(257)
+    density = math.exp(-0.5 * _TAIL**2)
+    ends[0], ends[1] = _AREA / density, _TAIL
+    for i in range(2, 256):
+        ends[i] = math.sqrt(-2.0 * math.log(_AREA / ends[i - 1] + density))
+        density = math.exp(-0.5 * ends[i] ** 2)
+    return ends, ends[1:] / ends[:-1]
+
+
+_ENDS, _INSIDE = _layers()
+_LAYERS = np.uint64(255)
+_UNIT = 2.0**-53
+
+
+@kernel
+def mix(word):
+    """Hash a uint64 (the finalizer of splitmix64, a bijection)."""
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+def stream_keys(seed):
+    """Return the four keys (4,) uint64 of a seed, an int from 0 to 2**64 - 1."""
+    return np.array([mix(np.uint64((seed + i * _GOLDEN) & _MASK)) for i in range(1, 5)], dtype=np.uint64)
+
+
+@kernel
+def keys_at(keys, cycle):
+    """Return the keys (4,) for paths that begin at a cycle: those of the seed at cycle 0, else others."""
+    if cycle == 0:
+        return keys
+    moved = np.empty_like(keys)
+    for i in range(4):
+        moved[i] = mix(keys[i] ^ mix(np.uint64(cycle)))
+    return moved
+
+
+@kernel
+def open_stream(keys, realization):
+    """Return the state (4,) of a realization's stream."""
+    name = mix(np.uint64(realization) + np.uint64(_GOLDEN))
+    state = np.empty(4, np.uint64)
+    for i in range(4):
+        state[i] = mix(name ^ keys[i])
+    return state
+
+
+@kernel(inline="always")
+def _turn(s0, s1, s2, s3):
+    """One step of the generator: 64 random bits and the next state."""
+    total = s0 + s3
+    word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
+    s2 ^= s0
+    s3 ^= s1
+    return word, s0 ^ s3, s1 ^ s2, s2 ^ (s1 << np.uint64(17)), (s3 << np.uint64(45)) | (s3 >> np.uint64(19))
+
+
+@kernel(borrows=True)
+def next_word(state):
+    """Return 64 random bits and move the stream on."""
+    word, state[0], state[1], state[2], state[3] = _turn(state[0], state[1], state[2], state[3])
+    return word
+
+
+@kernel(borrows=True)
+def uniform_pairs(state, first, second, count):
+    """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give."""
+    s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
+    for n in range(count):
+        word, s0, s1, s2, s3 = _turn(s0, s1, s2, s3)
+        first[n] = float(word >> np.uint64(11)) * _UNIT
+        word, s0, s1, s2, s3 = _turn(s0, s1, s2, s3)
+        second[n] = float(word >> np.uint64(11)) * _UNIT
+    state[0], state[1], state[2], state[3] = s0, s1, s2, s3
+
+
+@kernel(borrows=True)
+def uniform(state):
+    """Return a number in [0, 1), a multiple of 2**-53."""
+    return float(next_word(state) >> np.uint64(11)) * _UNIT
+
+
+@kernel(borrows=True)
+def normal(state):
+    """Return a standard normal number."""
+    while True:
+        word = next_word(state)
+        layer = np.int64(word & _LAYERS)
+        share = 2.0 * (float(word >> np.uint64(11)) * _UNIT) - 1.0
+        if abs(share) < _INSIDE[layer]:
+            return share * _ENDS[layer]
+        if layer == 0:
+            return math.copysign(_tail(state), share)
+        x = share * _ENDS[layer]
+        low = math.exp(0.5 * (x * x - _ENDS[layer] ** 2))
+        high = math.exp(0.5 * (x * x - _ENDS[layer + 1] ** 2))
+        if low + uniform(state) * (high - low) < 1.0:
+            return x
+
+
+@kernel(borrows=True)
+def _tail(state):
+    while True:
+        x = math.log(1.0 - uniform(state)) / _TAIL
+        y = math.log(1.0 - uniform(state))
+        if -2.0 * y >= x * x:
+            return _TAIL - x

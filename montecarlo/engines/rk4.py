@@ -1,0 +1,226 @@
+"""Classical Runge-Kutta of order 4 with Shinozuka noise: the paper's method.
+
+Steps of T/n see the forcing at their begin, middle and end. Between impacts the motion is linear, so the four stages
+add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or uplift cannot be excluded
+takes the forcing as the parabola through its three values and follows the block in closed form (`fpk_rocking.physics`):
+impacts, chatter, rest and first passage are located there, and order 4 is kept because such steps are few.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics import noise
+from fpk_rocking.physics.contact import side_at_zero
+from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.transition import Impacts, advance
+from montecarlo.engines.random import open_stream
+from montecarlo.engines.shinozuka import band_numbers, draw
+from montecarlo.engines.start import start_numbers
+
+NOISES = ("band", "none")
+
+CHUNK_STEPS = 20
+"""Steps for which noise is made at once, at most: an overturned block has cost no more than that in vain."""
+
+
+class Problem(NamedTuple):
+    """What the kernel has to know: a scene in numbers, nondimensional.
+
+    `start` (5,): see `montecarlo.engines.start`. `forcing` (2 n + 1,): its value at the half steps of one cycle.
+    `band_low`, `band_width`: the noise's frequencies in turns per cycle. `weight`: amplitude of each of its harmonics.
+    `samples`: states wanted in a cycle.
+    """
+
+    restitution: float
+    cutoff: float
+    period: float
+    start: np.ndarray
+    forcing: np.ndarray
+    band_low: float
+    band_width: float
+    weight: float
+    harmonics: int
+    samples: int
+
+
+class Chunk(NamedTuple):
+    """Forcing of a chunk of steps and what RK4 makes of it; m steps.
+
+    `force` (2 m + 1,) at the half steps; `low`, `high` (m,) bound the parabola through the three values of a step;
+    `push` (m, 2) is the forcing's contribution to angle and velocity over a step. `particular`, `scratch` (TERMS,) are
+    room for a `Segment`.
+    """
+
+    force: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    push: np.ndarray
+    particular: np.ndarray
+    scratch: np.ndarray
+
+
+def problem_of(scene, steps_per_cycle, samples=1):
+    """Return the `Problem` of a scene with band noise or none; `samples` states a cycle change no realization."""
+    count = 2 * steps_per_cycle
+    return Problem(
+        scene.block.restitution,
+        scene.overturning.angle,
+        scene.period,
+        start_numbers(scene.start),
+        scene.forcing.values_in_cycle(np.arange(count + 1), count),
+        *band_numbers(scene),
+        samples,
+    )
+
+
+@kernel
+def _room(length):
+    """Make room for a chunk of at most `length` steps."""
+    return Chunk(
+        np.zeros(2 * length + 1),
+        np.empty(length),
+        np.empty(length),
+        np.empty((length, 2)),
+        np.zeros(TERMS),
+        np.empty(TERMS),
+    )
+
+
+@kernel(fastmath={"contract"})
+def _tabulate(chunk, steps, h):
+    """Work out what the forcing of a chunk does in each step, and its bounds."""
+    force = chunk.force
+    for j in range(steps):
+        begin, middle, end = force[2 * j], force[2 * j + 1], force[2 * j + 2]
+        bend = 0.125 * abs(begin - 2.0 * middle + end)
+        chunk.low[j] = min(begin, middle, end) - bend
+        chunk.high[j] = max(begin, middle, end) + bend
+        chunk.push[j, 0] = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
+        chunk.push[j, 1] = h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
+
+
+@kernel
+def _resolve(x, v, side, chunk, j, until, h, problem, impacts=None, origin=0.0):
+    """Follow the block to time `until` of step j, whose forcing is the parabola through its three values."""
+    begin, middle, end = chunk.force[2 * j], chunk.force[2 * j + 1], chunk.force[2 * j + 2]
+    slope = (4.0 * middle - 3.0 * begin - end) / h
+    curvature = 4.0 * (begin - 2.0 * middle + end) / (h * h)
+    # With f a parabola, P = -f - f'' solves P'' = P + f.
+    chunk.particular[0] = -begin - curvature
+    chunk.particular[1] = -slope
+    chunk.particular[2] = -0.5 * curvature
+    segment = segment_of(chunk.particular, chunk.scratch, h)
+    return advance(x, v, side, segment, 0.0, until, problem.restitution, problem.cutoff, impacts, origin)
+
+
+@kernel(fastmath={"contract"})
+def _steps(x, v, side, chunk, first, last, h, problem, impacts, origin):
+    """Take steps `first` to `last` - 1 of a chunk that begins at `origin`.
+
+    Return x, v, side and the time since the chunk's begin, which is less than that of step `last` if it overturned.
+    """
+    keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
+    side_x, side_v = h * h * (3.0 + 0.25 * h * h) / 6.0, swap
+    half = 0.5 * h * h
+    for j in range(first, last):
+        if side != 0:
+            u, w = side * x, side * v
+            low, high = (chunk.low[j], chunk.high[j]) if side > 0 else (-chunk.high[j], -chunk.low[j])
+            floor = u + h * w + half * min(0.0, low - 1.0)
+            roof = u + h * w + half * max(0.0, problem.cutoff - 1.0 + high)
+            x_next = keep * x + swap * v + chunk.push[j, 0] - side * side_x
+            v_next = swap * x + keep * v + chunk.push[j, 1] - side * side_v
+            if floor > 0.0 and roof < problem.cutoff and 0.0 < side * x_next < problem.cutoff:
+                x, v = x_next, v_next
+                continue
+        elif max(chunk.high[j], -chunk.low[j]) < 1.0:
+            continue
+        x, v, side, time = _resolve(x, v, side, chunk, j, h, h, problem, impacts, origin + j * h)
+        if abs(x) >= problem.cutoff:
+            return x, v, side, j * h + time
+    return x, v, side, last * h
+
+
+@kernel(forceinline=True)  # see flight.next_event
+def _run_chunk(x, v, side, chunk, first, steps, row, h, problem, angle, velocity, impacts, origin):
+    """Take the block through a chunk of a cycle, from its step `first` on; write its samples from number `row` on.
+
+    Return x, v, side, the time since the chunk's begin, and the number of the next sample. A sample within a step is
+    a look aside: the step itself is taken whole.
+    """
+    n = problem.forcing.size // 2
+    done = 0
+    while True:
+        place = (row - 1) % problem.samples + 1
+        whole, rest = place * n // problem.samples - first, place * n % problem.samples
+        last = min(whole, steps)
+        x, v, side, time = _steps(x, v, side, chunk, done, last, h, problem, impacts, origin)
+        if abs(x) >= problem.cutoff or whole > steps or (whole == steps and rest > 0):
+            return x, v, side, time, row
+        done = last
+        if rest == 0:
+            angle[row], velocity[row] = x, v
+        else:
+            seen, speed, _, _ = _resolve(x, v, side, chunk, done, h * rest / problem.samples, h, problem)
+            if abs(seen) < problem.cutoff:
+                angle[row], velocity[row] = seen, speed
+        row += 1
+        if place == problem.samples:
+            return x, v, side, time, row
+
+
+@kernel
+def _realize(stream, cycle, problem, angle, velocity, impacts):
+    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
+    n = problem.forcing.size // 2
+    h = problem.period / n
+    chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
+    length = (n + chunks - 1) // chunks
+    harmonics = noise.allocate(problem.harmonics, length)
+    x, v = draw(stream, problem, harmonics)
+    noise.prepare(harmonics, length, 0.5 / n)
+    noise.set_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
+    noise.set_rotation(harmonics.ratios, 1.0 - length * (chunks - 1) / n, harmonics.wrap[0], harmonics.wrap[1])
+    chunk = _room(length)
+    if abs(x) >= problem.cutoff:
+        return cycle * problem.period, (1 if x > 0.0 else -1)
+    angle[0], velocity[0] = x, v
+    side = 1 if x > 0.0 else -1
+    if x == 0.0:
+        side = side_at_zero(v, problem.forcing[0] + noise.noise_at(harmonics, cycle, 0.0))
+    row, fresh = 1, True
+    while row < angle.size:
+        for part in range(chunks):
+            if fresh or (part == 0 and cycle % noise.ANCHOR_CYCLES == 0):
+                noise.anchor(harmonics, cycle, 0.5 * length / n)
+                fresh = False
+            else:
+                noise.rotate(harmonics, harmonics.wrap if part == 0 else harmonics.hop)
+            first = part * length
+            steps = min(length, n - first)
+            for i in range(2 * steps + 1):
+                chunk.force[i] = problem.forcing[2 * first + i]
+            noise.add_chunk(harmonics, length, chunk.force)
+            _tabulate(chunk, steps, h)
+            origin = cycle * problem.period + first * h
+            x, v, side, time, row = _run_chunk(
+                x, v, side, chunk, first, steps, row, h, problem, angle, velocity, impacts, origin
+            )
+            if abs(x) >= problem.cutoff:
+                return origin + time, side
+        cycle += 1
+    return math.nan, 0
+
+
+@kernel(parallel=True)
+def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
+    """Simulate realizations in parallel; see `montecarlo.engines.Engine`."""
+    for r in prange(angle.shape[0]):
+        stream = open_stream(keys, first + r)
+        hits = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+        overturn_time[r], overturn_side[r] = _realize(stream, cycle, problem, angle[r], velocity[r], hits)

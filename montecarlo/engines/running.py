@@ -1,0 +1,164 @@
+"""What every run shares: its checked parameters, the engine that fits the noise, and batches of realizations."""
+
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.physics.transition import Impacts
+from fpk_rocking.scene import limits
+from fpk_rocking.scene.scene import Scene
+from montecarlo.engines import exact, rk4, white
+from montecarlo.engines.random import stream_keys
+
+ENGINES = {"exact": exact, "rk4": rk4, "white": white}
+"""Engines by their method's name; of those that fit a noise the first is the default."""
+
+_BATCH_S = 0.3
+_SMALLEST_BATCH = 64
+_FIRST_STATES = 4096
+_STATES = 2**28
+
+
+class Run(NamedTuple):
+    """Checked parameters of a run, as `montecarlo.simulate` describes them."""
+
+    scene: Scene
+    cycles: int
+    realizations: int
+    seed: int
+    method: str
+    steps_per_cycle: int
+
+
+class Batch(NamedTuple):
+    """Realizations `first`, `first` + 1, ... of a run, `count` of them; nondimensional.
+
+    `angle`, `velocity` (count, cycles * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
+    as in `montecarlo.Ensemble`. `impacts`: `Impacts` of arrays (count,), (count, capacity) and (count, capacity), times
+    and velocities just before; nan beyond the count.
+    """
+
+    first: int
+    angle: np.ndarray
+    velocity: np.ndarray
+    overturn_time: np.ndarray
+    overturn_side: np.ndarray
+    impacts: Impacts
+
+
+def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None):
+    """Return the `Run` of the given parameters, or raise TypeError or ValueError naming the one that is refused."""
+    checks.instance("scene", scene, Scene)
+    limits.check(scene)
+    checks.report(progress)
+    return Run(
+        scene,
+        checks.count("cycles", cycles),
+        checks.count("realizations", realizations),
+        _whole("seed", seed, 0, 2**64 - 1),
+        _method(method, scene.noise.kind),
+        _whole("steps_per_cycle", steps_per_cycle, 8, 10**6),
+    )
+
+
+def refuse_large(run, per_cycle=1, instead=""):
+    """Refuse a run whose states, `per_cycle` in a cycle, do not fit into 4 GiB; `instead` is what takes more."""
+    if run.realizations * (run.cycles * per_cycle + 1) > _STATES:
+        rows = "cycles" if per_cycle == 1 else f"cycles x {per_cycle}"
+        accepted = f"realizations x ({rows} + 1) <= {_STATES}, 4 GiB of states{instead}"
+        raise ValueError(checks.refusal("realizations", run.realizations, accepted))
+
+
+def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
+    """Simulate the realizations of a run from `first` on, in parallel.
+
+    Parameters
+    ----------
+    run : Run
+    first : int
+        Number of the first realization that is wanted.
+    samples : int
+        States wanted in each cycle, at equal times; with 1 these are the Poincaré points.
+    capacity : int
+        Impacts of a realization that are kept; all are counted.
+    cycle : int
+        Number of the cycle at which the run begins, from the scene's start; times count from τ = 0. Band noise is the
+        same function of time for every such run, white noise is independent.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after each batch; may raise.
+
+    Yields
+    ------
+    Batch
+        Each of its own arrays.
+    """
+    engine = ENGINES[run.method]
+    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, samples), stream_keys(run.seed)
+    size = max(_SMALLEST_BATCH, _FIRST_STATES // run.cycles)
+    while first < run.realizations:
+        began = time.perf_counter()
+        count = min(size, run.realizations - first)
+        batch = _room(first, count, run.cycles * samples + 1, capacity)
+        engine.realize(keys, first, cycle, problem, *batch[1:])
+        _refuse_broken(batch, run, cycle * samples, samples / run.scene.period)
+        yield batch
+        first += count
+        if progress is not None:
+            progress(first, run.realizations)
+        # Batches are short enough to be interrupted and long enough to keep all threads busy.
+        wanted = size * _BATCH_S / (time.perf_counter() - began)
+        size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
+
+
+def _refuse_broken(batch, run, begin, per_time):
+    """Raise where a state is missing or is no number: every one up to overturning, and none after it, has to be one.
+
+    `begin` is the number of the first sample, counted from τ = 0, and `per_time` the samples per unit time.
+    """
+    standing = batch.overturn_side == 0
+    ends = np.where(standing, batch.angle.shape[1] - 1.0, batch.overturn_time * per_time - begin)
+    counts = np.count_nonzero(np.isfinite(batch.angle) & np.isfinite(batch.velocity), axis=1)
+    # What overturns between two samples, or within rounding of one, has those before it.
+    near = 1e-9 * (1.0 + begin + batch.angle.shape[1])
+    right = np.where(standing, counts == ends + 1.0, (counts >= ends - near) & (counts <= ends + 1.0 + near))
+    if not right.all():
+        number = batch.first + int(np.argmin(right))
+        raise FloatingPointError(
+            f"realization {number} of method {run.method!r}, seed {run.seed}: {counts[number - batch.first]} finite "
+            f"states, overturning at {batch.overturn_time[number - batch.first]}; this must not be, in {run.scene}"
+        )
+
+
+def _room(first, count, rows, capacity):
+    """Return a `Batch` with nothing in it yet."""
+    angle, velocity = np.full((2, count, rows), math.nan)
+    time, speed = np.full((2, count, capacity), math.nan)
+    hits = Impacts(np.zeros(count, np.int64), time, speed)
+    return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
+
+
+def _whole(name, value, low, high):
+    accepted = f"a whole number from {low} to {high}"
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(checks.refusal(name, value, accepted))
+    if not low <= value <= high:
+        raise ValueError(checks.refusal(name, value, accepted))
+    return int(value)
+
+
+def _method(method, kind):
+    fitting = [name for name, engine in ENGINES.items() if kind in engine.NOISES]
+    if method is None:
+        return fitting[0]
+    if isinstance(method, str) and method in fitting:
+        return method
+    if not isinstance(method, str) or method not in ENGINES:
+        accepted = ", ".join(map(repr, ENGINES)) + " or None (what fits the noise)"
+        raise ValueError(checks.refusal("method", method, accepted))
+    accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"
+    if method == "white":
+        accepted += "; 'white' takes a scene with white noise, which scene.white_equivalent() makes"
+    raise ValueError(checks.refusal("method", method, accepted))

@@ -1,0 +1,192 @@
+"""White noise: paths of dv = (x - s + f) dt + sqrt(2 D) dW, exact in law between impacts.
+
+Away from x = 0 and from the cut-off a step of any length is one draw from the Gaussian of the flight. A step is as
+long as it can be while neither barrier is within `REACH` standard deviations, so steps shrink as a barrier comes near,
+faster than geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over
+the time t that the block needs to the barrier at speed w, one more exact draw carries it to its expected arrival; the
+small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels.
+
+No step is shorter than T/(FINEST steps_per_cycle). That resolution matters where impacts are slow, at speeds about
+sqrt(2 D) times its root, as in a start from rest, and it alone decides about the bias, which is of first order in it.
+
+The motion is folded: u = s x >= 0, w = s v. Everything is nondimensional.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.flight import Segment, flight, segment_of
+from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.transition import Impacts
+from montecarlo.engines.approach import land, near, noise_factor
+from montecarlo.engines.random import keys_at, normal, open_stream
+from montecarlo.engines.start import draw_start, start_numbers
+
+NOISES = ("white",)
+
+REACH = 4.0
+FINEST = 256
+
+_LONGEST = 0.075
+
+
+class Problem(NamedTuple):
+    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a cycle.
+
+    `start` (5,): see `start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
+    the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
+    side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
+    of its noise. `shortest`: duration of the shortest step. `reach`: REACH standard deviations of the angle after a
+    time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
+    """
+
+    restitution: float
+    cutoff: float
+    diffusion: float
+    start: np.ndarray
+    particular: np.ndarray
+    force: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    curvature: np.ndarray
+    drift: np.ndarray
+    hyperbolic: np.ndarray
+    spread: np.ndarray
+    span: float
+    shortest: float
+    reach: float
+    margin: float
+    samples: int
+
+
+@kernel
+def _segments(particular, span, force, low, high, curvature, drift):
+    for j in range(low.size):
+        segment = segment_of(particular[j], force[j], span)
+        low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
+        for k in range(2):
+            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
+
+
+def problem_of(scene, steps_per_cycle, samples=1):
+    """Return the `Problem` of a scene with white noise.
+
+    The intervals of a cycle are a multiple of `samples`, so other samples may mean other paths (of the same law).
+    """
+    restitution, diffusion = scene.block.restitution, scene.noise.diffusion
+    if diffusion == 0.0:
+        raise ValueError(checks.refusal("noise.diffusion", diffusion, "a number > 0 for 'white'; use NoNoise for none"))
+    if restitution <= CRITICAL_RESTITUTION:
+        accepted = (
+            f"above exp(-pi/sqrt(3)) = {CRITICAL_RESTITUTION:.5f} under white noise, where impacts accumulate up to "
+            "it; raise it, or keep band noise and use 'rk4'"
+        )
+        raise ValueError(checks.refusal("block.restitution", restitution, accepted))
+    fewest = max(
+        math.ceil(16 * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST)
+    )
+    intervals = samples * math.ceil(fewest / samples)
+    span = scene.period / intervals
+    tables = (
+        np.empty((intervals, TERMS)),
+        np.empty(intervals),
+        np.empty(intervals),
+        np.empty(intervals),
+        np.empty((intervals, 2, 2)),
+    )
+    particular = scene.forcing.pieces(np.arange(intervals) * span)
+    _segments(particular, span, *tables)
+    xx, _, _ = flight_covariance(diffusion, span)
+    return Problem(
+        restitution,
+        scene.overturning.angle,
+        diffusion,
+        start_numbers(scene.start),
+        particular,
+        *tables,
+        np.array([math.cosh(span), math.sinh(span)]),
+        np.array(noise_factor(diffusion, span)),
+        span,
+        scene.period / (FINEST * steps_per_cycle),
+        REACH * math.sqrt(xx / span**3),
+        REACH * math.sqrt(xx),
+        samples,
+    )
+
+
+@kernel(forceinline=True)  # see flight.next_event
+def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
+    """Take the block through interval j of a cycle; return u, w, side, the time reached: `span` unless overturned.
+
+    `impacts` records the impacts, at times counted from `origin`, that of the interval's begin.
+    """
+    span, cutoff = problem.span, problem.cutoff
+    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
+    margin, half = problem.margin, 0.5 * span * span
+    above = u + span * w + half * min(0.0, low - 1.0)
+    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
+    segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
+    if above >= margin and below >= margin:
+        first, second = normal(stream), normal(stream)
+        drift = problem.drift[j, (side + 1) // 2]
+        keep, swap = problem.hyperbolic
+        xx, vx, vv = problem.spread
+        x = keep * u + swap * w + side * (drift[0] + xx * first)
+        w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
+        if x >= 0.0:
+            return x, w, side, span
+        u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem, impacts, origin)
+    else:
+        time = 0.0
+    while time < span and u < cutoff:
+        u, w, side, time = near(stream, u, w, side, segment, time, problem, impacts, origin)
+    return u, w, side, time
+
+
+@kernel
+def first_side(x, v, problem):
+    """Side of a start; at rest it is where the force pushes, or the first step would begin with an impact."""
+    push = v if v != 0.0 else problem.force[0, 0]
+    return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
+
+
+@kernel
+def _realize(stream, cycle, problem, angle, velocity, impacts):
+    """Simulate one path: fill its rows of states, return time (nan: never) and side of overturning."""
+    x, v = draw_start(stream, problem.start)
+    side = first_side(x, v, problem)
+    u, w = side * x, side * v
+    intervals, span = problem.low.size, problem.span
+    elapsed = cycle * intervals
+    if u >= problem.cutoff:
+        return elapsed * span, side
+    angle[0], velocity[0] = x, v
+    for row in range(1, angle.size):
+        for _ in range(intervals // problem.samples):
+            j = elapsed % intervals
+            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, elapsed * span)
+            if u >= problem.cutoff:
+                return elapsed * span + time, side
+            elapsed += 1
+        angle[row], velocity[row] = side * u, side * w
+    return math.nan, 0
+
+
+@kernel(parallel=True)
+def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
+    """Simulate paths `first`, `first` + 1, ... in parallel; see `montecarlo.engines.Engine`.
+
+    Each path has a stream of its own, and another one in a run that begins at another cycle.
+    """
+    keys = keys_at(keys, cycle)
+    for r in prange(angle.shape[0]):
+        stream = open_stream(keys, first + r)
+        hits = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+        overturn_time[r], overturn_side[r] = _realize(stream, cycle, problem, angle[r], velocity[r], hits)

@@ -1,0 +1,210 @@
+"""`split`: probabilities of rare overturning under white noise, by adaptive multilevel splitting."""
+
+import concurrent.futures
+import dataclasses
+import functools
+import math
+import time
+
+import numba
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.scene.scene import Scene
+from montecarlo.engines import running
+from montecarlo.engines.random import stream_keys
+from montecarlo.engines.white import problem_of
+from montecarlo.rare import branching
+from montecarlo.rare.prospects import outlook_of
+
+_FEWEST_WALKERS = 10
+_FEWEST_REPEATS = 2
+_SKEWED = 0.5
+_STATES = 2**26
+_INTERVALS = 2000
+_UNBRANCHED = {
+    "band": "a Shinozuka path is fixed at τ = 0 and cannot branch; scene.white_equivalent() has white noise instead",
+    "none": "without noise there is one path alone and nothing to branch",
+}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Splitting:
+    """Estimates of overturning by independent repeats of adaptive multilevel splitting; nondimensional.
+
+    Each repeat, and so their mean, is unbiased for P(overturned by kT) at every cycle k and to either side, for any
+    number of walkers: its expectation is what `simulate` with method "white" has at the same `steps_per_cycle`. A
+    function of it, such as a rate or its logarithm, is not. `standard_error` is estimated from the repeats; where they
+    are `skewed` both it and the mean are probably too small.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it was asked for.
+    walkers : int
+        Paths that climb together in each repeat.
+    seed : int
+        With a repeat's number and the walkers, all that its random numbers depend on.
+    steps_per_cycle : int
+        As it was asked for.
+    wall_s : float
+        Seconds that the splitting took, compilation included.
+    repeat_overturned : ndarray, shape (repeats, cycles + 1, 2)
+        Each repeat's estimate of P(overturned by kT) to the left and to the right.
+    levels, killed : ndarray of int, shape (repeats,)
+        Levels that each repeat passed, and walkers that it killed at them.
+    """
+
+    scene: Scene
+    walkers: int
+    seed: int
+    steps_per_cycle: int
+    wall_s: float
+    repeat_overturned: np.ndarray
+    levels: np.ndarray
+    killed: np.ndarray
+
+    def __post_init__(self):
+        for name in ("repeat_overturned", "levels", "killed"):
+            getattr(self, name).flags.writeable = False
+
+    @property
+    def repeats(self):
+        """Number of independent repeats."""
+        return self.repeat_overturned.shape[0]
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return self.repeat_overturned.shape[1] - 1
+
+    @property
+    def overturned(self):
+        """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
+        return self.repeat_overturned.mean(axis=0)
+
+    @functools.cached_property
+    def repeat_probability(self):
+        """Each repeat's estimate of P(overturned by kT), shape (repeats, cycles + 1)."""
+        return self.repeat_overturned.sum(axis=2)
+
+    @property
+    def probability(self):
+        """P(overturned by kT), shape (cycles + 1,)."""
+        return self.repeat_probability.mean(axis=0)
+
+    @property
+    def survival(self):
+        """P(not overturned by kT), shape (cycles + 1,)."""
+        return 1.0 - self.probability
+
+    @property
+    def standard_error(self):
+        """Standard error of `probability` and of `survival`, shape (cycles + 1,)."""
+        return self.repeat_probability.std(axis=0, ddof=1) / math.sqrt(self.repeats)
+
+    @property
+    def effective_repeats(self):
+        """(Σp)²/Σp² over the repeats' estimates p, shape (cycles + 1,).
+
+        All the repeats where they agree, 1 where one of them outweighs the rest, 0 where none saw an overturning.
+        """
+        squares = (self.repeat_probability**2).sum(axis=0)
+        total = self.repeat_probability.sum(axis=0) ** 2
+        return np.divide(total, squares, out=np.zeros_like(total), where=squares > 0.0)
+
+    @property
+    def extinct(self):
+        """Number of repeats that lost all walkers; their estimates are 0, which the mean needs to be unbiased."""
+        return int(np.count_nonzero(self.repeat_probability[:, -1] == 0.0))
+
+    @property
+    def skewed(self):
+        """Whether at the last cycle less than half of the repeats are effective: take more walkers, then ask again."""
+        return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
+
+
+def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=200, progress=None):
+    """Estimate the probability of rare overturning under white noise, cycle by cycle, by splitting paths.
+
+    Paths that come nearer to overturning than others are continued several times, from there on, and the others are
+    given up: `rare.levels` has the algorithm, `rare.prospects` the measure of nearness. Where plain
+    paths need 1/p of them to see a probability p once, a repeat simulates `walkers` (1 + ln(1/p)) or so at most.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white noise and a restitution above exp(-π/√3).
+    cycles : int
+        Forcing cycles, at least 1; what is rare is overturning by the last of them.
+    walkers : int
+        At least 10. Where the repeats are skewed, more walkers help and more repeats hardly.
+    repeats : int
+        Independent repeats, at least 2; 20 or more for a standard error worth its name.
+    seed : int
+        From 0 to 2**64 - 1.
+    steps_per_cycle : int
+        At least 8; no step is shorter than a 256th of a cycle over this number.
+    progress : callable, optional
+        Called as ``progress(done, total)`` between repeats; may raise.
+
+    Returns
+    -------
+    Splitting
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused; so are scenes with band noise or none, whose paths cannot branch, and cycles so long
+        that the outlook over them would take hundreds of megabytes.
+    """
+    started = time.perf_counter()
+    checks.instance("scene", scene, Scene)
+    if scene.noise.kind in _UNBRANCHED:
+        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
+    walkers = _at_least("walkers", walkers, _FEWEST_WALKERS)
+    repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
+    run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
+    problem, keys = problem_of(scene, run.steps_per_cycle), stream_keys(run.seed)
+    if problem.low.size > _INTERVALS:
+        accepted = f"a cycle of {_INTERVALS} intervals or fewer for `split`, {problem.span:.2g} each"
+        raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
+    _refuse_large("walkers", walkers, run.cycles * problem.low.size)
+    _refuse_large("repeats", repeats, run.cycles)
+    outlook = outlook_of(scene, problem.low.size)
+    overturned = np.zeros((repeats, run.cycles + 1, 2))
+    levels, killed = np.empty((2, repeats), np.int64)
+    pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())
+    try:
+        common = keys, walkers, problem, outlook
+        counts = pool.map(lambda r: branching.realize(r, *common, overturned[r]), range(repeats))
+        for r, (levels[r], killed[r]) in enumerate(counts):
+            if progress is not None:
+                progress(r + 1, repeats)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    if not np.all(np.isfinite(overturned)):
+        raise FloatingPointError(f"repeat_overturned: has a number that is not finite; this must not be, in {scene}")
+    return Splitting(
+        scene=scene,
+        walkers=walkers,
+        seed=run.seed,
+        steps_per_cycle=run.steps_per_cycle,
+        wall_s=time.perf_counter() - started,
+        repeat_overturned=overturned,
+        levels=levels,
+        killed=killed,
+    )
+
+
+def _refuse_large(name, number, each):
+    """Refuse more states than 2.5 GiB hold, `each` of a number of walkers or repeats."""
+    if number * (each + 1) > _STATES:
+        raise ValueError(checks.refusal(name, number, f"at most {_STATES // (each + 1)} with {each} steps of a path"))
+
+
+def _at_least(name, value, least):
+    value = checks.count(name, value)
+    if value < least:
+        raise ValueError(checks.refusal(name, value, f"a whole number >= {least}"))
+    return value

@@ -1,0 +1,174 @@
+"""What is kept of batches of realizations: integers alone, so that no order of adding them makes a difference.
+
+Counts are integers by nature. For the moments each state is rounded to whole multiples of a quantum, and the sums of
+these numbers and of their products are exact. Of a number at most 2^31 in size, up to 2^31 - 1 realizations sum to less
+than 2^62. A product, at most 2^62, is split into p = 2^32 high + low with 0 <= low < 2^32; both halves are summed on
+their own, the low ones to less than 2^63: nothing overflows an int64.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.base.jit import kernel
+
+LARGEST = 2**31 - 1
+"""Realizations at most."""
+
+PARTS = 20
+"""Parts of a cycle in which first passages are counted."""
+
+_RANGE = 2.0**31
+_HALF = 32
+
+
+class Counts(NamedTuple):
+    """State of a tally, `rows` = cycles + 1 whole cycles; all but the edges and the quanta grow as batches are added.
+
+    `angle_edges`, `velocity_edges`: edges of the bins. `quantum` (2,): of angle and velocity, powers of two. `standing`
+    (rows,): realizations that have not overturned. `passages` (cycles PARTS + 1, 2): realizations overturned to the
+    left and right in each part of a cycle, those that start beyond the cut-off in row 0. `histogram` (rows, n_angle,
+    n_velocity) int32: standing realizations in each bin. `sums` (rows, 2): angles and velocities of the standing in
+    quanta. `products` (rows, 3, 2): their products xx, xv, vv, high and low halves.
+    """
+
+    angle_edges: np.ndarray
+    velocity_edges: np.ndarray
+    quantum: np.ndarray
+    standing: np.ndarray
+    passages: np.ndarray
+    histogram: np.ndarray
+    sums: np.ndarray
+    products: np.ndarray
+
+
+def empty_counts(scene, cycles, angle_edges, velocity_edges):
+    """Return `Counts` of no realization.
+
+    The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
+    `fpk_rocking.results.binning.joint_edges`, which holds four standard deviations of the noise.
+    """
+    bounds = scene.overturning.angle, 8.0 * joint_edges(scene)[1][-1]
+    rows = cycles + 1
+    return Counts(
+        angle_edges,
+        velocity_edges,
+        np.array([2.0 ** math.ceil(math.log2(bound)) / _RANGE for bound in bounds]),
+        np.zeros(rows, np.int64),
+        np.zeros((cycles * PARTS + 1, 2), np.int64),
+        np.zeros((rows, angle_edges.size - 1, velocity_edges.size - 1), np.int32),
+        np.zeros((rows, 2), np.int64),
+        np.zeros((rows, 3, 2), np.int64),
+    )
+
+
+def add(counts, batch, period):
+    """Add a batch of realizations to the counts, whole or, with the ValueError of a wild state, not at all."""
+    if not _add(counts, batch.angle, batch.velocity, batch.overturn_time, batch.overturn_side, period):
+        limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
+        raise ValueError(
+            f"realizations: got a state of a standing block beyond angle and velocity {limits} among those from number "
+            f"{batch.first} on, accepted: scenes whose moments can be summed"
+        )
+
+
+@kernel(parallel=True)
+def _add(counts, angle, velocity, overturn_time, overturn_side, period):
+    """Add a batch in one call, which no interrupt from the keyboard can cut in two; return whether it was added."""
+    count, rows = angle.shape
+    to_quanta = 1.0 / counts.quantum
+    stands = np.empty(count, np.int64)
+    wild = 0
+    for r in prange(count):
+        stands[r] = _cycles_standing(angle[r], velocity[r], to_quanta)
+        wild += stands[r] < 0
+    if wild > 0:
+        return False
+    for r in range(count):
+        if stands[r] < rows:
+            row = _passage(stands[r], overturn_time[r] / period)
+            counts.passages[row, 1 if overturn_side[r] > 0 else 0] += 1
+    for k in prange(rows):
+        for r in range(count):
+            if k < stands[r]:
+                _add_state(counts, k, angle[r, k], velocity[r, k], to_quanta)
+    return True
+
+
+@kernel
+def _cycles_standing(angle, velocity, to_quanta):
+    """Return the number of whole cycles at which a block stands, -1 if it has a state without a number of quanta."""
+    k = 0
+    while k < angle.size and not math.isnan(angle[k]):
+        if not (abs(angle[k] * to_quanta[0]) <= _RANGE and abs(velocity[k] * to_quanta[1]) <= _RANGE):
+            return -1
+        k += 1
+    return k
+
+
+@kernel
+def _passage(standing, time):
+    """Return the row in which an overturning is counted: what is gone at kT has passed in the cycle before.
+
+    That holds whatever rounding makes of a time, here in cycles, near the ends of that cycle; time 0 gives row 0.
+    """
+    part = math.ceil((time - (standing - 1)) * PARTS)
+    return (standing - 1) * PARTS + min(max(part, 1), PARTS)
+
+
+@kernel
+def _add_state(counts, k, angle, velocity, to_quanta):
+    counts.standing[k] += 1
+    i, j = _bin_of(counts.angle_edges, angle), _bin_of(counts.velocity_edges, velocity)
+    if i >= 0 and j >= 0:
+        counts.histogram[k, i, j] += 1
+    x, v = np.int64(np.rint(angle * to_quanta[0])), np.int64(np.rint(velocity * to_quanta[1]))
+    counts.sums[k, 0] += x
+    counts.sums[k, 1] += v
+    _add_product(counts.products[k, 0], x * x)
+    _add_product(counts.products[k, 1], x * v)
+    _add_product(counts.products[k, 2], v * v)
+
+
+@kernel
+def _add_product(total, product):
+    high = product >> _HALF
+    total[0] += high
+    total[1] += product - (high << _HALF)
+
+
+@kernel
+def _bin_of(edges, value):
+    """Return the bin of a value as `numpy.histogram` has it, the last one closed on both sides; -1 for none."""
+    low, high = 0, edges.size - 1
+    if not edges[low] <= value <= edges[high]:
+        return -1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if value >= edges[middle]:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def moments(counts):
+    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks after each cycle, nan where none stands.
+
+    They are those of the rounded states, right to the last digit whatever cancels: Python's integers have no end.
+    """
+    mean = np.full(counts.sums.shape, math.nan)
+    covariance = np.full((*counts.sums.shape, 2), math.nan)
+    quantum = counts.quantum
+    for k, n in enumerate(counts.standing.tolist()):
+        if n == 0:
+            continue
+        sums = counts.sums[k].tolist()
+        xx, xv, vv = ((high << _HALF) + low for high, low in counts.products[k].tolist())
+        mean[k] = [total / n * unit for total, unit in zip(sums, quantum, strict=True)]
+        for i, j, product in ((0, 0, xx), (0, 1, xv), (1, 0, xv), (1, 1, vv)):
+            covariance[k, i, j] = (n * product - sums[i] * sums[j]) / (n * n) * quantum[i] * quantum[j]
+    return mean, covariance

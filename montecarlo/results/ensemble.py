@@ -1,0 +1,108 @@
+"""The result of a simulation: every realization's Poincaré points and its overturning."""
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from fpk_rocking.results import storage
+from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.results.layout import Layout
+from fpk_rocking.scene.scene import Scene
+from montecarlo.results.sample import Sample
+
+_LAYOUT = Layout(
+    {"angle": "f8 n k+1", "velocity": "f8 n k+1", "overturn_time": "f8 n", "overturn_side": "i1 n"},
+    {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Ensemble(Sample):
+    """Independent realizations of a scene; all quantities are nondimensional.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it was asked for.
+    method : str
+        "rk4", "exact" or "white".
+    seed : int
+        With a realization's number, all that its random numbers depend on.
+    steps_per_cycle : int
+        As it was asked for.
+    wall_s : float
+        Seconds that the simulation took, compilation included.
+    angle, velocity : ndarray, shape (realizations, cycles + 1)
+        Poincaré points, states at τ = kT; nan after overturning.
+    overturn_time : ndarray, shape (realizations,)
+        Time τ of overturning, nan where it never came.
+    overturn_side : ndarray of int8, shape (realizations,)
+        -1 overturned to the left, +1 to the right, 0 not at all.
+    """
+
+    scene: Scene
+    method: str
+    seed: int
+    steps_per_cycle: int
+    wall_s: float
+    angle: np.ndarray
+    velocity: np.ndarray
+    overturn_time: np.ndarray
+    overturn_side: np.ndarray
+
+    def __post_init__(self):
+        for name in _LAYOUT.arrays:
+            getattr(self, name).flags.writeable = False
+
+    @property
+    def realizations(self):
+        """Number of realizations."""
+        return self.angle.shape[0]
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return self.angle.shape[1] - 1
+
+    @functools.cached_property
+    def _gone(self):
+        sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
+        return np.stack(sides, axis=-1)
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+        """Estimate P(not overturned and in a bin) after a cycle.
+
+        Parameters
+        ----------
+        cycle : int
+            0 to `cycles`.
+        angle_edges, velocity_edges : array_like
+            Two or more ascending edges; the bins are those of `numpy.histogram2d`.
+
+        Returns
+        -------
+        ndarray, shape (n_angle, n_velocity)
+            Sums to the survival where the bins cover the ensemble.
+
+        Raises
+        ------
+        TypeError, ValueError
+            The cycle is not one of the ensemble's, or the edges do not ascend.
+        """
+        cycle = self._checked_cycle(cycle)
+        named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
+        edges = [ascending_edges(*given, finite=False) for given in named]
+        standing = np.isfinite(self.angle[:, cycle])
+        points = self.angle[standing, cycle], self.velocity[standing, cycle]
+        return np.histogram2d(*points, bins=edges)[0] / self.realizations
+
+    def save(self, path):
+        """Save the ensemble, whole or not at all; `path` by custom ends in .npz."""
+        storage.write_result(path, "ensemble", self.scene, *_LAYOUT.of(self))
+
+    @classmethod
+    def load(cls, path):
+        """Load a saved ensemble; raises as `fpk_rocking.results.storage.read_result`."""
+        scene, arrays, attributes = storage.read_result(path, "ensemble", _LAYOUT)
+        return cls(scene=scene, **arrays, **attributes)

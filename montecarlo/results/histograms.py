@@ -1,0 +1,111 @@
+"""Densities from samples, each bin with its own sampling noise: first-passage times and impact speeds.
+
+Intervals are Wilson's. The bins of one histogram are not independent of each other: each interval has its level alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.results.binning import ascending_edges
+from montecarlo.results.ensemble import Ensemble
+from montecarlo.results.histories import Histories
+from montecarlo.results.statistics import wilson_interval
+
+
+class Histogram(NamedTuple):
+    """A density in n bins; nondimensional.
+
+    `edges` (n + 1,); `counts` (n,): what fell into each bin; `density` (n,): the mean over each bin; `interval` (n, 2):
+    its confidence limits.
+    """
+
+    edges: np.ndarray
+    counts: np.ndarray
+    density: np.ndarray
+    interval: np.ndarray
+
+
+def first_passage(result, edges, level=0.95):
+    """Density of the time of overturning.
+
+    It integrates to the probability of overturning between the outer edges, which is less than 1 where blocks survive.
+
+    Parameters
+    ----------
+    result : Ensemble or Histories
+    edges : array_like, shape (n + 1,)
+        Ascending times τ; bins are closed to the left, the last one to both sides.
+    level : float
+        Confidence of each interval, in (0, 1).
+
+    Returns
+    -------
+    Histogram
+
+    Raises
+    ------
+    TypeError, ValueError
+        The edges or the level are refused.
+    """
+    checks.instance("result", result, Ensemble, Histories)
+    edges = ascending_edges("edges", edges, finite=True)
+    times = np.asarray(result.overturn_time)
+    counts = np.histogram(times[np.isfinite(times)], edges)[0]
+    return _histogram(edges, counts, times.size, wilson_interval(counts, times.size, level))
+
+
+def impact_speeds(histories, edges, level=0.95):
+    """Density of the speed just before an impact, over all impacts of all realizations.
+
+    It integrates to the share of the impacts between the outer edges. Impacts of one realization depend on each other,
+    so the realizations, not the impacts, are the independent units: the variance of each bin's share is that of a ratio
+    of sums over realizations, and Wilson's interval is taken at the number of independent impacts that has the same
+    variance (cf. E. L. Korn, B. I. Graubard, Survey Methodology 24, 193-201, 1998). That is at most the number of all
+    impacts; for an empty bin, which shows no variance, it is the number of realizations that had an impact.
+
+    Parameters
+    ----------
+    histories : Histories
+        Of at least two realizations with an impact.
+    edges : array_like, shape (n + 1,)
+        Ascending speeds; bins are closed to the left, the last one to both sides.
+    level : float
+        Confidence of each interval, in (0, 1).
+
+    Returns
+    -------
+    Histogram
+
+    Raises
+    ------
+    TypeError, ValueError
+        The edges or the level are refused, or too few realizations had an impact.
+    """
+    checks.instance("histories", histories, Histories)
+    edges = ascending_edges("edges", edges, finite=True)
+    owners, owner = np.unique(histories.impact_realization, return_inverse=True)
+    units, total = owners.size, owner.size
+    if units < 2:
+        accepted = "at least 2, which tell the sampling noise"
+        raise ValueError(checks.refusal("histories: realizations with an impact", units, accepted))
+    speeds = np.abs(histories.impact_velocity)
+    place = np.searchsorted(edges, speeds, side="right") - 1
+    place[speeds == edges[-1]] = edges.size - 2
+    inside = (place >= 0) & (place < edges.size - 1)
+    table = np.zeros((units, edges.size - 1))
+    np.add.at(table, (owner[inside], place[inside]), 1.0)
+    counts = table.sum(axis=0).astype(int)
+    share = counts / total
+    residual = table - share * np.bincount(owner)[:, None]
+    variance = units / (units - 1) * np.square(residual).sum(axis=0) / total**2
+    independent = np.full(share.shape, float(units))
+    np.divide(share * (1.0 - share), variance, out=independent, where=variance > 0.0)
+    trials = np.minimum(independent, total)
+    return _histogram(edges, counts, total, wilson_interval(share * trials, trials, level))
+
+
+def _histogram(edges, counts, trials, interval):
+    widths = np.diff(edges)
+    return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])

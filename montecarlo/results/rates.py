@@ -1,0 +1,56 @@
+"""The rate of overturning once the start is forgotten, from counts over cycles lived."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from fpk_rocking.base import checks
+from montecarlo.results.ensemble import Ensemble
+
+
+class Rate(NamedTuple):
+    """Overturned blocks per cycle lived: `rate`, its confidence limits `interval` (2,), and the `count` behind it."""
+
+    rate: float
+    interval: np.ndarray
+    count: int
+
+
+def overturning_rate(ensemble, after, level=0.95):
+    """Estimate the rate of overturning of the blocks that still stand after some cycles.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+    after : int
+        Forcing cycles that do not count, below the ensemble's.
+    level : float
+        Confidence of the interval, in (0, 1).
+
+    Returns
+    -------
+    Rate
+        Per forcing cycle. The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936),
+        as if all blocks had one rate. Under band noise they have not, as its frequencies are drawn once for each block;
+        the most endangered go first.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, or no block stands after these cycles.
+    """
+    checks.instance("ensemble", ensemble, Ensemble)
+    after, level = checks.count("after", after), checks.number("level", level, above=0.0)
+    if level >= 1.0:
+        raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    if after >= ensemble.cycles or ensemble.survivors[after] == 0:
+        accepted = f"cycles below {ensemble.cycles}, after which a block still stands"
+        raise ValueError(checks.refusal("after", after, accepted))
+    ends = ensemble.overturn_time / ensemble.scene.period
+    lived = np.where(ensemble.overturn_side == 0, ensemble.cycles, ends) - after
+    exposure = lived[lived > 0.0].sum()
+    count = int(ensemble.survivors[after] - ensemble.survivors[-1])
+    tail = 0.5 - 0.5 * level
+    low = 0.5 * stats.chi2.ppf(tail, 2 * count) if count else 0.0
+    return Rate(float(count / exposure), np.array([low, 0.5 * stats.chi2.isf(tail, 2 * count + 2)]) / exposure, count)

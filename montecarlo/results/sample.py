@@ -1,0 +1,70 @@
+"""Survival and leakage of a sample of realizations, from counts."""
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from montecarlo.results.statistics import wilson_interval
+
+
+class Sample:
+    """What an ensemble and a tally have in common.
+
+    A subclass has ``realizations``, ``cycles``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
+    the count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2).
+    """
+
+    closure = ""
+    averaged = False
+
+    @property
+    def engine(self):
+        """Name of the engine and its method."""
+        return f"Monte Carlo {self.method}"
+
+    @property
+    def facts(self):
+        """What it says of itself beside the survival, as plain values."""
+        return {
+            "interval": self.survival_interval().tolist(),
+            "method": self.method,
+            "realizations": int(self.realizations),
+            "seed": int(self.seed),
+            "steps_per_cycle": int(self.steps_per_cycle),
+        }
+
+    @property
+    def account(self):
+        """How it was sampled, as a sentence; the exact engine takes no steps."""
+        steps = "" if self.method == "exact" else f" {self.steps_per_cycle} steps a cycle,"
+        return f"Seed {self.seed},{steps} {self.wall_s:.1f} s."
+
+    def at(self, cycle):  # noqa: ARG002  (the same call as of a density)
+        """Return None: a sample has no density, see `bin_probabilities`."""
+        return
+
+    @property
+    def survivors(self):
+        """Count of the realizations that have not overturned after each cycle, shape (cycles + 1,)."""
+        return self.realizations - self._gone.sum(axis=1)
+
+    @property
+    def survival(self):
+        """P(not overturned by kT), shape (cycles + 1,)."""
+        return self.survivors / self.realizations
+
+    @property
+    def overturned(self):
+        """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
+        return self._gone / self.realizations
+
+    def survival_interval(self, level=0.95):
+        """Return Wilson's confidence limits of the survival, shape (cycles + 1, 2), each of the given level."""
+        return wilson_interval(self.survivors, self.realizations, level)
+
+    def _checked_cycle(self, cycle):
+        accepted = f"a whole number from 0 to {self.cycles}"
+        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer):
+            raise TypeError(checks.refusal("cycle", cycle, accepted))
+        if not 0 <= cycle <= self.cycles:
+            raise ValueError(checks.refusal("cycle", cycle, accepted))
+        return int(cycle)

@@ -1,0 +1,167 @@
+"""The result of a tally: survival, histograms and moments of an ensemble whose realizations are not kept."""
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.results import storage
+from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.results.layout import Layout
+from fpk_rocking.scene.scene import Scene
+from montecarlo.results.counts import PARTS, Counts, moments
+from montecarlo.results.sample import Sample
+
+LAYOUT = Layout(
+    {
+        "angle_edges": "f8 a+1",
+        "velocity_edges": "f8 v+1",
+        "quantum": "f8 2",
+        "standing": "i8 k+1",
+        "passages": f"i8 {PARTS}k+1 2",
+        "histogram": "i4 k+1 a v",
+        "sums": "i8 k+1 2",
+        "products": "i8 k+1 3 2",
+    },
+    {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
+)
+"""What a saved tally holds."""
+_NEAR = 1e-6
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Tally(Sample):
+    """Counts over independent realizations of a scene; all quantities are nondimensional.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it was asked for.
+    method : str
+        "rk4", "exact" or "white".
+    seed : int
+        With a realization's number, all that its random numbers depend on.
+    steps_per_cycle : int
+        As it was asked for.
+    wall_s : float
+        Seconds that the simulation took in all its parts, compilation included.
+    counts : Counts
+        See `montecarlo.results.counts`.
+    """
+
+    scene: Scene
+    method: str
+    seed: int
+    steps_per_cycle: int
+    wall_s: float
+    counts: Counts
+
+    def __post_init__(self):
+        views = [array.view() for array in self.counts]
+        for view in views:
+            view.flags.writeable = False
+        object.__setattr__(self, "counts", Counts(*views))
+
+    @property
+    def realizations(self):
+        """Number of realizations."""
+        return int(self.counts.standing[-1] + self.counts.passages.sum())
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles."""
+        return self.counts.standing.size - 1
+
+    @functools.cached_property
+    def _gone(self):
+        return np.cumsum(self.counts.passages, axis=0)[::PARTS]
+
+    @property
+    def first_passage(self):
+        """P(overturned in a 20th of a cycle) to the left and to the right, shape (20 cycles + 1, 2).
+
+        Row j stands for τ from (j - 1) T/20 to j T/20, row 0 for a start beyond the cut-off.
+        """
+        return self.counts.passages / self.realizations
+
+    @property
+    def outside(self):
+        """P(not overturned and outside all bins kept) after each cycle, shape (cycles + 1,)."""
+        return (self.counts.standing - self.counts.histogram.sum(axis=(1, 2), dtype=np.int64)) / self.realizations
+
+    @property
+    def mean(self):
+        """Mean of angle and velocity of the blocks standing after each cycle, shape (cycles + 1, 2); nan for none.
+
+        Each state is rounded to `counts.quantum`, about 1e-9 for the angle, and so is the mean, at worst to half of it.
+        """
+        return self._moments[0]
+
+    @property
+    def covariance(self):
+        """Covariance of angle and velocity of the blocks standing, shape (cycles + 1, 2, 2); nan for none.
+
+        It is the mean product of the deviations from the mean: the divisor is the number of blocks.
+        """
+        return self._moments[1]
+
+    @functools.cached_property
+    def _moments(self):
+        return moments(self.counts)
+
+    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+        """Estimate P(not overturned and in a bin) after a cycle.
+
+        Parameters
+        ----------
+        cycle : int
+            0 to `cycles`.
+        angle_edges, velocity_edges : array_like
+            Ascending edges, all among those kept, to rounding. A state on a common edge of two bins is in the upper
+            one; one on the last edge kept is in the last bin.
+
+        Returns
+        -------
+        ndarray, shape (n_angle, n_velocity)
+            Sums to the survival where the bins cover the ensemble.
+
+        Raises
+        ------
+        TypeError, ValueError
+            The cycle is not one of the tally's, or an edge is not kept.
+        """
+        counts = self.counts.histogram[self._checked_cycle(cycle)]
+        rows = _places("angle_edges", angle_edges, self.counts.angle_edges)
+        columns = _places("velocity_edges", velocity_edges, self.counts.velocity_edges)
+        inner = counts[rows[0] : rows[-1], columns[0] : columns[-1]]
+        inner = np.add.reduceat(inner, rows[:-1] - rows[0], axis=0, dtype=np.int64)
+        return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
+
+    def save(self, path):
+        """Save the tally, whole or not at all; `path` by custom ends in .npz."""
+        attributes = {name: getattr(self, name) for name in LAYOUT.attributes}
+        storage.write_result(path, "tally", self.scene, self.counts._asdict(), attributes)
+
+    @classmethod
+    def load(cls, path):
+        """Load a saved tally, a checkpoint included; raises as `fpk_rocking.results.storage.read_result`."""
+        scene, arrays, attributes = storage.read_result(path, "tally", LAYOUT)
+        return cls(scene=scene, counts=Counts(**arrays), **attributes)
+
+
+def _places(name, edges, kept):
+    """Return the numbers of the kept edges that the given ones are."""
+    accepted = (
+        f"two or more of the {kept.size} edges kept, ascending from {kept[0]:g} to {kept[-1]:g} "
+        f"with the least distance {np.diff(kept).min():g}; others: tally with {name} of your own"
+    )
+    edges = ascending_edges(name, edges, finite=True)
+    middles = 0.5 * (kept[1:] + kept[:-1])
+    places = np.searchsorted(middles, edges)
+    strange = ~(np.abs(kept[places] - edges) <= _NEAR * np.diff(kept).min())
+    if strange.any():
+        raise ValueError(checks.refusal(name, float(edges[strange][0]), accepted))
+    if np.any(np.diff(places) <= 0):
+        raise ValueError(checks.refusal(name, edges.tolist(), accepted))
+    return places
