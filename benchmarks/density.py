@@ -15,8 +15,8 @@ from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.resolution import ENOUGH, LADDER
-from fpk_rocking.density.run import Run
+from fpk_rocking.density.propagator import Propagator
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -26,7 +26,7 @@ from fpk_rocking.scene.scene import WhiteNoise
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
 WEAK = dataclasses.replace(MAIN, noise=WhiteNoise(2.5e-4))
 CYCLES = 10
-TOLERANCES = sorted(ENOUGH, reverse=True)
+TOLERANCES = sorted(USUAL, reverse=True)
 LOOKED_AT = 1, 2, 4, 10
 FINE_EDGES = np.linspace(-1.6, 1.6, 129), np.linspace(-3.2, 3.2, 257)
 
@@ -41,7 +41,7 @@ print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_te
 def run_of(scene, rung, tol):
     """Return one run of the ladder, evolved, and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = Run(scene, LADDER[rung].of(scene, bound), bound, NEGLIGIBLE * tol)
+    run = Propagator(scene, RESOLUTIONS[rung].of(scene, bound), bound, NEGLIGIBLE * tol)
     return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.resolution.windows, scene.period))
 
 
@@ -59,7 +59,7 @@ def fine_bins(space, coefficients):
 
 def main_rows():
     """Rows of the main scene by tolerance: seconds, errors against both references, estimates, size."""
-    truth_run, truth = run_of(MAIN, len(LADDER) - 1, 1e-4)
+    truth_run, truth = run_of(MAIN, len(RESOLUTIONS) - 1, 1e-4)
     finest = fine_bins(truth_run.space, truth.coefficients)
     reference = np.load(ROOT / "tests" / "data" / "main_white.npz")
     edges, sampled = (reference["angle_edges"], reference["velocity_edges"]), reference["survival"][: CYCLES + 1]
@@ -137,7 +137,7 @@ def machine():
 
 def step_figures(tol=1e-3):
     """Unknowns moved a second by the steps of the last run for a tolerance, operations and bytes a step, seconds."""
-    run, solution = run_of(MAIN, ENOUGH[tol], tol)
+    run, solution = run_of(MAIN, USUAL[tol], tol)
     density, steps = solution.coefficients[4], run.leg
     seconds = medians({"": lambda: [step.apply(density) for step in steps]})[""] / len(steps)
     operations = sum(step.operations for step in steps) / len(steps)
@@ -158,8 +158,8 @@ def main():
         "Density solver: speed against error",
         f"""Main scene with white noise, 10 cycles, from rest; seconds of the whole call, set-up and estimate included,
 median of three, both cores. Errors against 10⁷ independent paths (sampling: dS 1.6e-4, L1 .0014 .0023 .0026 .0020), and
-against the finest resolution of the solver, {LADDER[-1].angle_cells} × {LADDER[-1].velocity_cells} cells of degree
-{LADDER[-1].degree}. L1 after 1, 2, 4 and 10 cycles.
+against the solver's finest resolution, {RESOLUTIONS[-1].angle_cells} × {RESOLUTIONS[-1].velocity_cells} cells of
+degree {RESOLUTIONS[-1].degree}. L1 after 1, 2, 4 and 10 cycles.
 
 {table(head, rows)}
 

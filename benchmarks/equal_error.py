@@ -16,16 +16,16 @@ from density import CYCLES, MAIN, TOLERANCES, peak_memory
 from equal_pictures import draw_errors, draw_growth
 from equal_truth import Truth
 from eulerian_runs import EDGES, Row
-from eulerian_runs import Run as Baseline
+from eulerian_runs import Propagator as Baseline
 from report import PAGE, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
-from fpk_rocking.density.resolution import LADDER, Resolution
-from fpk_rocking.density.run import Run
+from fpk_rocking.density.propagator import Propagator
+from fpk_rocking.density.resolution import RESOLUTIONS, Resolution
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
-from fpk_rocking.density.start.windows import Windows
+from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.results import distances
 from fpk_rocking.scene.scene import WhiteNoise
@@ -43,12 +43,12 @@ TARGETS = {"L1 = 0.01, bins of .1": ("coarse", 0.01), "L1 = 0.01, bins of .025":
            "dS = 5e-4": ("survival", 5e-4), "dS = 1e-4": ("survival", 1e-4)}  # fmt: skip
 OTHERS = *METHODS, "Eulerian"
 SAMPLE = 50_000
-_LEAN = Windows(8, 4.5, 1.0, 0.05, 4)
+_LEAN = WindowSettings(8, 4.5, 1.0, 0.05, 4)
 ALONE = (
     Resolution(50, 90, 1, Quadrature(3, 3, 5, 2, 9), 6, _LEAN),
     Resolution(34, 60, 2, Quadrature(4, 4, 5, 2, 9), 8, _LEAN),
     Resolution(44, 80, 2, Quadrature(4, 4, 5, 2, 9), 12, _LEAN),
-    *LADDER[1:4],
+    *RESOLUTIONS[1:4],
 )
 DIFFUSIONS = 0.05, 0.02, 0.00628, 0.0025, 6.3e-4, 2.5e-4, 6.3e-5, 2.5e-5
 HORIZONS = 10, 40, 100, 200
@@ -81,7 +81,7 @@ def solver_rows(scene, truth):
 def solved_alone(scene, resolution):
     """Solve a scene once, at one resolution and with no estimate: the run and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = Run(scene, resolution.of(scene, bound), bound, NEGLIGIBLE * TOLERANCES[0])
+    run = Propagator(scene, resolution.of(scene, bound), bound, NEGLIGIBLE * TOLERANCES[0])
     return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, resolution.windows, scene.period))
 
 
@@ -212,7 +212,7 @@ def body(scenes, noise, horizon, memory):
     rates, base = scenes["main"]["rates"], scenes["main"]["baseline"]
     truth = scenes["main"]["truth"]
     paths, apart, floor, difference, error = truth.against_paths()
-    finest, held = LADDER[-1], ", ".join(f"{name} {value:.0f} MB" for name, value in memory.items())
+    finest, held = RESOLUTIONS[-1], ", ".join(f"{name} {value:.0f} MB" for name, value in memory.items())
     return f"""White noise, {CYCLES} cycles from rest. Errors against the solver's finest mesh ({finest.angle_cells} ×
 {finest.velocity_cells} cells of degree {finest.degree}); the next one lies {truth.unsure["survival"]:.1e} from it in
 survival and {truth.unsure["coarse"]:.4f}, {truth.unsure["fine"]:.4f} in L1 on bins of .1 and .025, which is added to

@@ -7,7 +7,7 @@ from density import CYCLES, FINE_EDGES, run_of
 from eulerian_runs import EDGES
 from fine_reference import load
 
-from fpk_rocking.density.resolution import LADDER
+from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.results import distances
 
 BINS = {"coarse": EDGES, "fine": FINE_EDGES}
@@ -18,11 +18,11 @@ class Truth:
     """Survival and last bins of a scene on the solver's finest mesh, and how far the next one is from them."""
 
     def __init__(self, scene):
-        run, solution = run_of(scene, len(LADDER) - 1, 1e-4)
+        run, solution = run_of(scene, len(RESOLUTIONS) - 1, 1e-4)
         self.survival = solution.inside
         last = solution.coefficients[CYCLES]
         self.bins = {name: run.space.bin_integrals(last, *edges) for name, edges in BINS.items()}
-        run, solution = run_of(scene, len(LADDER) - 2, 1e-4)
+        run, solution = run_of(scene, len(RESOLUTIONS) - 2, 1e-4)
         last = solution.coefficients[CYCLES]
         self.unsure = self.errors(solution.inside, lambda edges: run.space.bin_integrals(last, *edges))
         joint = np.minimum.outer(self.survival, self.survival) - np.outer(self.survival, self.survival)

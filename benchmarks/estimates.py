@@ -15,8 +15,8 @@ import numpy as np
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.resolution import LADDER
-from fpk_rocking.density.run import Run
+from fpk_rocking.density.propagator import Propagator
+from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -45,9 +45,9 @@ def random_scene(rng):
 def truth_of(scene, finest):
     """Solve a scene one rung above a solution: survival, and a function (cycle, edges) for its bins."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    ladder = [resolution.of(scene, bound) for resolution in LADDER]
+    ladder = [resolution.of(scene, bound) for resolution in RESOLUTIONS]
     rung = [resolution.angle_cells for resolution in ladder].index(finest.settings["angle_cells"])
-    run = Run(scene, ladder[min(rung + 1, len(ladder) - 1)], bound, NEGLIGIBLE * TOLERANCES[-1])
+    run = Propagator(scene, ladder[min(rung + 1, len(ladder) - 1)], bound, NEGLIGIBLE * TOLERANCES[-1])
     found = run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.resolution.windows, scene.period))
     return found.inside, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
 

@@ -137,7 +137,7 @@ def move_along_angle(density, mesh_lines, *movement):
 
 
 def free_flight(density, mesh_lines, dynamics, start, duration, side):
-    """Blurred shear, kick, blur and blurred shear of the density on one side: coefficients, and what leaves by axis."""
+    """Blurred shears of angle, velocity and angle of the density on one side: coefficients, and what leaves by axis."""
     _, (dx, dv) = affine(dynamics, start, duration, side)
     shear, sinh, cosh = math.tanh(0.5 * duration), math.sinh(duration), math.cosh(duration)
     small = dynamics.diffusion * shear * (1.0 - duration / sinh)

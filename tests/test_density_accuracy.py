@@ -82,14 +82,16 @@ def test_flight_and_noise_have_exact_moments(duration, same_mesh):
 
 @pytest.mark.parametrize("duration", [1e-3, 0.03, 0.0999, 0.1, 0.5])
 def test_blurs_have_the_covariance_of_the_flight(duration):
-    """A blur of the angle, a kick's blur and another of the angle, carried on by the shears between them."""
-    kick, small = blur_variances(0.7, duration)
+    """A blur of the angle, a velocity_shear's blur and another of the angle, carried on by the shears between them."""
+    velocity_shear, small = blur_variances(0.7, duration)
     early, middle, late = (
         [math.cosh(duration), math.sinh(duration)],
         [math.tanh(duration / 2.0), 1.0],
         [1.0, 0.0],
     )
-    covariance = small * np.outer(early, early) + kick * np.outer(middle, middle) + small * np.outer(late, late)
+    covariance = (
+        small * np.outer(early, early) + velocity_shear * np.outer(middle, middle) + small * np.outer(late, late)
+    )
     truth = flight_noise(Dynamics(Forcing(0.0, 1.0, 0.0), 0.7, 0.5, 1.0), duration)
     assert covariance == pytest.approx(truth, rel=1e-9 if duration > 0.01 else 1e-5, abs=0.0)
 

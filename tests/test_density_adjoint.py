@@ -57,14 +57,14 @@ KINDS = [
 @pytest.mark.parametrize("name", ["main", "second"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_adjoint_is_dual_to_the_step(name, kind):
-    """Any density, any function after the step, any worth of the three ways out."""
+    """Any density, any function after the step, any values of the three ways out."""
     step, rng = step_of(name, kind), np.random.default_rng(7)
     source, target = step.trace.source, step.target
     for _ in range(3):
-        density, function, worth = unit(rng, source), unit(rng, target), rng.normal(size=3)
+        density, function, exit_values = unit(rng, source), unit(rng, target), rng.normal(size=3)
         after, sinks = step.apply(density)
-        before = step.apply_adjoint(function, worth)
-        expected = integral(target, after, function) + sinks @ worth
+        before = step.apply_adjoint(function, exit_values)
+        expected = integral(target, after, function) + sinks @ exit_values
         assert abs(expected) > 1e-6
         assert integral(source, density, before) == pytest.approx(expected, abs=1e-13)
 
@@ -94,7 +94,7 @@ def test_what_is_worth_one_everywhere_is_worth_one_before(kind):
 
 @pytest.mark.parametrize("same_mesh", [True, False])
 def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form(same_mesh):
-    """Where nothing happens, q = 1 + x - 2 v + 3 x^2 - x v + 2 v^2 is worth its value at the mean, plus noise."""
+    """Where nothing happens, 1 + x - 2 v + 3 x^2 - x v + 2 v^2 has the mean of its value at the mean, plus noise."""
     dynamics, start, duration = Dynamics(Forcing(0.5, 2.0, 0.0), 0.01, 0.5, 6.0), 0.3, 0.1
     source = Space(np.linspace(0.5, 3.7, 13), np.linspace(-2.3, 1.8, 13), 3)
     target = source if same_mesh else Space(np.linspace(0.2, 4.0, 9), np.linspace(-2.7, 2.2, 9), 3)
@@ -114,12 +114,12 @@ def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form(same_mesh):
 
 def test_adjoint_has_the_same_bits_for_any_number_of_threads():
     step, rng = step_of("main", "own mesh"), np.random.default_rng(9)
-    function, worth = unit(rng, step.target), rng.normal(size=3)
+    function, exit_values = unit(rng, step.target), rng.normal(size=3)
     threads, results = numba.get_num_threads(), set()
     try:
         for count in {1, 2, threads} & set(range(1, threads + 1)):
             numba.set_num_threads(count)
-            results.add(step.apply_adjoint(function, worth).tobytes())
+            results.add(step.apply_adjoint(function, exit_values).tobytes())
     finally:
         numba.set_num_threads(threads)
     assert len(results) == 1

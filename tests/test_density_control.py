@@ -10,9 +10,9 @@ import pytest
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
+from fpk_rocking.density.propagator import Propagator, Solution
 from fpk_rocking.density.refinement import bins_tolerance, safe_difference
-from fpk_rocking.density.resolution import ENOUGH, LADDER, longest_step, rattling_speed
-from fpk_rocking.density.run import Run, Solution
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, longest_step, rattling_speed
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.scene.scene import Forcing, Start, WhiteNoise
@@ -47,29 +47,29 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles():
 
 def test_the_ladder_is_climbed_until_the_estimate_is_met(monkeypatch):
     """With rungs that are too coarse for it, a tolerance is met on a later one, and never by the first two alone."""
-    monkeypatch.setattr(refinement, "ENOUGH", {1e-3: 2})
+    monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=2, tol=1e-3)
-    cells = [rung.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for rung in LADDER]
+    cells = [rung.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for rung in RESOLUTIONS]
     assert cells.index(found.settings["angle_cells"]) > 2
     assert found.error_estimate <= 1e-3
     assert found.bins_error_estimate <= bins_tolerance(1e-3)
 
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
-    monkeypatch.setattr(solver, "MEMORY", 0.0)
-    monkeypatch.setattr(refinement, "ENOUGH", {1e-4: 2})
+    monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
+    monkeypatch.setattr(refinement, "USUAL", {1e-4: 2})
     with pytest.warns(
         RuntimeWarning, match=r"not within the tolerance: estimated error .* in survival \(1.0e-04 wanted\)"
     ) as caught:
         found = solve_fpk(MAIN, cycles=2, tol=1e-4)
     assert caught[0].filename == __file__
-    assert found.settings["angle_cells"] == LADDER[2].angle_cells
+    assert found.settings["angle_cells"] == RESOLUTIONS[2].angle_cells
 
 
 @pytest.mark.slow
 def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
     """At rest under weak forcing and weak noise: a layer far below the cells."""
-    monkeypatch.setattr(solver, "MEMORY", 0.0)
+    monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
     with pytest.raises(ValueError, match=r"scene: got 'diffusion 0.00628.*negative mass is .*simulate\(\)"):
         solve_fpk(dataclasses.replace(MAIN, forcing=Forcing(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
 
@@ -91,22 +91,22 @@ def test_steps_and_lines_follow_what_the_block_does():
     assert rattling_speed(scene(0.7, 2.7, 0.05)) == pytest.approx(0.2)
     assert rattling_speed(scene(0.7, 2.7, 0.005)) == math.inf  # too thin to be attempted
     assert longest_step(scene(0.7, 2.7, 0.05)) == pytest.approx(0.03)
-    graded = LADDER[3].of(scene(0.7, 2.7, 0.05), 2.8)
+    graded = RESOLUTIONS[3].of(scene(0.7, 2.7, 0.05), 2.8)
     half = graded.angle_cells // 2
     assert (math.pi / 2) * (1.0 / half) ** graded.angle_grading == pytest.approx(0.08 * 0.2**2, rel=1e-9)
-    assert LADDER[3].of(MAIN, 3.24).angle_grading == LADDER[3].angle_grading
+    assert RESOLUTIONS[3].of(MAIN, 3.24).angle_grading == RESOLUTIONS[3].angle_grading
 
 
 def test_what_is_not_covered_is_little_and_counted_as_lost():
     """A run that covers all cells from the start, against one that covers what holds something."""
     bound = velocity_bound(MAIN, MAIN.noise.diffusion)
-    resolution = LADDER[ENOUGH[1e-2]].of(MAIN, bound)
+    resolution = RESOLUTIONS[USUAL[1e-2]].of(MAIN, bound)
     found = []
     for negligible in (0.0, 1e-8):
-        run = Run(MAIN, resolution, bound, negligible)
+        run = Propagator(MAIN, resolution, bound, negligible)
         departure = Departure(run.dynamics, MAIN.start, resolution.windows, MAIN.period)
         found.append(run.evolve(2, departure))
-        covered = np.mean([step.trace.covered.mean() for step in run.leg])
+        covered = np.mean([step.trace.active.mean() for step in run.leg])
     whole, part = found
     assert covered < 0.6
     assert 0.0 < abs(part.gone[2, 2] - whole.gone[2, 2]) < 1e-5

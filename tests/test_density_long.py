@@ -49,20 +49,20 @@ def test_weakest_noise_is_stable(cells, cycles, rise, worst, main_scene):
     space = Space(graded_lines(scene.overturning.angle, cells[0], 1.5), graded_lines(bound, cells[1], 1.3), 3)
     steps = [Step(Trace(space, k * duration, duration, dynamics, Quadrature(5, 5, 5, 2)), space) for k in range(6)]
     density, out = space.project(Gaussian((0.3, -0.2), [[0.01, 0.0], [0.0, 0.02]]), 8), 0.0
-    start, inside, norms, negative = space.masses(density).sum(), [], [], []
+    start, inside, basis, negative = space.masses(density).sum(), [], [], []
     for k in range(2 * cycles):
         for step in steps:
             density, sinks = step.apply(density)
             out += sinks.sum()
         density = turned(density)
         inside.append(space.masses(density).sum())
-        norms.append(math.sqrt(np.einsum("xvab,xvab,xv->", density, density, space.areas)))
+        basis.append(math.sqrt(np.einsum("xvab,xvab,xv->", density, density, space.areas)))
         if k % 20 == 19:
             negative.append(space.negative_mass(density, 5))
         assert abs(inside[-1] + out - start) < 1e-12
-    inside, norms = np.array(inside), np.array(norms)
+    inside, basis = np.array(inside), np.array(basis)
     late = slice(60, None)
     assert np.all((inside > 0.0) & (inside < start))
     assert np.diff(inside[late]).max() < rise
-    assert norms[late].max() < 1.02 * norms[late][0]
+    assert basis[late].max() < 1.02 * basis[late][0]
     assert max(negative) < worst

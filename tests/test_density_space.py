@@ -75,9 +75,9 @@ def test_unknowns_are_numbered_cell_by_cell_with_the_velocity_fastest():
         i, j, a, b = index
         x = ANGLE_LINES[i] + 0.3 * (ANGLE_LINES[i + 1] - ANGLE_LINES[i])
         v = VELOCITY_LINES[j] + 0.8 * (VELOCITY_LINES[j + 1] - VELOCITY_LINES[j])
-        norms = math.sqrt((2 * a + 1) * (2 * b + 1))
+        basis = math.sqrt((2 * a + 1) * (2 * b + 1))
         legendre = [np.polynomial.legendre.Legendre.basis(k)(2.0 * t - 1.0) for k, t in ((a, 0.3), (b, 0.8))]
-        assert space.evaluate(unit, x, v) == pytest.approx(norms * legendre[0] * legendre[1], abs=1e-13)
+        assert space.evaluate(unit, x, v) == pytest.approx(basis * legendre[0] * legendre[1], abs=1e-13)
         dof = np.ravel_multi_index(index, space.shape)
         assert dof in space.basis().element_dofs[:, i * (len(VELOCITY_LINES) - 1) + j]
 

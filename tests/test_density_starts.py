@@ -11,7 +11,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved
-from fpk_rocking.density.start.windows import Windows, window_of
+from fpk_rocking.density.start.windows import WindowSettings, window_of
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.scene.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
@@ -28,7 +28,7 @@ def test_launch_layer_is_that_of_an_independent_simulation(named_scene):
     scene = named_scene("second")
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
-    departure = Departure(dynamics, scene.start, Windows(20, 8.0, 0.2, 0.005, 5), scene.period)
+    departure = Departure(dynamics, scene.start, WindowSettings(20, 8.0, 0.2, 0.005, 5), scene.period)
     first = first_resolved(departure, space, 16)
     coefficients, gone = departure.land(first * step, space)
     assert first <= 5
@@ -134,7 +134,7 @@ def test_a_start_that_overturns_before_a_mesh_takes_over(amplitude, cutoff):
 @pytest.mark.parametrize(("mean", "cutoff"), [(0.0, 1.0), (-0.7501, 0.5), (-0.7499, 0.5), (0.7501, 0.5)])
 def test_windows_have_no_thin_cells_at_the_cutoff(mean, cutoff):
     """Cells of about 0.25 with a line at 0 that reach from the cut-off to the other side of 0, or to both cut-offs."""
-    window = window_of(Windows(8, 2.0, 0.4, 0.01, 4), np.array([mean, 0.0]), np.diag([0.25, 0.25]), cutoff)
+    window = window_of(WindowSettings(8, 2.0, 0.4, 0.01, 4), np.array([mean, 0.0]), np.diag([0.25, 0.25]), cutoff)
     lines, sizes = window.angle_lines, np.diff(window.angle_lines)
     assert cutoff in np.abs(lines[[0, -1]])
     assert 0.0 in lines

@@ -155,17 +155,17 @@ def test_a_step_that_covers_part_of_the_plane_moves_that_part(trace, coefficient
     step = Step(Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, cells=False), SOURCE)
     whole = Step(trace, SOURCE)
     for covered in (cells, more):
-        step.cover(covered)
+        step.activate(covered)
         inside = np.where(covered[:, :, None, None], coefficients, 0.0)
         expected, sinks = whole.apply(inside)
         out, others = step.apply(coefficients)
         sinks[2] += SOURCE.masses(coefficients - inside).sum()
         assert np.abs(out - expected).max() < 1e-13 * np.abs(expected).max()
         assert others == pytest.approx(sinks, abs=1e-14)
-        worth = np.array([0.3, -0.7, 0.2])
-        before = step.apply_adjoint(coefficients, worth)
+        exit_values = np.array([0.3, -0.7, 0.2])
+        before = step.apply_adjoint(coefficients, exit_values)
         assert np.sum(before * coefficients * SOURCE.areas[..., None, None]) == pytest.approx(
-            np.sum(out * coefficients * SOURCE.areas[..., None, None]) + others @ worth, rel=1e-12
+            np.sum(out * coefficients * SOURCE.areas[..., None, None]) + others @ exit_values, rel=1e-12
         )
 
 
@@ -227,7 +227,7 @@ def test_noise_is_carried_through_an_impact(point, side):
         for node, part in zip(*legendre.leggauss(6), strict=True):
             time = low + 0.5 * (high - low) * (node + 1.0)
             x, v = flow(weak, point, side, START, time)
-            ahead, behind = (flow(weak, (x, v + kick), on, time, end) for kick in (step, -step))
+            ahead, behind = (flow(weak, (x, v + velocity_shear), on, time, end) for velocity_shear in (step, -step))
             response = (ahead - behind) / (2.0 * step)
             covariance += weak.diffusion * (high - low) * part * np.outer(response, response)
     gathered = np.einsum("n,ni,nj->ij", weights, states - mean, states - mean)

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
-from fpk_rocking.density.run import turn
+from fpk_rocking.density.propagator import turn
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
 from fpk_rocking.scene.scene import Block, Forcing, Scene
@@ -291,7 +291,7 @@ def test_escape_rate_against_a_million_paths():
 
 @pytest.mark.slow
 def test_too_little_memory_is_warned_of(monkeypatch):
-    monkeypatch.setattr(level, "MEMORY", 1e6)
+    monkeypatch.setattr(level, "OPERATOR_MEMORY", 1e6)
     with pytest.warns(RuntimeWarning, match="not within the tolerance: estimated error .* in the escape rate"):
         operator = CycleOperator(MAIN.varied(noise=WhiteNoise(3e-3), forcing={"amplitude": 3.0}), tol=1e-2)
     assert np.e * 1e-2 < operator.escape_error < 1.0

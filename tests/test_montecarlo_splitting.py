@@ -12,7 +12,7 @@ from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Scene, S
 from montecarlo import Splitting, simulate, split
 from montecarlo.engines.random import open_stream, stream_keys, uniform
 from montecarlo.rare.levels import climb, populate, raise_level
-from montecarlo.rare.prospects import AHEAD, outlook_of, prospect
+from montecarlo.rare.prospects import AHEAD, prospect, prospects_of
 
 REST = Start()
 UP = 0.3
@@ -160,7 +160,7 @@ def test_steps_are_as_short_as_they_are_asked_for():
 def test_outlook_is_the_nearest_approach_of_an_independent_block():
     """At nodes of the table, scipy's integration and its impacts; one state that escapes among them."""
     intervals = 32
-    outlook = outlook_of(MAIN, intervals)
+    outlook = prospects_of(MAIN, intervals)
     _, _, n_angle, n_velocity = outlook.table.shape
     shift = 4.6 / math.hypot(1.0, 2.7)
     cutoff, found = MAIN.overturning.angle, []

@@ -47,7 +47,7 @@ class Evolution(DensityResult):
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned by kT to the left and to the right, summed from what overturned.
     lost : ndarray, shape (cycles + 1,)
-        Mass that left through the velocity bound by kT, or came to cells that hold next to nothing and are not covered.
+        Mass that left through the velocity bound by kT, or came to cells that hold next to nothing and are not active.
     error_estimate : float
         Estimate of the largest error in survival, from the differences of three solutions of the same scene.
     bins_error_estimate : float

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.resolution import ENOUGH, LADDER
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 
 UNRESOLVED = 0.05
 """Negative mass above which a density counts as not resolved."""
@@ -66,7 +66,7 @@ def refine(scene, bound, tol, make, fits, done):
     -------
     Refined
     """
-    resolutions = [resolution.of(scene, bound) for resolution in LADDER[first_number(tol) - 2 :]]
+    resolutions = [resolution.of(scene, bound) for resolution in RESOLUTIONS[first_number(tol) - 2 :]]
     coarse, fine, before, found = None, None, None, None
     for number, resolution in enumerate(resolutions):
         if number > 2 and not fits(fine, resolution):
@@ -87,7 +87,7 @@ def refine(scene, bound, tol, make, fits, done):
 
 def first_number(tol):
     """Return the number of the resolution in the ladder that is usually fine enough for a tolerance."""
-    return ENOUGH[max(known for known in ENOUGH if known <= tol)]
+    return USUAL[max(known for known in USUAL if known <= tol)]
 
 
 def bins_tolerance(tol):

@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 from fpk_rocking.density.space.mesh import ANGLE_GRADING, VELOCITY_GRADING
-from fpk_rocking.density.start.windows import Windows
+from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 
 _MAIN_DIFFUSION = 0.00628
@@ -28,7 +28,7 @@ class Resolution:
         Sampling of a step.
     steps : int
         Steps a cycle, even.
-    windows : Windows
+    windows : WindowSettings
         What the start is carried on until the mesh resolves it.
     angle_grading, velocity_grading : float
         Exponents of the mesh lines, see `graded_lines`.
@@ -39,7 +39,7 @@ class Resolution:
     degree: int
     quadrature: Quadrature
     steps: int
-    windows: Windows
+    windows: WindowSettings
     angle_grading: float = ANGLE_GRADING
     velocity_grading: float = VELOCITY_GRADING
 
@@ -103,11 +103,11 @@ def _grading(half_width, cells, smallest, usual):
     return max(usual, math.log(half_width / smallest) / math.log(cells // 2)) if smallest < half_width else usual
 
 
-_ROUGH, _GOOD = Windows(10, 5.0, 0.7, 0.01, 4), Windows(14, 6.0, 0.4, 0.01, 4)
-_BETTER = Windows(16, 6.5, 0.35, 0.008, 4)
-_FINE, _FINEST = Windows(20, 8.0, 0.2, 0.005, 5), Windows(28, 8.0, 0.1, 0.002, 5)
+_ROUGH, _GOOD = WindowSettings(10, 5.0, 0.7, 0.01, 4), WindowSettings(14, 6.0, 0.4, 0.01, 4)
+_BETTER = WindowSettings(16, 6.5, 0.35, 0.008, 4)
+_FINE, _FINEST = WindowSettings(20, 8.0, 0.2, 0.005, 5), WindowSettings(28, 8.0, 0.1, 0.002, 5)
 
-LADDER = (
+RESOLUTIONS = (
     Resolution(16, 28, 3, Quadrature(5, 5, 5, 2, 9), 6, _ROUGH),
     Resolution(22, 40, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
     Resolution(32, 56, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
@@ -118,5 +118,5 @@ LADDER = (
 )
 """Each about 1.4 times as fine as the one before, most with windows of their own: neighbours tell the error."""
 
-ENOUGH = {1e-2: 2, 1e-3: 3, 1e-4: 4}
+USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """The rung that is usually fine enough, by tolerance; never one of the first two."""

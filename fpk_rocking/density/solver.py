@@ -7,22 +7,22 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, first_number, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
-from fpk_rocking.density.resolution import ENOUGH, LADDER
-from fpk_rocking.density.run import Run
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.scene.scene import Scene
 
 NEGLIGIBLE = 1e-6
-"""Mass over `tol` that a cell must have held to be covered."""
+"""Mass over `tol` that a cell must have held to be active."""
 
 BYTES = 2.0
 """Bytes that a run holds, about, over the `work` of its resolution."""
 
-MEMORY = 1.5e9
+SOLUTION_MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
 
 
@@ -61,22 +61,22 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     cycles = checks.count("cycles", cycles)
-    tol = checks.number("tol", tol, at_least=min(ENOUGH))
+    tol = checks.number("tol", tol, at_least=min(USUAL))
     white = scene.white_equivalent()
     refuse_unsolvable(white)
     bound, departures = velocity_bound(white, white.noise.diffusion), {}
-    least, count = LADDER[first_number(tol)].of(white, bound), Progress(progress, cycles, least=3)
+    least, count = RESOLUTIONS[first_number(tol)].of(white, bound), Progress(progress, cycles, least=3)
     refuse_large(BYTES * least.work, least.stored(cycles), cycles)
 
     def solved(resolution, coarser):
-        run = Run(white, resolution, bound, NEGLIGIBLE * tol, coarser and coarser.run)
+        run = Propagator(white, resolution, bound, NEGLIGIBLE * tol, coarser and coarser.run)
         if resolution.windows not in departures:
             departures[resolution.windows] = Departure(run.dynamics, white.start, resolution.windows, white.period)
         return Solved(run, run.evolve(cycles, departures[resolution.windows], count.next()))
 
     def fits(level, resolution):
         grown = level.memory * resolution.work / level.resolution.work
-        return grown + resolution.stored(cycles) <= MEMORY
+        return grown + resolution.stored(cycles) <= SOLUTION_MEMORY
 
     found = refine(white, bound, tol, solved, fits, lambda found: found.within(tol, bins_tolerance(tol)))
     fine, run = found.fine.solution, found.fine.run
@@ -109,7 +109,7 @@ class Solved:
 
     Parameters
     ----------
-    run : Run
+    run : Propagator
     solution : Solution
     """
 

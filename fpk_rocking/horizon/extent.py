@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.resolution import LADDER
+from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.horizon.leg import CycleLeg
 
@@ -30,7 +30,7 @@ def plane_bound(white):
         At least `velocity_bound`, nondimensional.
     """
     own, wide = velocity_bound(white, white.noise.diffusion), worst_bound(white)
-    scout = CycleLeg(white, LADDER[0].of(white, wide), wide)
+    scout = CycleLeg(white, RESOLUTIONS[0].of(white, wide), wide)
     chances = [scout.one]
     for _ in range(scout.count):
         chances.append(scout.turned(chances.pop()))

@@ -6,7 +6,7 @@ map over it and R the turn about the origin, a cycle is R H R H = K^2, K = R H. 
 
 import numpy as np
 
-from fpk_rocking.density.run import Run, turn
+from fpk_rocking.density.propagator import Propagator, turn
 
 _NOTHING = np.zeros(3)
 
@@ -25,20 +25,20 @@ class CycleLeg:
 
     Attributes
     ----------
-    run : Run
-        Of the scene, every cell covered, so that nothing is lost but beyond the velocity bound.
+    run : Propagator
+        Of the scene, every cell active, so that nothing is lost but beyond the velocity bound.
     space : Space
     count : int
         Sections in a cycle, 1 or 2.
     """
 
     def __init__(self, white, resolution, bound, beyond=0.0):
-        self.run = Run(white, resolution, bound, negligible=0.0, beyond=beyond)
+        self.run = Propagator(white, resolution, bound, negligible=0.0, beyond=beyond)
         self.space, self.count = self.run.space, self.run.legs
         self._root = np.sqrt(self.space.areas)[:, :, None, None]
         everything = np.ones(self.space.shape[:2], dtype=bool)
         for step in self.run.leg:
-            step.cover(everything)
+            step.activate(everything)
 
     @property
     def one(self):
@@ -68,7 +68,7 @@ class CycleLeg:
         return self.turned(coefficients), gone
 
     def backward(self, values):
-        """Return what a function of the turned state after the leg is worth, on average, before it."""
+        """Return the mean, before the leg, of a function of the turned state after it."""
         values = self.turned(values)
         for step in reversed(self.run.leg):
             values = step.apply_adjoint(values, _NOTHING)

@@ -14,8 +14,8 @@ from fpk_rocking.horizon.extent import plane_bound
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
 
-MEMORY = 8e9
-"""Bytes that a finer mesh may be expected to need; every cell of it is covered."""
+OPERATOR_MEMORY = 8e9
+"""Bytes that a finer mesh may be expected to need; every cell of it is active."""
 
 LEAST_EIGENVALUE = 1e-6
 """Least probability of surviving a cycle in the long run for which there is an operator to speak of."""
@@ -207,7 +207,7 @@ def climb(white, tol):
         return refinement[-1]
 
     def fits(level, resolution):
-        return level.memory * resolution.work / level.resolution.work <= MEMORY
+        return level.memory * resolution.work / level.resolution.work <= OPERATOR_MEMORY
 
     def done(found):
         return found.within(wanted, bins_tolerance(tol)) or _hopeless(found.fine, found.coarse)

@@ -8,7 +8,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.refusals import refuse_unsolvable
-from fpk_rocking.density.resolution import ENOUGH
+from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.horizon.level import Level, climb
@@ -96,7 +96,7 @@ class CycleOperator(LinearOperator):
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
         self.closure, self.diffusion = closure_of(scene, self._white), self._white.noise.diffusion
-        self.tol = checks.number("tol", tol, at_least=min(ENOUGH))
+        self.tol = checks.number("tol", tol, at_least=min(USUAL))
         self._fine, self._coarse, self.escape_error, self.refinement = climb(self._white, self.tol)
         fine = self._fine
         self.escape_rate, self.leakage, self.lost = fine.rate, fine.leaks[:2], float(fine.leaks[2])

@@ -18,7 +18,7 @@ from fpk_rocking.physics.flight import Segment, bounds, polynomial
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance, record
 
-FAST = 1e-4
+LEAST_SPEED = 1e-4
 """Impacts that leave with less speed go to `advance`, which decides about chatter and rest."""
 
 _CLOSE = 1e-7
@@ -158,7 +158,7 @@ def cross(interval, node, grow, decay, u, end, side, problem, impacts, origin):
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
         time, slope = _meet(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
         speed, square = -problem.restitution * slope, (time + half) ** 2
-        if speed > FAST and u >= rise * square and u + 0.25 * fall * square < cutoff:
+        if speed > LEAST_SPEED and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
             record(impacts, origin + time, v)
             shift, shrink = 0.5 * (problem.restitution - 1.0) * v, math.exp(-time)

@@ -45,7 +45,7 @@ class Course(NamedTuple):
     cutoff: float
 
 
-class Outlook(NamedTuple):
+class Prospects(NamedTuple):
     """`table` (m, 2, n_angle, n_velocity): the outlook at the m times of a cycle, side < 0 or > 0, at u and w.
 
     u runs from 0 to the cut-off and w from -`fastest` to `fastest`; `per_angle`, `per_velocity`: cells per unit.
@@ -58,15 +58,15 @@ class Outlook(NamedTuple):
 
 
 @functools.lru_cache(maxsize=1)
-def outlook_of(scene, intervals):
-    """Return the `Outlook` of a scene with white noise between equal intervals of a cycle; the last one is kept."""
+def prospects_of(scene, intervals):
+    """Return the `Prospects` of a scene with white noise between equal intervals of a cycle; the last one is kept."""
     cutoff, span = scene.overturning.angle, scene.period / intervals
     # No faster block falls back, nor comes in from a fall (docs/theory section 7).
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
     course = _course(scene, intervals, span)
     table = np.empty((intervals, 2, _ANGLES, _VELOCITIES), np.float32)
     _fill(table, course, fastest)
-    return Outlook(table, fastest, (_ANGLES - 1) / cutoff, (_VELOCITIES - 1) / (2.0 * fastest))
+    return Prospects(table, fastest, (_ANGLES - 1) / cutoff, (_VELOCITIES - 1) / (2.0 * fastest))
 
 
 def _course(scene, intervals, span):
@@ -90,7 +90,7 @@ def _distance(u, w, side, particular, t):
 
 @kernel
 def _ahead(u, w, side, j, course):
-    """Outlook of a state at time j of the cycle; a block is followed until it escapes or comes to rest."""
+    """Prospects of a state at time j of the cycle; a block is followed until it escapes or comes to rest."""
     best = _distance(u, w, side, course.particular[j], 0.0)
     x, v = side * u, side * w
     for _ in range(course.count):

@@ -15,7 +15,7 @@ from montecarlo.engines import running
 from montecarlo.engines.random import stream_keys
 from montecarlo.engines.white import problem_of
 from montecarlo.rare import branching
-from montecarlo.rare.prospects import outlook_of
+from montecarlo.rare.prospects import prospects_of
 
 _FEWEST_WALKERS = 10
 _FEWEST_REPEATS = 2
@@ -171,7 +171,7 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
         raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
     _refuse_large("walkers", walkers, run.cycles * problem.low.size)
     _refuse_large("repeats", repeats, run.cycles)
-    outlook = outlook_of(scene, problem.low.size)
+    outlook = prospects_of(scene, problem.low.size)
     overturned = np.zeros((repeats, run.cycles + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
     pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.windows import NEGLIGIBLE, Windows, next_window, window_of
+from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.gaussian import flight_covariance
@@ -97,13 +97,13 @@ class Departure:
     dynamics : Dynamics
     start : Start
         Of the scene.
-    windows : Windows
+    windows : WindowSettings
         Their fineness.
     period : float
         Of the forcing: nothing is carried further.
     """
 
-    def __init__(self, dynamics: Dynamics, start, windows: Windows, period):
+    def __init__(self, dynamics: Dynamics, start, windows: WindowSettings, period):
         self.dynamics, self.windows, self.period = dynamics, windows, period
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean

@@ -1,4 +1,4 @@
-"""Windows: small meshes that follow a density too fine for the main mesh, and grow with it."""
+"""WindowSettings: small meshes that follow a density too fine for the main mesh, and grow with it."""
 
 import dataclasses
 import math
@@ -16,7 +16,7 @@ DEGREE = 3
 
 
 @dataclasses.dataclass(frozen=True)
-class Windows:
+class WindowSettings:
     """Fineness of the windows of a start.
 
     Parameters
@@ -47,7 +47,7 @@ NEGLIGIBLE, VISIBLE = 1e-13, 1e-10
 """Mass below which nothing is left, and mass of a node below which a window need not cover it."""
 
 
-def window_of(windows: Windows, mean, covariance, cutoff, box=None):
+def window_of(windows: WindowSettings, mean, covariance, cutoff, box=None):
     """Space on which a density of these moments is resolved, `windows.reach` standard deviations to all sides.
 
     `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
@@ -74,11 +74,11 @@ def _within(lines, cutoff):
     return np.concatenate([[first], inner, [last]])
 
 
-def next_window(windows: Windows, trace: Trace, coefficients, cutoff):
+def next_window(windows: WindowSettings, trace: Trace, coefficients, cutoff):
     """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
-    # Cells that are not covered hold nothing, and were not traced: where they would land nobody knows.
-    values = np.where(trace.covered[..., None, None], trace.tables[0] @ coefficients @ trace.tables[1].T, 0.0)
+    # Cells that are not active hold nothing, and were not traced: where they would land nobody knows.
+    values = np.where(trace.active[..., None, None], trace.tables[0] @ coefficients @ trace.tables[1].T, 0.0)
     values *= np.outer(trace.angle_weights, trace.velocity_weights)
     values *= source.areas[..., None, None]
     total, x, v, xx, xv, vv, box = landing_sums(

@@ -1,7 +1,7 @@
-"""The adjoint of a step: what a function of the state after it is worth, on average, before it.
+"""The adjoint of a step: the mean, before it, of a function of the state after it (the backward equation).
 
 A step maps a density p to the density P p after it and the masses m that went left, right and off the mesh. Its adjoint
-maps a function q of the state after it, and the worth s of each way out, to the function r of the state before it with
+maps a function q of the state after it, and a value s for each way out, to the function r of the state before it with
 
     integral of p r = integral of (P p) q + m . s        for every p of the source space, to rounding.
 
@@ -18,13 +18,13 @@ from fpk_rocking.density.step.deposit import legendre
 from fpk_rocking.density.step.free_flight import transform
 from fpk_rocking.density.step.landing import LOST, locate
 
-_FAST = {"contract", "reassoc", "nsz"}
+_FASTMATH = {"contract", "reassoc", "nsz"}
 
 
-@kernel(fastmath=_FAST)
-def row_value(cell, a, across, norms):
+@kernel(fastmath=_FASTMATH)
+def row_value(cell, a, across, basis):
     """One row of the coefficients of a cell, times the shape functions across."""
-    modes = len(norms)
+    modes = len(basis)
     row = cell[a * modes : (a + 1) * modes]
     total = row[0] * across[0] + row[1] * across[1]
     if modes > 2:
@@ -38,41 +38,41 @@ def row_value(cell, a, across, norms):
     return total
 
 
-@kernel(fastmath=_FAST)
-def value_at(cell, xi, eta, norms):
-    """Value of a function at a reference point of one cell: the transpose of `transport.add`."""
-    modes = len(norms)
+@kernel(fastmath=_FASTMATH)
+def value_at(cell, xi, eta, basis):
+    """Value of a function at a reference point of one cell: the transpose of `deposit.add`."""
+    modes = len(basis)
     along, across = legendre(xi), legendre(eta)
-    total = along[0] * row_value(cell, 0, across, norms) + along[1] * row_value(cell, 1, across, norms)
+    total = along[0] * row_value(cell, 0, across, basis) + along[1] * row_value(cell, 1, across, basis)
     if modes > 2:
-        total += along[2] * row_value(cell, 2, across, norms)
+        total += along[2] * row_value(cell, 2, across, basis)
     if modes > 3:
-        total += along[3] * row_value(cell, 3, across, norms)
+        total += along[3] * row_value(cell, 3, across, basis)
     if modes > 4:
-        total += along[4] * row_value(cell, 4, across, norms)
+        total += along[4] * row_value(cell, 4, across, basis)
     if modes > 5:
-        total += along[5] * row_value(cell, 5, across, norms)
+        total += along[5] * row_value(cell, 5, across, basis)
     return total
 
 
-@kernel(fastmath=_FAST)
-def collect_landed(function, worth, node_weights, cells, points, values, norms):
-    """Mean worth over the nodes of every Gauss point of one cell whose nodes were traced."""
+@kernel(fastmath=_FASTMATH)
+def collect_landed(function, exit_values, node_weights, cells, points, values, basis):
+    """Mean value over the nodes of every Gauss point of one cell whose nodes were traced."""
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
             total = 0.0
             for k in range(len(node_weights)):
                 target = cells[p, q, k]
                 if target < 0:
-                    total += node_weights[k] * worth[-1 - target]
+                    total += node_weights[k] * exit_values[-1 - target]
                 else:
-                    total += node_weights[k] * value_at(function[target], points[p, q, k, 0], points[p, q, k, 1], norms)
+                    total += node_weights[k] * value_at(function[target], points[p, q, k, 0], points[p, q, k, 1], basis)
             values[p, q] = total
 
 
-@kernel(fastmath=_FAST)
-def collect_free(function, worth, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, norms):
-    """Mean worth over the nodes of every Gauss point of one cell that moves in affine flight."""
+@kernel(fastmath=_FASTMATH)
+def collect_free(function, exit_values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, basis):
+    """Mean value over the nodes of every Gauss point of one cell that moves in affine flight."""
     cosh, sinh, shift = affine
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
@@ -83,17 +83,17 @@ def collect_free(function, worth, node_weights, x, v, affine, offsets, angle_gri
                 i, xi = locate(angle_grid, mean_x + offsets[k, 0])
                 j, eta = locate(velocity_grid, mean_v + offsets[k, 1])
                 if i < 0 or j < 0:
-                    total += node_weights[k] * worth[-1 - LOST]
+                    total += node_weights[k] * exit_values[-1 - LOST]
                 else:
                     cell = function[i * (len(velocity_grid[0]) - 1) + j]
-                    total += node_weights[k] * value_at(cell, xi, eta, norms)
+                    total += node_weights[k] * value_at(cell, xi, eta, basis)
             values[p, q] = total
 
 
 @kernel
-def project_points(values, tables, weights, rows, out, norms):
-    """Coefficients of one cell from values at its Gauss points: the transpose of `transport.values_at_points`."""
-    modes = len(norms)
+def project_points(values, tables, weights, rows, out, basis):
+    """Coefficients of one cell from values at its Gauss points: the transpose of `deposit.values_at_points`."""
+    modes = len(basis)
     (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
     for p in range(values.shape[0]):
         for b in range(modes):
@@ -111,15 +111,27 @@ def project_points(values, tables, weights, rows, out, norms):
 
 @kernel(parallel=True)
 def collect(
-    function, worth, tables, weights, events, landed, free, angle_grid, velocity_grid, cells, out, source_norms, norms
+    function,
+    exit_values,
+    tables,
+    weights,
+    events,
+    landed,
+    free,
+    angle_grid,
+    velocity_grid,
+    cells,
+    out,
+    source_basis,
+    basis,
 ):
-    """Transpose of `transport.deposit`, whose arguments these are.
+    """Transpose of `deposit.deposit`, whose arguments these are.
 
     Parameters
     ----------
     function : ndarray, shape (target angle cells * target velocity cells, modes * modes)
         Coefficients after the step.
-    worth : ndarray, shape (3,)
+    exit_values : ndarray, shape (3,)
         Of what overturned to the left, to the right, and left the mesh.
     cells : ndarray, shape (m, 2)
         The source cells whose coefficients are wanted.
@@ -129,24 +141,26 @@ def collect(
     angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
     for n in prange(len(cells)):
         i, j = cells[n]
-        rows = np.empty((len(angle_points), len(source_norms)))
+        rows = np.empty((len(angle_points), len(source_basis)))
         values = np.empty((len(angle_points), len(velocity_points)))
         row = events[i, j]
         if row >= 0:
-            collect_landed(function, worth, node_weights, landed[0][row], landed[1][row], values, norms)
+            collect_landed(function, exit_values, node_weights, landed[0][row], landed[1][row], values, basis)
         else:
             x = angle_lines[i] + angle_points * (angle_lines[i + 1] - angle_lines[i])
             v = velocity_lines[j] + velocity_points * (velocity_lines[j + 1] - velocity_lines[j])
             affine = cosh, sinh, shifts[1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1]
-            collect_free(function, worth, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, norms)
-        project_points(values, tables, weights, rows, out[i, j], source_norms)
+            collect_free(
+                function, exit_values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, basis
+            )
+        project_points(values, tables, weights, rows, out[i, j], source_basis)
 
 
-@kernel(fastmath=_FAST)
-def shift_row_back(r, values, source, target, shift, moved, norms):
-    """Transpose of `lines.shift_row`, added to `moved` (cells, lines, modes)."""
+@kernel(fastmath=_FASTMATH)
+def shift_row_back(r, values, source, target, shift, moved, basis):
+    """Transpose of `free_flight.shift_row`, added to `moved` (cells, lines, modes)."""
     origin, first, count, start, blocks, _, _ = shift
-    modes, shared = len(norms), first.shape[1] == 1
+    modes, shared = len(basis), first.shape[1] == 1
     base = origin[min(r, len(origin) - 1)]
     for c in range(target[0], target[1]):
         for q in range(modes):
@@ -163,9 +177,9 @@ def shift_row_back(r, values, source, target, shift, moved, norms):
                 block += 1
 
 
-@kernel(fastmath=_FAST)
-def worth_beyond(r, end, beyond, source, shift, moved):
-    """Transpose of `lines.mass_beyond`: what lies beyond an end of row r is worth `beyond` (lines,)."""
+@kernel(fastmath=_FASTMATH)
+def value_beyond(r, end, beyond, source, shift, moved):
+    """Transpose of `free_flight.mass_beyond`: what lies beyond an end of row r has the values `beyond` (lines,)."""
     place = shift.beyond[min(r, len(shift.beyond) - 1), end]
     if place < 0:
         return
@@ -177,9 +191,9 @@ def worth_beyond(r, end, beyond, source, shift, moved):
                 moved[c, q, k] += beyond[q] * line[c, k]
 
 
-@kernel(fastmath=_FAST)
-def pressed_worth(end, values, target, edges, sizes, beyond):
-    """Transpose of `lines.set_down`."""
+@kernel(fastmath=_FASTMATH)
+def pressed_value(end, values, target, edges, sizes, beyond):
+    """Transpose of `free_flight.set_down`."""
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(beyond)):
         beyond[q] = 0.0
@@ -188,71 +202,73 @@ def pressed_worth(end, values, target, edges, sizes, beyond):
 
 
 @kernel
-def return_row(t, values, target, out, norms):
-    """Transpose of `lines.turn_row`: read row t (cells, lines, modes) from where the other direction left it."""
+def return_row(t, values, target, out, basis):
+    """Transpose of `free_flight.turn_row`: read row t (cells, lines, modes) from where the other direction left it."""
     for c in range(target[0], target[1]):
-        for q in range(len(norms)):
-            for i in range(len(norms)):
+        for q in range(len(basis)):
+            for i in range(len(basis)):
                 out[c, q, i] = values[c, t, i, q]
 
 
 @kernel(parallel=True)
-def land_rows_back(function, order, sources, targets, shift, tables, edges, sizes, worth, out, norms):
-    """Transpose of `lines.land_rows`: from coefficients, times the areas of their cells, to values."""
-    (across, limit), modes = out.shape[:2], len(norms)
+def finish_rows_back(function, order, sources, targets, shift, tables, edges, sizes, exit_values, out, basis):
+    """Transpose of `free_flight.finish_rows`: from coefficients, times the areas of their cells, to values."""
+    (across, limit), modes = out.shape[:2], len(basis)
     for n in prange(len(order)):
         r = order[n]
         side, j, source, target = r // across, r % across, sources[r], targets[r]
         values, beyond = np.zeros((limit, modes, modes)), np.zeros(modes)
         for c in range(target[0], target[1]):
-            transform(function[c, j] * (sizes[0][c] * sizes[1][j]), tables[1].T, tables[1].T, values[c], norms)
-        shift_row_back(r, values, source, target, shift, out[j], norms)
+            transform(function[c, j] * (sizes[0][c] * sizes[1][j]), tables[1].T, tables[1].T, values[c], basis)
+        shift_row_back(r, values, source, target, shift, out[j], basis)
         for end in range(2):
             if end == side:
-                beyond[:] = worth[side] * tables[2] * sizes[1][j]
+                beyond[:] = exit_values[side] * tables[2] * sizes[1][j]
             else:
-                pressed_worth(end, values, target, edges, sizes[0], beyond)
-            worth_beyond(r, end, beyond, source, shift, out[j])
+                pressed_value(end, values, target, edges, sizes[0], beyond)
+            value_beyond(r, end, beyond, source, shift, out[j])
 
 
 @kernel(parallel=True)
-def kick_rows_back(values, order, sources, kicked, blurred, kick, blur, tables, sizes, lost, out, norms):
-    """Transpose of `lines.kick_rows`."""
-    across, modes = values.shape[0], len(norms)
+def shear_velocity_back(
+    values, order, sources, sheared, blurred, velocity_shear, blur, tables, sizes, lost, out, basis
+):
+    """Transpose of `free_flight.angle_shear_velocity`."""
+    across, modes = values.shape[0], len(basis)
     for n in prange(len(order)):
         c = order[n]
         now, moved = np.zeros((across, modes, modes)), np.zeros((across, modes, modes))
         beyond = lost * tables[2] * sizes[0][c]
-        return_row(c, values, blurred[c], now, norms)
-        shift_row_back(c, now, kicked[c], blurred[c], blur, moved, norms)
+        return_row(c, values, blurred[c], now, basis)
+        shift_row_back(c, now, sheared[c], blurred[c], blur, moved, basis)
         for end in range(2):
-            worth_beyond(c, end, beyond, kicked[c], blur, moved)
-        shift_row_back(c, moved, sources[c], kicked[c], kick, out[c], norms)
+            value_beyond(c, end, beyond, sheared[c], blur, moved)
+        shift_row_back(c, moved, sources[c], sheared[c], velocity_shear, out[c], basis)
         for end in range(2):
-            worth_beyond(c, end, beyond, sources[c], kick, out[c])
+            value_beyond(c, end, beyond, sources[c], velocity_shear, out[c])
 
 
 @kernel(parallel=True)
-def drift_rows_back(values, free, order, sources, targets, shift, tables, edges, sizes, out, norms):
-    """Transpose of `lines.drift_rows`: coefficients of the free cells, per area of their cells."""
-    (limit, across), modes = free.shape, len(norms)
+def shear_angle_back(values, free, order, sources, targets, shift, tables, edges, sizes, out, basis):
+    """Transpose of `free_flight.angle_shear_angle`: coefficients of the free cells, per area of their cells."""
+    (limit, across), modes = free.shape, len(basis)
     for n in prange(len(order)):
         r = order[n]
         j, source, target = r % across, sources[r], targets[r]
         now, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
         beyond = np.zeros(modes)
-        return_row(j, values, target, now, norms)
-        shift_row_back(r, now, source, target, shift, moved, norms)
+        return_row(j, values, target, now, basis)
+        shift_row_back(r, now, source, target, shift, moved, basis)
         for end in range(2):
-            pressed_worth(end, now, target, edges, sizes[0], beyond)
-            worth_beyond(r, end, beyond, source, shift, moved)
+            pressed_value(end, now, target, edges, sizes[0], beyond)
+            value_beyond(r, end, beyond, source, shift, moved)
         for c in range(source[0], source[1]):
             if free[c, j]:
-                transform(moved[c] / (sizes[0][c] * sizes[1][j]), tables[0].T, tables[0].T, out[c, j], norms)
+                transform(moved[c] / (sizes[0][c] * sizes[1][j]), tables[0].T, tables[0].T, out[c, j], basis)
 
 
-def fly_back(flight, function, worth, out):
-    """Transpose of `lines.FreeFlight.apply` in L2: coefficients of a function after the step to those before it.
+def fly_back(flight, function, exit_values, out):
+    """Transpose of `free_flight.FreeFlight.apply` in L2: coefficients of a function after the step to those before it.
 
     Parameters
     ----------
@@ -260,14 +276,16 @@ def fly_back(flight, function, worth, out):
         The flight; it moves the free cells, and only their coefficients in `out` are written.
     function, out : ndarray, shape of a density
         Coefficients after the step, and before it.
-    worth : ndarray, shape (3,)
+    exit_values : ndarray, shape (3,)
         Of having passed the cut-off to the left and to the right, and the velocity bound.
     """
     limit, across, modes, _ = function.shape
-    norms, (first, second, third) = (1.0,) * modes, flight.ranges
+    basis, (first, second, third) = (1.0,) * modes, flight.ranges
     turned, values = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
     fixed = flight.tables, flight.edges, flight.sizes
-    land_rows_back(function, flight.orders[2], *third, flight.shear, *fixed, worth[:2], turned, norms)
-    kick, blur, tables, sizes = flight.kick, flight.blur, flight.tables, flight.sizes
-    kick_rows_back(turned, flight.orders[1], *second, kick, blur, tables, sizes, worth[2], values, norms)
-    drift_rows_back(values, flight.free, flight.orders[0], *first, flight.shear, *fixed, out, norms)
+    finish_rows_back(function, flight.orders[2], *third, flight.angle_shear, *fixed, exit_values[:2], turned, basis)
+    velocity_shear, blur, tables, sizes = flight.velocity_shear, flight.blur, flight.tables, flight.sizes
+    shear_velocity_back(
+        turned, flight.orders[1], *second, velocity_shear, blur, tables, sizes, exit_values[2], values, basis
+    )
+    shear_angle_back(values, flight.free, flight.orders[0], *first, flight.angle_shear, *fixed, out, basis)

@@ -33,9 +33,9 @@ def legendre(xi):
 
 
 @kernel
-def add_row(target, a, part, across, norms):
+def add_row(target, a, part, across, basis):
     """Add to one row of the unknowns of a cell."""
-    modes = len(norms)
+    modes = len(basis)
     # Scalars, not an array: a store to `target` could alias an array, and then nothing is vectorized.
     row = target[a * modes : (a + 1) * modes]
     row[0] += part * across[0]
@@ -51,26 +51,26 @@ def add_row(target, a, part, across, norms):
 
 
 @kernel
-def add(target, amount, xi, eta, norms):
+def add(target, amount, xi, eta, basis):
     """Add a mass times the shape functions at a reference point to the unknowns of one cell."""
-    modes = len(norms)
+    modes = len(basis)
     along, across = legendre(xi), legendre(eta)
-    add_row(target, 0, amount * along[0], across, norms)
-    add_row(target, 1, amount * along[1], across, norms)
+    add_row(target, 0, amount * along[0], across, basis)
+    add_row(target, 1, amount * along[1], across, basis)
     if modes > 2:
-        add_row(target, 2, amount * along[2], across, norms)
+        add_row(target, 2, amount * along[2], across, basis)
     if modes > 3:
-        add_row(target, 3, amount * along[3], across, norms)
+        add_row(target, 3, amount * along[3], across, basis)
     if modes > 4:
-        add_row(target, 4, amount * along[4], across, norms)
+        add_row(target, 4, amount * along[4], across, basis)
     if modes > 5:
-        add_row(target, 5, amount * along[5], across, norms)
+        add_row(target, 5, amount * along[5], across, basis)
 
 
 @kernel
-def values_at_points(cell, area, tables, weights, rows, values, norms):
+def values_at_points(cell, area, tables, weights, rows, values, basis):
     """Masses (g, h) of the Gauss points of one cell."""
-    modes = len(norms)
+    modes = len(basis)
     (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
     for a in range(modes):
         for q in range(values.shape[1]):
@@ -87,7 +87,7 @@ def values_at_points(cell, area, tables, weights, rows, values, norms):
 
 
 @kernel(fastmath={"contract", "reassoc", "nsz"})
-def deposit_landed(values, node_weights, cells, points, buffer, sink, norms):
+def deposit_landed(values, node_weights, cells, points, buffer, sink, basis):
     """Deposit one cell whose nodes were traced."""
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
@@ -97,11 +97,11 @@ def deposit_landed(values, node_weights, cells, points, buffer, sink, norms):
                 if target < 0:
                     sink[-1 - target] += amount
                 else:
-                    add(buffer[target], amount, points[p, q, k, 0], points[p, q, k, 1], norms)
+                    add(buffer[target], amount, points[p, q, k, 0], points[p, q, k, 1], basis)
 
 
 @kernel(fastmath={"contract", "reassoc", "nsz"})
-def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, norms):
+def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, basis):
     """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
     cosh, sinh, shift = affine
     for p in range(values.shape[0]):
@@ -115,20 +115,20 @@ def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, veloci
                 if i < 0 or j < 0:
                     sink[-1 - LOST] += amount
                 else:
-                    add(buffer[i * (len(velocity_grid[0]) - 1) + j], amount, xi, eta, norms)
+                    add(buffer[i * (len(velocity_grid[0]) - 1) + j], amount, xi, eta, basis)
 
 
 @kernel
 def deposit_chunk(
     source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink,
-    source_norms, norms,
+    source_basis, basis,
 ):  # fmt: skip
     """Deposit the columns of one chunk."""
     angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
     across = len(velocity_grid[0]) - 1
     sink[:] = 0.0
     buffer[chunk[2] * across : chunk[3] * across] = 0.0
-    rows = np.empty((len(source_norms), len(velocity_points)))
+    rows = np.empty((len(source_basis), len(velocity_points)))
     values = np.empty((len(angle_points), len(velocity_points)))
     for i in range(chunk[0], chunk[1]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
@@ -136,15 +136,15 @@ def deposit_chunk(
         for j in range(source.shape[1]):
             if not chosen[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
                 continue
-            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, source_norms)
+            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, source_basis)
             row = events[i, j]
             if row >= 0:
-                deposit_landed(values, node_weights, landed[0][row], landed[1][row], buffer, sink, norms)
+                deposit_landed(values, node_weights, landed[0][row], landed[1][row], buffer, sink, basis)
             else:
                 v = velocity_lines[j] + velocity_points * (velocity_lines[j + 1] - velocity_lines[j])
                 affine = cosh, sinh, shifts[side]
                 deposit_free(
-                    values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, norms
+                    values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, basis
                 )
 
 
@@ -163,14 +163,14 @@ def deposit(
     chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
     buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
     sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
-    source_norms,  # tuple (modes,) of the source: its length tells the compiler the number of modes
-    norms,  # the same of the target
+    source_basis,  # tuple (modes,) of the source: its length tells the compiler the number of modes
+    basis,  # the same of the target
 ):
     """Deposit the density of the chosen cells into the buffers of the chunks."""
     for k in prange(len(chunks)):
         deposit_chunk(
             source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
-            chunks[k], buffers[k], sinks[k], source_norms, norms,
+            chunks[k], buffers[k], sinks[k], source_basis, basis,
         )  # fmt: skip
 
 

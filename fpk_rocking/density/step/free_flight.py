@@ -23,7 +23,7 @@ from fpk_rocking.density.step.shifts import hermite, landing_range, prepare_shif
 _FINE_NODES = 3
 """Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
 
-_FAST = {"contract", "reassoc", "nsz"}
+_FASTMATH = {"contract", "reassoc", "nsz"}
 
 
 def blur_variances(diffusion, duration):
@@ -70,37 +70,39 @@ class FreeFlight:
         fine, blur = math.sqrt(small) * fine, math.sqrt(large) * blur
         drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
         along = shear * _line_points(space.velocity_lines, points)
-        drifts = np.concatenate([along + drift[-1], along + drift[1]])
-        kick = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
-        kicks = sinh * _line_points(space.angle_lines, points) + np.repeat(kick, (middle, limit - middle))[:, None]
+        angle_shears = np.concatenate([along + drift[-1], along + drift[1]])
+        pushes = np.repeat([shifts[side, 1] - sinh * drift[side] for side in (-1, 1)], (middle, limit - middle))
+        velocity_shears = sinh * _line_points(space.angle_lines, points) + pushes[:, None]
         sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
         whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
 
         first = hulls(angle_rows(free, middle))
-        drifted = landing_range(space.angle_lines, sides, drifts, fine, first)
+        drifted = landing_range(space.angle_lines, sides, angle_shears, fine, first)
         second = hulls(by_velocity(covered(drifted, limit)).T)
-        kicked = landing_range(space.velocity_lines, whole, kicks, still, second)
-        blurred = landing_range(space.velocity_lines, whole, nothing, blur, kicked)
+        sheared = landing_range(space.velocity_lines, whole, velocity_shears, still, second)
+        blurred = landing_range(space.velocity_lines, whole, nothing, blur, sheared)
         third = hulls(angle_rows(covered(blurred, across), middle))
-        landed = landing_range(space.angle_lines, sides, drifts, fine, third)
-        self.ranges = (first, drifted), (second, kicked, blurred), (third, landed)
+        landed = landing_range(space.angle_lines, sides, angle_shears, fine, third)
+        self.ranges = (first, drifted), (second, sheared, blurred), (third, landed)
         self.orders = order(first), order(second), order(third)
-        degree, every = space.degree, hulls(covered(kicked, across).any(axis=0)[None])
-        self.shear = prepare_shift(space.angle_lines, sides, drifts, fine, fine_weights, degree, union(first, third))
-        self.kick = prepare_shift(space.velocity_lines, whole, kicks, still, one, degree, second)
+        degree, every = space.degree, hulls(covered(sheared, across).any(axis=0)[None])
+        self.angle_shear = prepare_shift(
+            space.angle_lines, sides, angle_shears, fine, fine_weights, degree, union(first, third)
+        )
+        self.velocity_shear = prepare_shift(space.velocity_lines, whole, velocity_shears, still, one, degree, second)
         self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, blur, blur_weights, degree, every)
 
     @property
     def memory(self):
         """Bytes of the prepared shifts."""
-        return sum(part.nbytes for shift in (self.shear, self.kick, self.blur) for part in shift)
+        return sum(part.nbytes for shift in (self.angle_shear, self.velocity_shear, self.blur) for part in shift)
 
     @property
     def operations(self):
         """Multiplications and additions of a flight, without the changes of basis."""
         modes, blurred = len(self.edges[0]), self.ranges[1][2]
         wide = self.blur.count.mean() * (blurred[:, 1] - blurred[:, 0]).sum() * modes**3
-        return 2 * (2 * self.shear.blocks.size + self.kick.blocks.size + wide)
+        return 2 * (2 * self.angle_shear.blocks.size + self.velocity_shear.blocks.size + wide)
 
     def apply(self, coefficients, out):
         """Add the density after the step to `out`, and return the masses that passed the bounds.
@@ -119,17 +121,18 @@ class FreeFlight:
             projection would put there is set down at it.
         """
         limit, across, modes, _ = coefficients.shape
-        norms = (1.0,) * modes
+        basis = (1.0,) * modes
         drifted, blurred = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
-        drift_rows(
-            coefficients, self.free, self.orders[0], *self.ranges[0], self.shear, self.tables, self.edges, self.sizes,
-            drifted, norms,
+        shear_angle(
+            coefficients, self.free, self.orders[0], *self.ranges[0], self.angle_shear, self.tables, self.edges,
+            self.sizes, drifted, basis,
         )  # fmt: skip
-        lost = kick_rows(
-            drifted, self.orders[1], *self.ranges[1], self.kick, self.blur, self.tables, self.sizes, blurred, norms
-        )
-        left = land_rows(
-            blurred, self.orders[2], *self.ranges[2], self.shear, self.tables, self.edges, self.sizes, out, norms
+        lost = shear_velocity(
+            drifted, self.orders[1], *self.ranges[1], self.velocity_shear, self.blur, self.tables, self.sizes, blurred,
+            basis,
+        )  # fmt: skip
+        left = finish_rows(
+            blurred, self.orders[2], *self.ranges[2], self.angle_shear, self.tables, self.edges, self.sizes, out, basis
         )
         return np.array([left[0].sum(), left[1].sum(), lost.sum()])
 
@@ -139,11 +142,11 @@ def _line_points(lines, points):
     return lines[:-1, None] + np.diff(lines)[:, None] * points
 
 
-@kernel(fastmath=_FAST)
-def shift_row(r, values, source, target, shift, moved, norms):
+@kernel(fastmath=_FASTMATH)
+def shift_row(r, values, source, target, shift, moved, basis):
     """Move the lines of row r: values (cells, lines, modes) of its source cells to those of its target cells."""
     origin, first, count, start, blocks, _, _ = shift
-    modes, shared = len(norms), first.shape[1] == 1
+    modes, shared = len(basis), first.shape[1] == 1
     base = origin[min(r, len(origin) - 1)]
     for c in range(target[0], target[1]):
         for q in range(modes):
@@ -179,7 +182,7 @@ def shift_row(r, values, source, target, shift, moved, norms):
                 moved[c, q, 5] = a5
 
 
-@kernel(fastmath=_FAST)
+@kernel(fastmath=_FASTMATH)
 def mass_beyond(r, end, values, source, shift, masses):
     """Masses of the lines of row r that pass an end, per size of their cells across; whether there are any."""
     place = shift.beyond[min(r, len(shift.beyond) - 1), end]
@@ -195,7 +198,7 @@ def mass_beyond(r, end, values, source, shift, masses):
     return True
 
 
-@kernel(fastmath=_FAST)
+@kernel(fastmath=_FASTMATH)
 def set_down(end, masses, target, edges, sizes, moved):
     """Set down at an end of a row what passed it."""
     cell = target[0] if end == 0 else target[1] - 1
@@ -204,19 +207,19 @@ def set_down(end, masses, target, edges, sizes, moved):
             moved[cell, q, i] += masses[q] / sizes[cell] * edges[end, i]
 
 
-@kernel(fastmath=_FAST)
-def turn_row(t, moved, target, out, norms):
+@kernel(fastmath=_FASTMATH)
+def turn_row(t, moved, target, out, basis):
     """Write row t (cells, lines, modes) where the rows of the other direction find it."""
     for c in range(target[0], target[1]):
-        for q in range(len(norms)):
-            for i in range(len(norms)):
+        for q in range(len(basis)):
+            for i in range(len(basis)):
                 out[c, t, i, q] = moved[c, q, i]
 
 
-@kernel(fastmath=_FAST)
-def transform(cell, first, second, out, norms):
+@kernel(fastmath=_FASTMATH)
+def transform(cell, first, second, out, basis):
     """Apply tables to both axes of a cell and exchange them: out[j, i] = sum of second[j, b] first[i, a] cell[a, b]."""
-    modes = len(norms)
+    modes = len(basis)
     for j in range(modes):
         for i in range(modes):
             out[j, i] = 0.0
@@ -230,51 +233,51 @@ def transform(cell, first, second, out, norms):
 
 
 @kernel(parallel=True)
-def drift_rows(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, norms):
+def shear_angle(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, basis):
     """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity); nothing leaves."""
-    (limit, across), modes = free.shape, len(norms)
+    (limit, across), modes = free.shape, len(basis)
     for n in prange(len(order)):
         r = order[n]
         j, source, target = r % across, sources[r], targets[r]
         values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
         for c in range(source[0], source[1]):
             if free[c, j]:
-                transform(coefficients[c, j], tables[0], tables[0], values[c], norms)
-        shift_row(r, values, source, target, shift, moved, norms)
+                transform(coefficients[c, j], tables[0], tables[0], values[c], basis)
+        shift_row(r, values, source, target, shift, moved, basis)
         for end in range(2):
             if mass_beyond(r, end, values, source, shift, masses):
                 set_down(end, masses, target, edges, sizes[0], moved)
-        turn_row(j, moved, target, out, norms)
+        turn_row(j, moved, target, out, basis)
 
 
 @kernel(parallel=True)
-def kick_rows(values, order, sources, kicked, blurred, kick, blur, tables, sizes, out, norms):
+def shear_velocity(values, order, sources, sheared, blurred, velocity_shear, blur, tables, sizes, out, basis):
     """Shear and blur of the velocity: values to (velocity cells, angle cells, velocity, angle); masses that left."""
-    across, modes, left = values.shape[1], len(norms), np.zeros(len(sources))
+    across, modes, left = values.shape[1], len(basis), np.zeros(len(sources))
     for n in prange(len(order)):
         c = order[n]
         now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
-        shift_row(c, values[c], sources[c], kicked[c], kick, now, norms)
-        shift_row(c, now, kicked[c], blurred[c], blur, moved, norms)
+        shift_row(c, values[c], sources[c], sheared[c], velocity_shear, now, basis)
+        shift_row(c, now, sheared[c], blurred[c], blur, moved, basis)
         for end in range(2):
-            if mass_beyond(c, end, values[c], sources[c], kick, masses):
+            if mass_beyond(c, end, values[c], sources[c], velocity_shear, masses):
                 left[c] += (masses * tables[2]).sum() * sizes[0][c]
-            if mass_beyond(c, end, now, kicked[c], blur, masses):
+            if mass_beyond(c, end, now, sheared[c], blur, masses):
                 left[c] += (masses * tables[2]).sum() * sizes[0][c]
-        turn_row(c, moved, blurred[c], out, norms)
+        turn_row(c, moved, blurred[c], out, basis)
     return left
 
 
 @kernel(parallel=True)
-def land_rows(values, order, sources, targets, shift, tables, edges, sizes, out, norms):
+def finish_rows(values, order, sources, targets, shift, tables, edges, sizes, out, basis):
     """Last shear: from values to coefficients, added; masses (2, velocity cells) that passed the cut-off."""
-    (across, limit), modes = values.shape[:2], len(norms)
+    (across, limit), modes = values.shape[:2], len(basis)
     left = np.zeros((2, across))
     for n in prange(len(order)):
         r = order[n]
         side, j, source, target = r // across, r % across, sources[r], targets[r]
         moved, masses, cell = np.zeros((limit, modes, modes)), np.zeros(modes), np.zeros((modes, modes))
-        shift_row(r, values[j], source, target, shift, moved, norms)
+        shift_row(r, values[j], source, target, shift, moved, basis)
         for end in range(2):
             if mass_beyond(r, end, values[j], source, shift, masses):
                 if end == side:
@@ -282,7 +285,7 @@ def land_rows(values, order, sources, targets, shift, tables, edges, sizes, out,
                 else:
                     set_down(end, masses, target, edges, sizes[0], moved)
         for c in range(target[0], target[1]):
-            transform(moved[c], tables[1], tables[1], cell, norms)
+            transform(moved[c], tables[1], tables[1], cell, basis)
             for a in range(modes):
                 for b in range(modes):
                     out[c, j, a, b] += cell[a, b]

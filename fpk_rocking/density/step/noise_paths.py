@@ -33,7 +33,7 @@ from fpk_rocking.physics.transition import advance
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
 
-_FAST, _SMOOTH = 2.0, 5.0
+_RESOLVED, _SMOOTH = 2.0, 5.0
 
 
 @functools.cache
@@ -87,9 +87,9 @@ def through_impact(diffusion, before, after, v, force, side, restitution):
     map : tuple (b11, b12, b21, b22)
         Carries a displacement from the impact time to the end.
     """
-    kick = ((side + force) - restitution * (force - side)) / v
+    jump = ((side + force) - restitution * (force - side)) / v
     c, s = math.cosh(after), math.sinh(after)
-    b11, b12, b21, b22 = c * restitution + s * kick, s * restitution, s * restitution + c * kick, c * restitution
+    b11, b12, b21, b22 = c * restitution + s * jump, s * restitution, s * restitution + c * jump, c * restitution
     xx, xv, vv = flight_covariance(diffusion, before)
     final_xx, final_xv, final_vv = flight_covariance(diffusion, after)
     final_xx += b11 * b11 * xx + 2.0 * b11 * b12 * xv + b12 * b12 * vv
@@ -184,7 +184,7 @@ def trace(
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * diffusion * duration)
-    if kind == IMPACT and abs(speed) > _FAST * spread and min(time, duration - time) > 1e-6 * duration:
+    if kind == IMPACT and abs(speed) > _RESOLVED * spread and min(time, duration - time) > 1e-6 * duration:
         smooth = abs(speed) > _SMOOTH * spread
         impact_at = time, speed, side, smooth
         _fast_nodes(x, v, impact_at, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes)

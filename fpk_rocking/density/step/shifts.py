@@ -150,9 +150,9 @@ def add_integral(start, stop, left, right, weight, points, point_weights, out):
 
 
 @kernel
-def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, norms):
+def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, basis):
     """Add the integrals of products of shape functions of a source and a target cell over a part of the source."""
-    here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(norms)
+    here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
     for q in range(len(points)):
         x = start + points[q] * (stop - start)
         part = 0.5 * there_scale * weight * point_weights[q] * (stop - start)
@@ -164,10 +164,10 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 
 @kernel(parallel=True)
-def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, norms):
+def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis):
     """Integrate products of shape functions over all overlaps, exactly, into the blocks and ends of a shift.
 
-    `norms`, a tuple (modes,), tells the compiler the number of modes.
+    `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     origin, first, _, start, blocks, beyond, ends = shift
     for r in prange(len(source)):
@@ -184,7 +184,7 @@ def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, so
                             place = start[origin[r] + target, q] + cell - first[origin[r] + target, q]
                             add_product(
                                 begin, stop, left, right, lines[target], lines[target + 1], move, weights[n], points,
-                                point_weights, blocks[place], norms,
+                                point_weights, blocks[place], basis,
                             )  # fmt: skip
                     if beyond[r, 0] >= 0:
                         stop = min(right, floor - move)

@@ -68,7 +68,7 @@ class Quadrature:
 
 
 class Trace:
-    """The paths of one step from the Gauss points of the cells that it covers, before it is known where they land.
+    """The paths of one step from the Gauss points of its active cells, before it is known where they land.
 
     Parameters
     ----------
@@ -79,16 +79,16 @@ class Trace:
     dynamics : Dynamics
     quadrature : Quadrature
     cells : bool or ndarray of bool, shape (angle cells, velocity cells)
-        Cells to cover now, whose paths' ends are kept; all unless given.
+        Cells to activate now, whose paths' ends are kept; all unless given.
 
     Attributes
     ----------
-    marks, covered : ndarray of bool, shape (angle cells, velocity cells)
+    marks, active : ndarray of bool, shape (angle cells, velocity cells)
         The cells that an event can reach, and those whose mass the step moves.
     events : ndarray of int, shape (angle cells, velocity cells)
-        Number of a covered cell that an event can reach, in the order in which they were traced; else -1.
+        Number of an active cell that an event can reach, in the order in which they were traced; else -1.
     states, codes : ndarray
-        Ends of the paths of the cells covered at first, see `trace_cells`.
+        Ends of the paths of the cells active at first, see `trace_cells`.
     """
 
     def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True):
@@ -105,15 +105,15 @@ class Trace:
         lines = source.angle_lines, source.velocity_lines
         self._segment = dynamics.segment(start, duration)
         self.marks = classify(*lines, self._segment, duration, dynamics.cutoff, self._margin)
-        self.covered = np.zeros_like(self.marks)
+        self.active = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
-        self.states, self.codes = self.cover(np.full_like(self.marks, cells))
+        self.states, self.codes = self.activate(np.full_like(self.marks, cells))
 
-    def cover(self, cells):
+    def activate(self, cells):
         """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
         source, dynamics = self.source, self.dynamics
-        new = np.argwhere(self.marks & cells & ~self.covered)
-        self.covered |= cells
+        new = np.argwhere(self.marks & cells & ~self.active)
+        self.active |= cells
         self.events[new[:, 0], new[:, 1]] = self.events.max() + 1 + np.arange(len(new))
         return trace_cells(
             new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self._segment,
@@ -126,7 +126,7 @@ class Step:
     """The linear map of densities over one step, from the coefficients of one space to those of another.
 
     Mass is conserved to rounding: what does not land on the target is returned, overturned (to the left, to the
-    right) or lost, which is beyond the mesh or out of cells that the step does not cover.
+    right) or lost, which is beyond the mesh or out of cells that are not active.
 
     Parameters
     ----------
@@ -148,13 +148,13 @@ class Step:
         )  # fmt: skip
         self.buffers = deposit_buffers(target) if buffers is None else buffers
         self._sinks = np.empty((CHUNKS, 3))
-        self._norms = (1.0,) * (degree + 1), (1.0,) * modes
+        self._bases = (1.0,) * (degree + 1), (1.0,) * modes
         self._landed = self._settled(trace.states, trace.codes)
         self._prepare()
 
-    def cover(self, cells):
+    def activate(self, cells):
         """Add cells (angle cells, velocity cells) to those whose mass the step moves."""
-        landed = self._settled(*self.trace.cover(cells))
+        landed = self._settled(*self.trace.activate(cells))
         self._landed = tuple(np.concatenate(pair) for pair in zip(self._landed, landed, strict=True))
         self._prepare()
 
@@ -174,13 +174,13 @@ class Step:
         return settle_in_cells(points, codes, *self._grids, self.target.first_positive), points
 
     def _prepare(self):
-        """Divide the covered cells: free ones fly where source and target are one mesh, all others are deposited."""
+        """Divide the active cells: free ones fly where source and target are one mesh, all others are deposited."""
         trace = self.trace
-        self._flight, self._deposited = None, trace.covered
+        self._flight, self._deposited = None, trace.active
         if self.target is trace.source:
             affine = trace.cosh, trace.sinh, trace.shifts
-            free = trace.covered & ~trace.marks
-            self._deposited = trace.covered & trace.marks
+            free = trace.active & ~trace.marks
+            self._deposited = trace.active & trace.marks
             self._flight = FreeFlight(self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur)
         self._chunks = self._split()
 
@@ -189,27 +189,27 @@ class Step:
         trace, source = self.trace, self.trace.source
         deposit(
             coefficients, self._deposited, source.areas, trace.tables, self._weights, trace.events, self._landed,
-            self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._norms,
+            self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._bases,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         gather(self.buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
         if self._flight:
             sinks += self._flight.apply(coefficients, out)
-        sinks[2] += source.masses(coefficients)[~trace.covered].sum()
+        sinks[2] += source.masses(coefficients)[~trace.active].sum()
         return out, sinks
 
-    def apply_adjoint(self, values, worth):
-        """Return what a function of the state after the step is worth, on average, before it.
+    def apply_adjoint(self, values, exit_values):
+        """Return the mean, before the step, of a function of the state after it (the backward equation).
 
         Adjoint of `apply` in L2: for every density p of the source, with ``after, sinks = apply(p)``, the integral of p
-        times the result is the integral of `after` times the function, plus ``sinks @ worth``, to rounding.
+        times the result is the integral of `after` times the function, plus ``sinks @ exit_values``, to rounding.
 
         Parameters
         ----------
         values : ndarray, shape ``target.shape``
             Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
-        worth : array_like, shape (3,)
+        exit_values : array_like, shape (3,)
             Of having overturned to the left, to the right, and of being lost.
 
         Returns
@@ -217,15 +217,15 @@ class Step:
         ndarray, shape ``trace.source.shape``
             Coefficients of the function before the step.
         """
-        trace, worth = self.trace, np.asarray(worth, dtype=float)
+        trace, exit_values = self.trace, np.asarray(exit_values, dtype=float)
         out = np.zeros(trace.source.shape)
         if self._flight:
-            fly_back(self._flight, values, worth, out)
+            fly_back(self._flight, values, exit_values, out)
         collect(
-            values.reshape(-1, self.buffers.shape[2]), worth, trace.tables, self._weights, trace.events,
-            self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._norms,
+            values.reshape(-1, self.buffers.shape[2]), exit_values, trace.tables, self._weights, trace.events,
+            self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._bases,
         )  # fmt: skip
-        out[~trace.covered, 0, 0] = worth[2]
+        out[~trace.active, 0, 0] = exit_values[2]
         return out
 
     def _split(self):

@@ -19,7 +19,7 @@ BINS = 32, 64
 """Bins (angle, velocity) between the bounds, in which two solutions are compared; of about 0.1 in the main scene."""
 
 _MARGIN = 1
-"""Cells around those that hold something that are covered too, so that a growing density does not ask every time."""
+"""Cells around those that hold something that are active too, so that a growing density does not ask every time."""
 
 
 class Solution(NamedTuple):
@@ -42,7 +42,7 @@ class Solution(NamedTuple):
     bins: np.ndarray
 
 
-class Run:
+class Propagator:
     """A scene with white noise at one resolution.
 
     Parameters
@@ -54,9 +54,9 @@ class Run:
     bound : float
         Velocity bound of the mesh.
     negligible : float
-        A cell that has never held more is not covered: what comes to it is lost, and counted.
-    guide : Run, optional
-        A run of the same scene that tells which cells to cover.
+        A cell that has never held more is not active: what comes to it is lost, and counted.
+    guide : Propagator, optional
+        A run of the same scene that tells which cells to activate.
     beyond : float
         Velocity to which coarser cells continue the mesh, where it is above the bound.
 
@@ -126,7 +126,7 @@ class Run:
                 break
             if (k % steps >= len(self.leg)) != turned:
                 now, turned = turn(now), not turned
-            now, sinks = self._covering(k % len(self.leg), now).apply(now)
+            now, sinks = self._activated(k % len(self.leg), now).apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
         # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
         bins = self.bins(coefficients)
@@ -137,17 +137,17 @@ class Run:
         edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
         return self.space.bin_integrals(coefficients, *edges)
 
-    def _covering(self, k, coefficients):
-        """Step k of the leg, which covers all cells that hold something."""
+    def _activated(self, k, coefficients):
+        """Step k of the leg, with all cells active that hold something."""
         step = self.leg[k]
-        if occupy(coefficients, self.space.areas, self.negligible, step.trace.covered, self.occupied[k]):
-            step.cover(binary_dilation(self.occupied[k], iterations=_MARGIN))
+        if occupy(coefficients, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
+            step.activate(binary_dilation(self.occupied[k], iterations=_MARGIN))
         return step
 
 
 @kernel
-def occupy(coefficients, areas, negligible, covered, occupied):
-    """Mark the cells that hold more than a mass, and tell whether one of them is not covered."""
+def occupy(coefficients, areas, negligible, active, occupied):
+    """Mark the cells that hold more than a mass, and tell whether one of them is not active."""
     (limit, across, modes, _), beyond = coefficients.shape, False
     for i in range(limit):
         for j in range(across):
@@ -156,7 +156,7 @@ def occupy(coefficients, areas, negligible, covered, occupied):
                 for b in range(modes):
                     if abs(coefficients[i, j, a, b]) > least:
                         occupied[i, j] = True
-            beyond |= occupied[i, j] and not covered[i, j]
+            beyond |= occupied[i, j] and not active[i, j]
     return beyond
 
 
