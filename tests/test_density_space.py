@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 from scipy.integrate import quad
-from skfem import Basis, BilinearForm, MeshQuad
+from skfem import Basis, BilinearForm, Functional, MeshQuad
 from skfem.element import ElementQuad0
 
 from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.element import ElementQuadLegendre
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
-from fpk_rocking.density.space.space import ElementQuadLegendre, Space
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.scene.scene import Block, Forcing, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
@@ -255,3 +256,29 @@ def test_velocity_bound_grows_by_what_an_inward_start_has_in_excess(phase, side)
     spread = dataclasses.replace(scene, start=Start(0.1 * side, velocity, ((0.09, -0.02), (-0.02, 0.01))))
     deviation = math.sqrt(0.09 + 0.01 + 2.0 * 0.02)
     assert velocity_bound(spread, 0.0025) == pytest.approx(plain + 0.7 + 8.0 * deviation, abs=1e-7)
+
+
+def test_a_density_goes_into_functionals_of_scikit_fem():
+    """Mean energy and a marginal, as docs/numerics.md shows them; exact where the integrand is a polynomial."""
+    lines = np.linspace(-1.2, 1.2, 9), np.linspace(-2.0, 2.0, 11)
+    space = Space(*lines, 3)
+    density = Density(space, space.project(lambda x, v: (1.5 + x) * (4.0 - v * v) * (1.0 + 0.1 * x * v), 6))
+
+    @Functional
+    def energy(w):
+        angle, velocity = w.x
+        return (0.5 * velocity**2 + np.abs(angle) - 0.5 * angle**2) * w["density"]
+
+    basis = density.basis(order=8)
+    found = energy.assemble(basis, density=basis.interpolate(density.vector))
+    assert found == pytest.approx(density.integral(lambda x, v: 0.5 * v**2 + np.abs(x) - 0.5 * x**2, 8), rel=1e-14)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    halves = [(0.6 * (side + nodes), 0.6 * weights) for side in (-1.0, 1.0)]
+    x = np.concatenate([points for points, _ in halves])[:, None]
+    v, w = 2.0 * nodes, np.outer(np.concatenate([share for _, share in halves]), 2.0 * weights)
+    p = (1.5 + x) * (4.0 - v * v) * (1.0 + 0.1 * x * v)
+    assert found == pytest.approx(np.sum(w * p * (0.5 * v**2 + np.abs(x) - 0.5 * x**2)), rel=1e-13)
+    for low, high in zip(lines[0][:-1], lines[0][1:], strict=True):
+        inside = density.integral(lambda x, v, low=low, high=high: (x > low) & (x < high) & (v < np.inf))
+        assert inside == pytest.approx(density.bin_probabilities([low, high], [-2.0, 2.0]).item(), rel=1e-12)
+    assert density.moment(3, 2) == pytest.approx(np.sum(w * p * x**3 * v**2), rel=1e-12)

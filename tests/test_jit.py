@@ -61,3 +61,27 @@ def test_the_cache_is_in_the_users_cache_folder_unless_chosen(package, tmp_path)
     assert run(package, XDG_CACHE_HOME=str(tmp_path / "user")) == (0.5, 0)
     assert list((tmp_path / "user" / "fpk-rocking").iterdir())
     assert not list(package.rglob("*.nbc"))
+
+
+COUNTED = """
+import sys
+from fpk_rocking.base import jit
+from fpk_rocking.physics.flight import SPEED_FLOOR, flight, segment_of
+from fpk_rocking.physics.forcing import TERMS, Forcing
+import numpy as np
+
+segment = segment_of(Forcing(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
+print(jit.BORROWS, *flight(0.1, 0.2, 1, segment, 0.0, 0.2))
+"""
+
+
+def test_kernels_give_the_same_where_references_are_counted(tmp_path):
+    """As with a numba that has no option to leave that out."""
+    answers = []
+    for counted in ({}, {"FPK_ROCKING_COUNT_REFERENCES": "1"}):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(len(answers)))} | counted
+        command = [sys.executable, "-c", COUNTED]
+        done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True, timeout=120)
+        answers.append(done.stdout.split())
+    assert [answer[0] for answer in answers] == ["True", "False"]
+    assert answers[0][1:] == answers[1][1:]

@@ -17,6 +17,22 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import numba
 
+
+def _can_borrow():
+    try:
+        from numba.core.cpu import CPUTargetOptions
+    except ImportError:
+        return False
+    return hasattr(CPUTargetOptions, "_nrt") and "FPK_ROCKING_COUNT_REFERENCES" not in os.environ
+
+
+BORROWS = _can_borrow()
+"""Whether kernels that only borrow arrays are compiled without counting references to them.
+
+The option is one of numba's own, without a promise to stay. Without it, or with FPK_ROCKING_COUNT_REFERENCES set,
+results are the same and the engines slower.
+"""
+
 _ROOT = pathlib.Path(__file__).resolve().parents[2]
 _IMPORT = re.compile(r"^ *from ((?:fpk_rocking|montecarlo)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
@@ -68,8 +84,9 @@ def kernel(function=None, *, borrows=False, **options):
     function : callable
         A function in the subset of Python that numba compiles.
     borrows : bool
-        Leave out the counting of references to arrays, which can cost more than a small kernel itself. Only for a
-        function that neither makes arrays nor returns any, and calls none that does.
+        Leave out the counting of references to arrays, which can cost more than a small kernel itself, where numba has
+        the option (see `BORROWS`). Only for a function that neither makes arrays nor returns any, and calls none that
+        does.
     **options
         Passed to `numba.njit`, e.g. ``parallel=True``, ``fastmath={"contract"}``, ``inline="always"``.
 
@@ -80,7 +97,7 @@ def kernel(function=None, *, borrows=False, **options):
     """
     if function is None:
         return functools.partial(kernel, borrows=borrows, **options)
-    if borrows:
+    if borrows and BORROWS:
         options["_nrt"] = False
     options.setdefault("error_model", "numpy")
     file = pathlib.Path(function.__code__.co_filename).resolve()

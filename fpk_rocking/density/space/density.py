@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from fpk_rocking.density.space.nonnegative import nonnegative_view
-from fpk_rocking.density.space.space import Space, gauss, shapes
+from fpk_rocking.density.space.space import Space, shapes
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -128,14 +128,42 @@ class Density:
         values = np.einsum("...a,...a->...", coefficients[cell], shapes(reference, self.degree))
         return np.where(np.isnan(points), np.nan, np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0))
 
+    def basis(self, order=None):
+        """Return the scikit-fem basis of the density; ``vector`` holds its unknowns. See `Space.basis`."""
+        return self.space.basis(order)
+
+    @property
+    def vector(self):
+        """Unknowns (n,) of the density on `basis`, for forms and functionals of scikit-fem."""
+        return self.coefficients.ravel()
+
+    def integral(self, function, order=None):
+        """Integral of a function of angle and velocity times the density.
+
+        Parameters
+        ----------
+        function : callable
+            Takes arrays of angles and velocities, returns an array of their shape. Where it jumps within a cell the
+            quadrature is as good as its points are many.
+        order : int, optional
+            Polynomial degree up to which function times density is integrated exactly; by default twice the density's
+            degree and 2 more.
+
+        Returns
+        -------
+        float
+            Over the blocks that have not overturned: divide by ``integral`` of 1 for their mean.
+        """
+        from skfem import Functional
+
+        basis = self.basis(2 * self.degree + 2 if order is None else order)
+        form = Functional(lambda w: function(w.x[0], w.x[1]) * w["density"])
+        return float(form.assemble(basis, density=basis.interpolate(self.vector)))
+
     def moment(self, angle_power, velocity_power):
         """Integral of x^m v^n times the density, exact; m = n = 0 is the probability of not having overturned."""
-        nodes, weights = gauss(self.degree + max(angle_power, velocity_power) // 2 + 1)
-        sides = []
-        for lines, power in zip(self.mesh_lines, (angle_power, velocity_power), strict=True):
-            points = lines[:-1, None] + np.diff(lines)[:, None] * nodes
-            sides.append(np.einsum("cq,q,qa,c->ca", points**power, weights, shapes(nodes, self.degree), np.diff(lines)))
-        return float(np.einsum("xvab,xa,vb->", self.coefficients, *sides, optimize=True))
+        order = self.degree + max(angle_power, velocity_power)
+        return self.integral(lambda x, v: x**angle_power * v**velocity_power, order)
 
     @property
     def mean(self):

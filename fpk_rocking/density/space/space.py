@@ -1,7 +1,8 @@
-"""The discontinuous Galerkin space: a scikit-fem element on a tensor mesh of the phase plane, and integrals over it.
+"""The discontinuous Galerkin space on a tensor mesh of the phase plane, and integrals over it.
 
 Coefficients are stored as (angle cells, velocity cells, angle degree + 1, velocity degree + 1), which is scikit-fem's
-own numbering of the unknowns, cell by cell with the velocity fastest.
+own numbering of the unknowns, cell by cell with the velocity fastest: raveled they are a vector on `Space.basis`. What
+every step asks for uses that a tensor mesh and its shape functions are products; all else is scikit-fem's.
 """
 
 import dataclasses
@@ -9,9 +10,6 @@ import functools
 
 import numpy as np
 from numpy.polynomial import legendre
-from skfem import Basis, MeshQuad
-from skfem.element import ElementH1
-from skfem.refdom import RefQuad
 
 
 def shapes(points, degree):
@@ -32,26 +30,6 @@ def gauss(count):
 def gauss_shapes(count, degree):
     """Shape functions at the Gauss points, (count, degree + 1); not to be written to."""
     return shapes(gauss(count)[0], degree)
-
-
-class ElementQuadLegendre(ElementH1):
-    """Products of orthonormal Legendre polynomials, all unknowns inside the cell: the mass matrix is the Jacobian."""
-
-    refdom = RefQuad
-
-    def __init__(self, degree):
-        self.degree = degree
-        self.maxdeg = 2 * degree
-        self.interior_dofs = (degree + 1) ** 2
-        self.dofnames = ["u"] * self.interior_dofs
-        self.doflocs = np.full((self.interior_dofs, 2), 0.5)
-
-    def lbasis(self, X, i):
-        """Value and gradient of shape function i; on a tensor mesh the first reference axis is the velocity."""
-        a, b = divmod(i, self.degree + 1)
-        along = [legendre.Legendre.basis(k, domain=[0.0, 1.0]) * np.sqrt(2.0 * k + 1.0) for k in (b, a)]
-        values = along[0](X[0]), along[1](X[1])
-        return values[0] * values[1], np.array([along[0].deriv()(X[0]) * values[1], values[0] * along[1].deriv()(X[1])])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -96,7 +74,17 @@ class Space:
         return int(np.searchsorted(self.angle_lines, 0.0, side="left"))
 
     def basis(self, order=None):
-        """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector."""
+        """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector.
+
+        Parameters
+        ----------
+        order : int, optional
+            Of the quadrature; by default that which integrates products of two functions of the space exactly.
+        """
+        from skfem import Basis, MeshQuad
+
+        from fpk_rocking.density.space.element import ElementQuadLegendre
+
         mesh = MeshQuad.init_tensor(self.angle_lines, self.velocity_lines)
         return Basis(mesh, ElementQuadLegendre(self.degree), intorder=2 * self.degree if order is None else order)
 
