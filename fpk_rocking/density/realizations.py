@@ -22,6 +22,7 @@ from fpk_rocking.results.result import DensityResult
 from fpk_rocking.scene.scene import Scene, WhiteNoise
 
 _SAMPLES, _SEED = 200_000, 1
+"""Realizations whose diffusions are drawn for the quadrature, and their seed."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""Refinement: solutions of growing fineness, until what they differ by says that the last one is good enough.
+"""Refinement: solve at finer and finer resolutions until the differences show that the last solution is good enough.
 
 The same loop serves `solve_fpk`, whose levels are densities over some cycles, and the one-cycle operator, whose levels
-are its long run. The first two levels are there to be differed from.
+are the operator on one mesh each. The first two levels serve the error estimate only.
 """
 
 import math
@@ -12,6 +12,12 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 
 UNRESOLVED = 0.05
 """Negative mass above which a density counts as not resolved."""
+
+_SAFETY, _BEFORE, _AT_MOST = 1.4, 0.3, 2.5
+"""Factors of `safe_difference`: of all, of the difference before, and of the last difference where it may be chance."""
+
+_BINS = 3.0
+"""Square root of the tolerance over the tolerance of the binned density."""
 
 
 class Level(Protocol):
@@ -86,7 +92,7 @@ def refine(scene, bound, tol, make, fits, done):
 
 
 def first_number(tol):
-    """Return the number of the resolution in the ladder that is usually fine enough for a tolerance."""
+    """Return the number of the resolution that is usually fine enough for a tolerance."""
     return USUAL[max(known for known in USUAL if known <= tol)]
 
 
@@ -95,7 +101,7 @@ def bins_tolerance(tol):
 
     The bins are 32 x 64 equal ones between the cut-offs and the velocity bounds: .1 x .1 in the main scene.
     """
-    return math.sqrt(tol) / 3.0
+    return math.sqrt(tol) / _BINS
 
 
 def safe_difference(before, last):
@@ -104,7 +110,7 @@ def safe_difference(before, last):
     The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
     tells, up to two and a half times as much; and 1.4 for safety.
     """
-    return 1.4 * max(last, min(0.3 * before, 2.5 * last))
+    return _SAFETY * max(last, min(_BEFORE * before, _AT_MOST * last))
 
 
 class Progress:

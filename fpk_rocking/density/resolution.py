@@ -1,4 +1,7 @@
-"""How fine a solution is: a ladder of resolutions for the main scene, and its adaptation to other scenes."""
+"""How fine a solution is: resolutions made for the main scene, from coarse to fine, and their adaptation to others.
+
+Where the constants below were measured: docs/numerics.md, "Calibrated constants".
+"""
 
 import dataclasses
 import math
@@ -8,6 +11,25 @@ from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 
 _MAIN_DIFFUSION = 0.00628
+"""Diffusion of the main scene, rounded."""
+
+_MAIN_BOUND = 3.24
+"""Velocity bound of the main scene, rounded up."""
+
+_MAIN_STEP = 2.33 / 16
+"""Step of the main scene at 16 steps a cycle; its period of 2.327 is rounded up."""
+
+_COARSEST = 0.7
+"""Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
+
+_RESTS, _RESTING_STEP = 0.5, 0.036
+"""Time with |f| <= 1 from which on impacts are slow for long, and the longest step then."""
+
+_RATTLING_STEP = 0.15
+"""Longest step over `rattling_speed`."""
+
+_LAYER_VELOCITY, _LAYER_ANGLE = 0.04, 0.08
+"""Smallest cell over `rattling_speed` in velocity, and over its square in angle."""
 
 FEWEST = 6
 """Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
@@ -49,9 +71,9 @@ class Resolution:
         Where the block is never lifted off the mesh is also graded down to the layer in which it rattles.
         """
         cutoff, layer = scene.overturning.angle, rattling_speed(scene)
-        finer = max((_MAIN_DIFFUSION / scene.noise.diffusion) ** 0.25, 0.7)
+        finer = max((_MAIN_DIFFUSION / scene.noise.diffusion) ** 0.25, _COARSEST)
         angle = 2 * max(2, math.ceil(0.5 * self.angle_cells * finer * cutoff / (math.pi / 2) - 1e-9))
-        velocity = 2 * max(2, math.ceil(0.5 * self.velocity_cells * finer * bound / 3.24 - 1e-9))
+        velocity = 2 * max(2, math.ceil(0.5 * self.velocity_cells * finer * bound / _MAIN_BOUND - 1e-9))
         steps = self.steps / 16 * scene.period / longest_step(scene)
         fewest = FEWEST * scene.period / scene.forcing.shortest_period
         return dataclasses.replace(
@@ -59,8 +81,8 @@ class Resolution:
             angle_cells=angle,
             velocity_cells=velocity,
             steps=2 * math.ceil(0.5 * max(steps, 0.5 * self.steps, fewest) - 1e-9),
-            angle_grading=_grading(cutoff, angle, 0.08 * layer * layer, ANGLE_GRADING),
-            velocity_grading=_grading(bound, velocity, 0.04 * layer, VELOCITY_GRADING),
+            angle_grading=_grading(cutoff, angle, _LAYER_ANGLE * layer * layer, ANGLE_GRADING),
+            velocity_grading=_grading(bound, velocity, _LAYER_VELOCITY * layer, VELOCITY_GRADING),
         )
 
     def stored(self, cycles):
@@ -94,8 +116,8 @@ def longest_step(scene):
     Slow impacts must be few in a step where the forcing leaves the block at rest for long, and the layer in which it
     rattles must not be left.
     """
-    rests = scene.forcing.longest_rest > 0.5
-    return min(2.33 / 16, 0.036 if rests else math.inf, 0.15 * rattling_speed(scene))
+    rests = scene.forcing.longest_rest > _RESTS
+    return min(_MAIN_STEP, _RESTING_STEP if rests else math.inf, _RATTLING_STEP * rattling_speed(scene))
 
 
 def _grading(half_width, cells, smallest, usual):
@@ -119,4 +141,4 @@ RESOLUTIONS = (
 """Each about 1.4 times as fine as the one before, most with windows of their own: neighbours tell the error."""
 
 USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
-"""The rung that is usually fine enough, by tolerance; never one of the first two."""
+"""Number of the resolution that is usually fine enough, by tolerance; never one of the first two."""

@@ -25,6 +25,9 @@ BYTES = 2.0
 SOLUTION_MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
 
+_LEAST_ERROR = 0.01
+"""Least estimate of the error in survival over that of the binned density."""
+
 
 def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     """Evolve the joint density of angle and velocity of a rocking block.
@@ -136,7 +139,7 @@ class Solved:
 
     def error(self, difference, bins):
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
-        return max(difference, 0.01 * bins, float(np.abs(self.solution.gone[:, 2]).max()))
+        return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 
     def release(self):
         """Let go of the densities."""

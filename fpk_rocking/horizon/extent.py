@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.mesh import DEVIATIONS, velocity_bound
 from fpk_rocking.horizon.leg import CycleLeg
 
 _SEEN = 1e-6
@@ -55,7 +55,7 @@ def worst_bound(white):
     What is lost on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard
     deviations of the noise (derived in docs/theory, "One cycle as an operator").
     """
-    swing, cutoff, noise = white.forcing.swing, white.overturning.angle, 8.0 * math.sqrt(white.noise.diffusion)
+    swing, cutoff, noise = white.forcing.swing, white.overturning.angle, DEVIATIONS * math.sqrt(white.noise.diffusion)
     escape = max(1.0, cutoff - 1.0) + swing + noise
     return escape / white.block.restitution + cutoff + 2.0 * swing + noise
 

@@ -1,4 +1,4 @@
-"""The long run on one mesh, and meshes of growing fineness until its escape rate is known well enough."""
+"""The one-cycle operator on one mesh, and its refinement until the escape rate is known to the tolerance."""
 
 import dataclasses
 import functools
@@ -24,11 +24,17 @@ LEAST_RATE = 1e-15
 """Least escape rate a cycle that is looked for on ever finer meshes."""
 
 _POLISH = 10
-"""Sections after the iteration, which leave the tails of the density to the map itself."""
+"""Legs after the iteration, which leave the tails of the density to the map itself."""
+
+_AGREED = 1e-8
+"""Most by which the leading eigenvalues of the map and of its adjoint may differ."""
+
+_LESSENS = 0.7
+"""Negative mass over that on the mesh before, above which finer meshes do not help."""
 
 
 class Level:
-    """The long run of a scene on one mesh.
+    """The one-cycle operator of a scene on one mesh, with its modes.
 
     Parameters
     ----------
@@ -65,7 +71,7 @@ class Level:
         start = np.random.default_rng(1).random(len(self._one))
         modes = leading_modes(self.leg.rmatvec, start)
         first, second = (found.values[0].real for found in (self.modes, modes))
-        if abs(first - second) > 1e-8:
+        if abs(first - second) > _AGREED:
             accepted = "one whose leading mode two iterations agree upon"
             raise ValueError(checks.refusal("scene", f"eigenvalues {first:.12f} and {second:.12f}", accepted))
         return modes
@@ -220,7 +226,7 @@ def climb(white, tol):
 def _hopeless(fine, coarse):
     """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it."""
     still = max(abs(fine.rate), abs(coarse.rate)) < LEAST_RATE
-    return still or fine.negative_mass > max(2.0 * UNRESOLVED, 0.7 * coarse.negative_mass)
+    return still or fine.negative_mass > max(2.0 * UNRESOLVED, _LESSENS * coarse.negative_mass)
 
 
 def _judge(found, tol):

@@ -1,4 +1,4 @@
-"""Leading modes of a linear map, and vectors after many applications of it by them."""
+"""Leading eigenmodes of a linear map, and high powers of the map by means of them."""
 
 import math
 from typing import NamedTuple
@@ -25,6 +25,7 @@ MOST = 4000
 """Applications within which the modes have to take over."""
 
 _SUBSPACE = 30
+"""Vectors of the Arnoldi iteration."""
 
 
 class Modes(NamedTuple):

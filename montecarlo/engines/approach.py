@@ -16,6 +16,7 @@ FAST = 1e-3
 """A block arrives at a barrier after t at speed w, all but certainly and nearly on time, if 2 D t < FAST w^2."""
 
 _BRIEF = 0.02
+"""Longest flight that is drawn as one step to its arrival at a barrier."""
 
 
 @kernel

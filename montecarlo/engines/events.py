@@ -21,8 +21,8 @@ from fpk_rocking.physics.transition import advance, record
 LEAST_SPEED = 1e-4
 """Impacts that leave with less speed go to `advance`, which decides about chatter and rest."""
 
-_CLOSE = 1e-7
-_ROUNDS = 8
+_CLOSE, _ROUNDS = 1e-7, 8
+"""Last change of the time at which the iteration for a root ends, and its most rounds: it converges cubically."""
 
 
 class Interval(NamedTuple):

@@ -37,6 +37,7 @@ _BLOCK = 64
 """Realizations that follow each other in a thread's working memory."""
 
 _FEWEST, _LONGEST = 12, 0.2
+"""Intervals of the grid in the forcing's shortest period at least, and the longest interval."""
 
 
 class Problem(NamedTuple):

@@ -16,10 +16,11 @@ from montecarlo.engines.random import stream_keys
 ENGINES = {"exact": exact, "rk4": rk4, "white": white}
 """Engines by their method's name; of those that fit a noise the first is the default."""
 
-_BATCH_S = 0.3
-_SMALLEST_BATCH = 64
-_FIRST_STATES = 4096
+_BATCH_S, _SMALLEST_BATCH, _FIRST_STATES = 0.3, 64, 4096
+"""Seconds that a batch should take, its fewest realizations, and the states of the first one."""
+
 _STATES = 2**28
+"""Most states of an ensemble: 4 GiB."""
 
 
 class Run(NamedTuple):

@@ -32,9 +32,13 @@ from montecarlo.engines.start import draw_start, start_numbers
 NOISES = ("white",)
 
 REACH = 4.0
-FINEST = 256
+"""Standard deviations of the noise by which a step stays away from a barrier."""
 
-_LONGEST = 0.075
+FINEST = 256
+"""Shortest steps in one of `steps_per_cycle`."""
+
+_FEWEST, _LONGEST = 16, 0.075
+"""Intervals in the forcing's shortest period at least, and the longest interval."""
 
 
 class Problem(NamedTuple):
@@ -90,7 +94,7 @@ def problem_of(scene, steps_per_cycle, samples=1):
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
     fewest = max(
-        math.ceil(16 * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST)
+        math.ceil(_FEWEST * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST)
     )
     intervals = samples * math.ceil(fewest / samples)
     span = scene.period / intervals

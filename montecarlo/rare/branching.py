@@ -11,15 +11,15 @@ from montecarlo.rare.prospects import prospect
 
 
 @kernel
-def _begin(stream, i, population, problem, outlook):
+def _begin(stream, i, population, problem, prospects):
     x, v = draw_start(stream, problem.start)
     side = first_side(x, v, problem)
-    score = math.inf if side * x >= problem.cutoff else prospect(side * x, side * v, side, 0, outlook)
+    score = math.inf if side * x >= problem.cutoff else prospect(side * x, side * v, side, 0, prospects)
     climb(population, i, score, 0, side * x, side * v, side)
 
 
 @kernel
-def _continue(stream, i, population, steps, problem, outlook):
+def _continue(stream, i, population, steps, problem, prospects):
     """Take walker i from its last rung to overturning or to the last step."""
     k = population.rungs[i] - 1
     step, state = population.step[i, k], population.state[i, k]
@@ -28,12 +28,12 @@ def _continue(stream, i, population, steps, problem, outlook):
     while step < steps and u < problem.cutoff:
         u, w, side, _ = interval(stream, u, w, side, step % intervals, problem)
         step += 1
-        score = math.inf if u >= problem.cutoff else prospect(u, w, side, step % intervals, outlook)
+        score = math.inf if u >= problem.cutoff else prospect(u, w, side, step % intervals, prospects)
         climb(population, i, score, step, u, w, side)
 
 
 @kernel(nogil=True)
-def realize(repeat, keys, walkers, problem, outlook, overturned):
+def realize(repeat, keys, walkers, problem, prospects, overturned):
     """Run one splitting, its random numbers a function of the keys, its number among the repeats and the walkers.
 
     Adds its estimates to `overturned` (cycles + 1, 2) zeros; returns the numbers of levels and of killed walkers.
@@ -45,12 +45,12 @@ def realize(repeat, keys, walkers, problem, outlook, overturned):
     name = (repeat + 1) << 32
     chooser = open_stream(keys, name)
     for i in range(walkers):
-        _begin(chooser, i, population, problem, outlook)
+        _begin(chooser, i, population, problem, prospects)
     while True:
         for i in range(walkers):
             if population.unfinished[i]:
                 name += 1
-                _continue(open_stream(keys, name), i, population, steps, problem, outlook)
+                _continue(open_stream(keys, name), i, population, steps, problem, prospects)
         if not raise_level(population, chooser):
             break
     if population.weight[0] > 0.0:

@@ -1,11 +1,11 @@
-"""The outlook of a block: how near to the moving separatrix it will come if there is no more noise.
+"""The score of multilevel splitting: how near to the moving separatrix a block will come without further noise.
 
 In the folded plane, u = s x >= 0 and w = s v, a flight has the separatrix z = 0, z = u + w - 1 - s (P + P')
 (docs/theory section 7): z grows as exp(t), away from 0, so only an impact can bring a block from z < 0 nearer to
-escape. The outlook of a state is the largest of its own z and of those right after the impacts of its noise-free motion
-in the next `AHEAD`. It does not depend on the noise, and stays the same along a noise-free path until its largest z has
-passed: what raises it is the noise alone. It is the score of `splitting`, tabulated over angle, velocity
-and phase; a rough score costs accuracy and never brings bias. Everything is nondimensional.
+escape. The prospect of a state is the largest of its own z and of those right after the impacts of its motion without
+noise within the next `AHEAD`. It does not depend on the noise and stays the same along a path without noise until its
+largest z has passed: only the noise raises it. It is tabulated over angle, velocity and phase; a rough score costs
+accuracy and never brings bias. Everything is nondimensional.
 """
 
 import functools
@@ -21,10 +21,16 @@ from fpk_rocking.physics.flight import IMPACT, OVERTURNING, Segment, bounds, nex
 from fpk_rocking.physics.forcing import TERMS
 
 AHEAD = 7.0
+"""Time for which the motion without noise is followed."""
 
 _ANGLES, _VELOCITIES = 96, 192
+"""Nodes of the table."""
+
 _VALID = 0.8
+"""Longest segment of the motion that is followed."""
+
 _SLOW = 1e-3
+"""Impacts that are slower end the motion: the block comes to rest."""
 
 
 class Course(NamedTuple):
@@ -46,7 +52,7 @@ class Course(NamedTuple):
 
 
 class Prospects(NamedTuple):
-    """`table` (m, 2, n_angle, n_velocity): the outlook at the m times of a cycle, side < 0 or > 0, at u and w.
+    """`table` (m, 2, n_angle, n_velocity): the prospects at the m times of a cycle, side < 0 or > 0, at u and w.
 
     u runs from 0 to the cut-off and w from -`fastest` to `fastest`; `per_angle`, `per_velocity`: cells per unit.
     """
@@ -119,11 +125,11 @@ def _fill(table, course, fastest):
 
 
 @kernel
-def prospect(u, w, side, j, outlook):
-    """Outlook of a state at time j of the cycle, bilinear between the table's nodes; beyond them, that at its edge."""
-    table = outlook.table[j, (side + 1) // 2]
-    a = min(max(u * outlook.per_angle, 0.0), table.shape[0] - 1.0)
-    b = min(max((w + outlook.fastest) * outlook.per_velocity, 0.0), table.shape[1] - 1.0)
+def prospect(u, w, side, j, prospects):
+    """Prospect of a state at time j of the cycle, bilinear between the table's nodes; beyond them, that at its edge."""
+    table = prospects.table[j, (side + 1) // 2]
+    a = min(max(u * prospects.per_angle, 0.0), table.shape[0] - 1.0)
+    b = min(max((w + prospects.fastest) * prospects.per_velocity, 0.0), table.shape[1] - 1.0)
     i, k = min(int(a), table.shape[0] - 2), min(int(b), table.shape[1] - 2)
     a, b = a - i, b - k
     near = (1.0 - b) * table[i, k] + b * table[i, k + 1]

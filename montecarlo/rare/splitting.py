@@ -20,6 +20,8 @@ from montecarlo.rare.prospects import prospects_of
 _FEWEST_WALKERS = 10
 _FEWEST_REPEATS = 2
 _SKEWED = 0.5
+"""Part of the repeats that have to be effective."""
+
 _STATES = 2**26
 _INTERVALS = 2000
 _UNBRANCHED = {
@@ -156,7 +158,7 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
     ------
     TypeError, ValueError
         A parameter is refused; so are scenes with band noise or none, whose paths cannot branch, and cycles so long
-        that the outlook over them would take hundreds of megabytes.
+        that the prospects over them would take hundreds of megabytes.
     """
     started = time.perf_counter()
     checks.instance("scene", scene, Scene)
@@ -171,12 +173,12 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
         raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
     _refuse_large("walkers", walkers, run.cycles * problem.low.size)
     _refuse_large("repeats", repeats, run.cycles)
-    outlook = prospects_of(scene, problem.low.size)
+    prospects = prospects_of(scene, problem.low.size)
     overturned = np.zeros((repeats, run.cycles + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
     pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())
     try:
-        common = keys, walkers, problem, outlook
+        common = keys, walkers, problem, prospects
         counts = pool.map(lambda r: branching.realize(r, *common, overturned[r]), range(repeats))
         for r, (levels[r], killed[r]) in enumerate(counts):
             if progress is not None:

@@ -6,9 +6,16 @@ import numpy as np
 
 ANGLE_GRADING = 1.5
 VELOCITY_GRADING = 1.3
+"""Exponents of `graded_lines` in angle and velocity."""
 
 GROWTH = 1.15
-"""Of cells beyond the velocity that matters most."""
+"""Size of a cell over that of the one before, beyond the velocity that blocks from rest reach."""
+
+DEVIATIONS = 8.0
+"""Standard deviations of the noise that a velocity bound leaves room for: a Gaussian has 6e-16 beyond."""
+
+_START_ROOM = 1.2
+"""Velocity bound over the speed of the start, at least."""
 
 
 def graded_lines(half_width, cells, exponent):
@@ -65,18 +72,18 @@ def window_lines(low, high, cells):
 
 
 def velocity_bound(scene, diffusion):
-    """Velocity that is passed only by blocks bound to overturn, and by eight standard deviations of noise.
+    """Velocity that is passed only by blocks bound to overturn, and by `DEVIATIONS` of the noise.
 
     Outward it lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is
     what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory).
     """
     forcing, start = scene.forcing, scene.start
-    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + 8.0 * math.sqrt(diffusion)
+    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + DEVIATIONS * math.sqrt(diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
-    outward = abs(start.velocity) + 8.0 * math.sqrt(vv)
+    outward = abs(start.velocity) + DEVIATIONS * math.sqrt(vv)
     position, slope = forcing.particular(0.0)
     now = position - slope
-    spread = 8.0 * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
+    spread = DEVIATIONS * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
     excess = max(side * (start.angle - start.velocity - now) for side in (1.0, -1.0)) - 1.0 + spread
     falls = start.angle * start.velocity < 0.0 or start.covariance is not None
-    return max(bound + (max(excess, 0.0) if falls else 0.0), 1.2 * outward)
+    return max(bound + (max(excess, 0.0) if falls else 0.0), _START_ROOM * outward)

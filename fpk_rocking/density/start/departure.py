@@ -31,12 +31,20 @@ RESOLVED = 0.3
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
 BARELY = 0.2
-"""The same, where it must."""
+"""The same, where the windows would otherwise have to follow the density through an event."""
 
 BROKEN = 100.0
 """Sum of the sizes of the masses of a window's cells above which its density grows without bound."""
 
-_RATTLE, _SINCE, _MOST_STEPS, _LEAST_STEPS = 0.25, 0.4, 320, 16
+_RATTLE, _SINCE = 0.25, 0.4
+"""Longest step over `WindowSettings.growth`: in units of the time of the lift-off, and of the time since."""
+
+_MOST_STEPS, _LEAST_STEPS = 320, 16
+"""A step of a block that rattles is no shorter than a cycle over the first, one of a window no longer than the
+forcing's shortest period over the second."""
+
+_HANDOVER = 0.75
+"""Part of the time to the main mesh, or of a cycle, up to which an undisturbed Gaussian is taken in closed form."""
 
 
 class Gaussian:
@@ -131,8 +139,8 @@ class Departure:
 
     def _before(self, end):
         """Last density on a window from which one step leads to a time."""
-        if end <= self._quiet / 0.75:
-            return self._undisturbed(min(self._quiet, 0.75 * end))
+        if end <= self._quiet / _HANDOVER:
+            return self._undisturbed(min(self._quiet, _HANDOVER * end))
         while self._carried[-1].time < end:
             self._carried.append(self._further(self._carried[-1]))
         return next(now for now in reversed(self._carried) if now.time < end)
@@ -178,7 +186,7 @@ class Departure:
         if not initial.mean.any() and not initial.covariance.any():
             return self.windows.early * _drift_time(self.dynamics)
         quiet = 0.0 if initial.covariance.any() else least
-        for time in np.geomspace(least, 0.75 * self.period, 100):
+        for time in np.geomspace(least, _HANDOVER * self.period, 100):
             gaussian = self.flight(time)
             if not self.undisturbed(gaussian):
                 break

@@ -1,4 +1,4 @@
-"""WindowSettings: small meshes that follow a density too fine for the main mesh, and grow with it."""
+"""Windows: small meshes that follow a density too narrow for the main mesh, and grow with it."""
 
 import dataclasses
 import math
@@ -43,6 +43,12 @@ class WindowSettings:
 MOST_CELLS = 60
 """Most cells an axis that tails and splinters of a density may ask for."""
 
+_THIN, _THINNEST = 0.5, 1e-2
+"""Ratio of a Gaussian's conditional to its marginal width below which cells shrink with it, and its least square."""
+
+_SLIVER = 0.1
+"""Part of a cell below which what is left of it at the cut-off goes to its neighbour."""
+
 NEGLIGIBLE, VISIBLE = 1e-13, 1e-10
 """Mass below which nothing is left, and mass of a node below which a window need not cover it."""
 
@@ -55,8 +61,8 @@ def window_of(windows: WindowSettings, mean, covariance, cutoff, box=None):
     """
     spread = np.sqrt(np.diag(covariance))
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
-    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
-    count = math.ceil(windows.cells * max(1.0, 0.5 / thin))
+    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), _THINNEST))
+    count = math.ceil(windows.cells * max(1.0, _THIN / thin))
     low, high = mean - windows.reach * spread, mean + windows.reach * spread
     sizes = (high - low) / count
     if box is not None:
@@ -69,7 +75,7 @@ def window_of(windows: WindowSettings, mean, covariance, cutoff, box=None):
 
 def _within(lines, cutoff):
     """Equal cells cut off at both sides; what is left of a cell there and is too thin goes to its neighbour."""
-    first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
+    first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), _SLIVER * (lines[1] - lines[0])
     inner = lines[(lines > first + thin) & (lines < last - thin)]
     return np.concatenate([[first], inner, [last]])
 

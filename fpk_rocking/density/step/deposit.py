@@ -14,7 +14,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.landing import LOST, locate
 
 CHUNKS = 8
-
+"""Parts of the source mesh, each with a buffer: as many threads at most."""
 
 MAX_DEGREE = 5
 

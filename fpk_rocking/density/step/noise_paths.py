@@ -34,6 +34,8 @@ OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
 
 _RESOLVED, _SMOOTH = 2.0, 5.0
+"""Speed of an impact over sqrt(2 D h): above the first noise is carried by the saltation matrix, above the second also
+by the expansion about the path without noise."""
 
 
 @functools.cache
