@@ -70,8 +70,8 @@ class SymmetricOrbit:
         """
         e, half = self.restitution, math.pi / self.frequency
         cosh, sinh = math.cosh(half), math.sinh(half)
-        kick = ((1.0 + e) + (1.0 - e) * self.amplitude * math.cos(self.impact_phase)) / -self.impact_speed
-        saltation = np.array([[e, 0.0], [kick, e]])
+        jump = ((1.0 + e) + (1.0 - e) * self.amplitude * math.cos(self.impact_phase)) / -self.impact_speed
+        saltation = np.array([[e, 0.0], [jump, e]])
         return -saltation @ np.array([[cosh, sinh], [sinh, cosh]])
 
     @property
