@@ -38,10 +38,10 @@ print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_te
 """
 
 
-def run_of(scene, rung, tol):
-    """Return one run of the ladder, evolved, and its solution."""
+def run_of(scene, number, tol):
+    """Return a run at the resolution of a number, evolved, and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = Propagator(scene, RESOLUTIONS[rung].of(scene, bound), bound, NEGLIGIBLE * tol)
+    run = Propagator(scene, RESOLUTIONS[number].of(scene, bound), bound, NEGLIGIBLE * tol)
     return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.resolution.windows, scene.period))
 
 

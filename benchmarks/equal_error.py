@@ -220,19 +220,19 @@ every error before it may meet a target. Against {paths:,} paths: S(10) {differe
 {apart:.4f} on bins of .025, of which sampling explains {floor:.4f}. dS is the largest in survival over the cycles, L1
 after the tenth.
 
-Seconds of the density solver: of the cheapest whole call whose **error** meets the target, which only this comparison
-knows; of the cheapest whole call that **tells** so, by its own estimates (it has none for bins of .025); and of
-**one run alone**, without estimates, the fastest of {len(ALONE)} resolutions whose error meets it. Sampling is
+Seconds of the density solver, three ways. First the cheapest whole call whose measured **error** meets the target. Then
+the cheapest whole call whose own estimate **certifies** that (there is none for bins of .025). Last **one run alone**,
+without estimates: the fastest of {len(ALONE)} resolutions whose error meets it. Sampling is
 **extrapolated** to the expected error of a sample from the time of {SAMPLE:,} realizations on both cores
 ({", ".join(f"{name} {1e6 * rate:.1f}" for name, rate in rates.items())} μs; rk4 has the 200 steps a cycle of the paper
-unless said). exact and rk4 sample the band noise itself, whose law is another than that of the equivalent white noise:
-theirs is the time to know their own law as well. The Eulerian baseline, on one core, is **extrapolated** at fourth
-order from {BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine cycles (dS {base["survival"]:.1e}, L1
+unless said). exact and rk4 sample the band noise itself, whose law is not that of the equivalent white noise:
+their times are those of the same error in their own law. The Eulerian baseline, on one core, is **extrapolated** at
+fourth order from {BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine cycles (dS {base["survival"]:.1e}, L1
 {base["coarse"]:.4f}, {base["fine"]:.4f}).
 
-In brackets: time over that of the call that meets it / that tells so / of the run alone.
+In brackets: time over that of the call that meets the target / that certifies it / of the run alone.
 
-{table(["scene", "target", "call, s", "call that tells, s", "one run alone, s", *OTHERS], equal_lines(scenes))}
+{table(["scene", "target", "call, s", "call that certifies, s", "one run alone, s", *OTHERS], equal_lines(scenes))}
 
 Peak memory of a process, some 200 MB of it interpreter and libraries: {held}. Counting holds no paths: 50,000
 realizations or more take the same.

@@ -1,7 +1,7 @@
 """Is the density solver's error estimate honest? Writes its section of docs/benchmarks.md.
 
-The true error of a solution is its distance from one that is a rung finer than the solution at tol 1e-4. Random scenes
-start at rest with |f(0)| > 1 and are bounded without noise: they stand 100 cycles.
+The true error of a solution is its distance from one that is a resolution finer than the solution at tol 1e-4. Random
+scenes start at rest with |f(0)| > 1 and are bounded without noise: they stand 100 cycles.
 
 python benchmarks/estimates.py            # the public scenes and ten random ones, about 6 minutes
 python benchmarks/estimates.py SEED       # ten others, printed only
@@ -43,11 +43,11 @@ def random_scene(rng):
 
 
 def truth_of(scene, finest):
-    """Solve a scene one rung above a solution: survival, and a function (cycle, edges) for its bins."""
+    """Solve a scene one resolution above a solution: survival, and a function (cycle, edges) for its bins."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    ladder = [resolution.of(scene, bound) for resolution in RESOLUTIONS]
-    rung = [resolution.angle_cells for resolution in ladder].index(finest.settings["angle_cells"])
-    run = Propagator(scene, ladder[min(rung + 1, len(ladder) - 1)], bound, NEGLIGIBLE * TOLERANCES[-1])
+    levels = [resolution.of(scene, bound) for resolution in RESOLUTIONS]
+    number = [resolution.angle_cells for resolution in levels].index(finest.settings["angle_cells"])
+    run = Propagator(scene, levels[min(number + 1, len(levels) - 1)], bound, NEGLIGIBLE * TOLERANCES[-1])
     found = run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.resolution.windows, scene.period))
     return found.inside, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
 
@@ -96,8 +96,8 @@ def main():
         rows += judged(f"random {number}", random_scene(rng))
     lines, count, within, above, below = report(rows)
     text = f"""The public scenes and ten random bounded ones (seed {seed}, drawn after the solver was frozen), {CYCLES}
-cycles from rest. Error: the largest difference from a solution one rung finer than that at tol 1e-4, in survival and
-in L1 of the bins.
+cycles from rest. Error: the largest difference from a solution one resolution finer than that at tol 1e-4, in survival
+and in L1 of the bins.
 
 {lines}
 

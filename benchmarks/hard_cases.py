@@ -22,7 +22,7 @@ TOL = 1e-3
 SIGMAS = 3.5
 BINS = 10.0
 PAGE = ROOT / "docs" / "hard_cases.md"
-HEAD = "# Hard cases\n\nThe density solver where it was not made for.\n"
+HEAD = "# Hard cases\n\nThe density solver on scenes unlike those that it was made for.\n"
 COLUMNS = [
     "row", "S", "dS", "estimate", "L1 of the bins", "negative", "lost", "mass defect", "time", "verdict"
 ]  # fmt: skip

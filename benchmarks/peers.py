@@ -15,8 +15,9 @@ from report import ROOT, table, write_section
 PAGE = ROOT / "docs" / "peers.md"
 HEAD = """# Peers
 
-Written by `make peers`, on 2 cores: other packages on problems that both they and a scene can state, each with what
-served it best. Times compare within a table only, where rivals took turns in one run, compilation apart.
+Written by `make peers`, on 2 cores: other packages on problems that both they and a scene can state, each with the
+method and settings that were fastest for it. Times are comparable within a table only: there the packages took turns in
+one run, and compilation is left out.
 """
 SECTIONS = {
     "py-pde: an oscillator without impact": peers_pde,
