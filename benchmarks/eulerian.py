@@ -166,11 +166,11 @@ the mesh, fitted to the bins of 0.025, is {mesh_order:.1f}.
 
 {table(["method", "steps a cycle", "L1", "order"], alone(shorter_steps, truth))}
 
-**Alternatives tried**, on 24 × 40 cells of degree 3. Sparse LU factors instead of GMRES, kept for the 96 phases of half a
-cycle: 0.2 s and 64 MB each, and no faster over ten cycles. One factor as preconditioner: twice the iterations of the blocks
-when it is a quarter of a cycle away. Explicit Runge-Kutta steps of order 4: stable with 1,270 a cycle, that is 5,080
-products with the matrix, of which GMRES takes 3,300. SDIRK of order 4 with 32 steps a cycle, 160 solves, was off twice
-as much as Gauss with 64.
+**Alternatives tried**, on 24 × 40 cells of degree 3. Sparse LU factors instead of GMRES, kept for the 96 phases of half
+a cycle: 0.2 s and 64 MB each, and no faster over ten cycles. One factor as preconditioner: twice the iterations of the
+blocks when it is a quarter of a cycle away. Explicit Runge-Kutta steps of order 4: stable with 1,270 a cycle, that is
+5,080 products with the matrix, of which GMRES takes 3,300. SDIRK of order 4 with 32 steps a cycle, 160 solves, was off
+twice as much as Gauss with 64.
 """,
     )
 

@@ -165,9 +165,9 @@ all of it. Overturning is looked for at the ends of steps. Overturned paths are 
 
 {table(head, lines)}
 
-**Alternatives tried.** `ShARK` and `SRA1`: the same errors, as they stem from the impacts, for 2.5 times the time. `SEA`
-and `Euler`, of first order in the drift: off by 0.04 with 400 steps a cycle. `vmap` over paths with a key each: 3 times the
-time. 64 bits: twice the time. The generator `unsafe_rbg`: no faster.
+**Alternatives tried.** `ShARK` and `SRA1`: the same errors, as they stem from the impacts, for 2.5 times the time.
+`SEA` and `Euler`, of first order in the drift: off by 0.04 with 400 steps a cycle. `vmap` over paths with a key each: 3
+times the time. 64 bits: twice the time. The generator `unsafe_rbg`: no faster.
 """,
         found,
     )

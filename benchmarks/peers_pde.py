@@ -217,10 +217,10 @@ and what leaves is extrapolated, and at |v| = {VELOCITY:g}, where the density is
 {cases}
 
 Central differences need no added diffusion here: the noise in v smooths the angle too. Added, or by upwinding, it costs
-more than the error of the grid. **Alternatives tried** on 128 × 192 cells at D = 0.05, same errors: adaptive Runge-Kutta
-steps (1.8 times the time of fixed ones), Adams-Bashforth (3.3), scipy's DOP853 (7) and RK45 (8) by `ScipySolver`.
-Crank-Nicolson is solved by fixed-point iteration, which asks for the short steps of an explicit method. The backend jax
-has no second derivative along one axis.
+more than the error of the grid. **Alternatives tried** on 128 × 192 cells at D = 0.05, same errors: adaptive
+Runge-Kutta steps (1.8 times the time of fixed ones), Adams-Bashforth (3.3), scipy's DOP853 (7) and RK45 (8) by
+`ScipySolver`. Crank-Nicolson is solved by fixed-point iteration, which asks for the short steps of an explicit method.
+The backend jax has no second derivative along one axis.
 """,
         ratios,
     )
