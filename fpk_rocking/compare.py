@@ -1,4 +1,4 @@
-"""Two results of one problem side by side: survival, leakage and joint densities, beside what sampling explains.
+"""Comparison of two results of one problem: survival, leakage and joint densities, beside what sampling explains.
 
 The results may come from any engine, live or loaded from disk: a density, a Monte Carlo ensemble, or two of a kind.
 """

@@ -1,4 +1,4 @@
-"""What the command line does about the process that it is: signals, warnings, folders, and output that nobody takes."""
+"""The process of the command line: signals, warnings, output folders, and output that cannot be written."""
 
 import _thread
 import contextlib

@@ -1,4 +1,4 @@
-"""`simulate`: from a scene to an ensemble."""
+"""`simulate`: an ensemble of realizations of a scene, every one kept."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""`tally`: from a scene to the counts over an ensemble of any size, in little memory and in parts."""
+"""`tally`: counts over an ensemble of any size, in little memory and, with a checkpoint, in parts."""
 
 import time
 

@@ -1,1 +1,1 @@
-"""Analytic results about a scene."""
+"""Closed-form results about a scene: Melnikov process, criteria of overturning, phase flux, symmetric orbits."""

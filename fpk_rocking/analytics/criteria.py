@@ -1,4 +1,4 @@
-"""From which amplitude of the forcing on blocks can cross the separatrix: Melnikov criteria, and the exact one.
+"""Critical amplitudes, from which on a block can cross the separatrix: by Melnikov criteria, and exactly.
 
 Paper eq. 14 holds the process M(τ₀) (see `process`) against zero in a mean-square sense. It adds the largest value of
 (D_m cos)², that is D_m², to the mean square σ_M² of the noise; the mean square of the sum over all τ₀ is D_m²/2 + σ_M².

@@ -1,4 +1,4 @@
-"""Parameters as arrays that broadcast, refused by name where they are not what they should be."""
+"""Arguments of the Melnikov functions as arrays that broadcast; what is not acceptable is refused by name."""
 
 import numpy as np
 

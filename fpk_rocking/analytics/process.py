@@ -1,4 +1,4 @@
-"""The Melnikov process: what forcing and noise do along the heteroclinic orbit, less what the impact takes.
+"""The Melnikov process: energy that forcing and noise bring along the heteroclinic orbit, less what the impact takes.
 
 Energy H = v²/2 + |x| - x²/2. Without forcing and losses the saddles x = ±1, where H = 1/2, are joined by one orbit
 through the impact at x = 0. To first order in A, σ and 1 - e, an orbit that starts from one saddle and meets x = 0 at

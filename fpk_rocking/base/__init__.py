@@ -1,1 +1,1 @@
-"""What knows nothing of rocking: refusals in one voice, and the compiler with its cache."""
+"""Tools that know nothing of rocking: checks of parameters, and the compiler with its disk cache."""

@@ -1,4 +1,4 @@
-"""Refusals in one voice: the parameter's name, what was got, what is accepted.
+"""Checks of parameters: every refusal names the parameter, what was got and what is accepted.
 
 Names are the dotted names of a scene file (``noise.variance``), also where a value was built in Python.
 """

@@ -1,4 +1,4 @@
-"""One resolution of one scene: its mesh, the steps of a cycle or of half of it, and the density evolved by them.
+"""A scene at one resolution: its mesh, the time steps of a forcing cycle or of half of it, and the density they evolve.
 
 Where the forcing is its own mirror image half a cycle later, the steps of the first half serve the second one too: the
 density is turned about the origin instead. That half, or else the whole cycle, is a *leg* here.

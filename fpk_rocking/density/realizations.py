@@ -1,4 +1,4 @@
-"""Finite sums of harmonics as a mixture of white noises: the density solver averaged over realizations.
+"""`solve_realizations`: band noise of few harmonics as a mixture of white noises, the solver averaged over them.
 
 A realization of band noise draws its N frequencies once. What it has near the system's own frequencies is therefore
 random, and so is the diffusion D_r that it stands for: the mean is that of the band, the relative spread falls as

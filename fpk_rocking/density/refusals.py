@@ -1,4 +1,4 @@
-"""Which scenes the density solver takes, and what it says where it cannot: before the work where that can be told."""
+"""Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
 
 import warnings
 

@@ -1,4 +1,4 @@
-"""`solve_fpk`: the Fokker-Planck equation of a scene, from its start over whole forcing cycles, to a tolerance."""
+"""`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start over whole cycles to a tolerance."""
 
 import dataclasses
 import time

@@ -1,4 +1,4 @@
-"""The long horizon: the map of densities over one forcing cycle, its modes, and the fate of every start."""
+"""The long horizon: the map of densities over one forcing cycle, its modes, and survival from every start."""
 
 from fpk_rocking.horizon.operator import CycleOperator, Outlook
 from fpk_rocking.horizon.plane import PlaneMap

@@ -1,4 +1,4 @@
-"""Functions of the start: what the adjoint says about every state of the phase plane at once."""
+"""Functions of the start, by the adjoint: a probability or a mean time for every state of the phase plane at once."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Survival and leakage of several results against the cycle, with what sampling explains."""
+"""Pictures of survival and leakage of several results against the cycle, with their sampling errors."""
 
 import textwrap
 

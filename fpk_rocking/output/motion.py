@@ -1,4 +1,4 @@
-"""What single blocks and ensembles do: time histories, Poincaré points and their mean, overturning, impact speeds."""
+"""Pictures of blocks and ensembles: time histories, Poincaré points and their mean, overturning, impact speeds."""
 
 import pathlib
 

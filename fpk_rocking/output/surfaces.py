@@ -1,4 +1,4 @@
-"""The joint density of angle and velocity as surfaces, one panel a cycle, results above one another (paper Fig. 6)."""
+"""Pictures of joint densities as surfaces, one panel a cycle, results above one another (paper Fig. 6)."""
 
 import textwrap
 

@@ -1,9 +1,10 @@
-"""Forcing: the base acceleration f(τ) that drives a block, and all that anyone else may ask of it.
+"""Forcing: the base acceleration f(τ) that drives a block, in polynomial pieces, and its properties as a whole.
 
-Nobody else knows what a forcing is made of. On an interval that is short enough it is a polynomial piece, given by the
-coefficients of the bounded particular solution P of P'' = P + f in the time since some instant; from those follow the
-force f = P'' - P itself, its slope, and the flight of a block under it (`fpk_rocking.physics.flight`). The rest are
-properties of the forcing as a whole: its period, its symmetry, how large it gets, and when it lifts a block off.
+The engines do not depend on what a forcing is made of. On an interval that is short enough it is a polynomial piece,
+given by the coefficients of the bounded particular solution P of P'' = P + f in the time since some instant; from those
+follow the force f = P'' - P itself, its slope, and the flight of a block under it (`fpk_rocking.physics.flight`). The
+rest are properties of the forcing as a whole: its period, its symmetry, how large it gets, and when it lifts a block
+off.
 
 All quantities are nondimensional. This module makes values; it is not compiled.
 """

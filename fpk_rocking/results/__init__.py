@@ -1,1 +1,1 @@
-"""What results have in common: what they are asked for, what stands beside their numbers, bins, distances, files."""
+"""What the results of all engines have in common: their interface, remarks, bins, distances and files."""

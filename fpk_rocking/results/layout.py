@@ -1,4 +1,4 @@
-"""What the arrays and attributes of a saved result have to be."""
+"""Types and shapes that the arrays and attributes of a saved result must have."""
 
 import re
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What every table, figure and file says beside its numbers: for which noise they are, and what was assumed."""
+"""Remarks beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What every result is asked for, whichever engine it comes from: by comparisons, tables, pictures and files."""
+"""The interface of a result, whichever engine it comes from, for comparisons, tables, pictures and files."""
 
 from typing import Protocol
 

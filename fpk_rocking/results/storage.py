@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and saved results.
+"""Saved results, and files that are written whole or not at all.
 
 A result file is an .npz archive without pickled objects: the arrays as they are, and one JSON header with the format's
 version, the kind of result, the scene as TOML, the scalar attributes and the versions of the programs that wrote it.

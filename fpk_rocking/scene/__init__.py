@@ -1,4 +1,4 @@
-"""The problem as a frozen value: its parts, its TOML form, its units, and how far the engines' scenes may go."""
+"""The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
 from fpk_rocking.physics.forcing import Forcing, Harmonics
 from fpk_rocking.scene.parts import BandNoise, Block, NoNoise, Overturning, Start, WhiteNoise

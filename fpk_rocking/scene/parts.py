@@ -1,4 +1,4 @@
-"""The parts of a scene but its forcing: block, noise, start and overturning, each checked when it is made."""
+"""Block, noise, start and overturning of a scene, each checked when it is made (forcing: `physics.forcing`)."""
 
 import dataclasses
 import math

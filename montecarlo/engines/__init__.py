@@ -1,7 +1,8 @@
-"""The engines: how the realizations of a scene are integrated, one file an engine.
+"""The Monte Carlo engines, which integrate the realizations of a scene: `exact`, `rk4` and `white`.
 
 An engine is a module with what `Engine` lists. `running` checks the parameters of a run, finds the engine that fits the
-noise, and yields batches of realizations; `random`, `start` and `shinozuka` draw what they need.
+noise, and yields batches of realizations; `random`, `start` and `shinozuka` draw what they need; `events` is a part of
+`exact`, `approach` of `white`.
 """
 
 from typing import Protocol

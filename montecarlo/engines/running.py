@@ -1,4 +1,4 @@
-"""What every run shares: its checked parameters, the engine that fits the noise, and batches of realizations."""
+"""A run of any engine: its checked parameters, the engine that fits the noise, and batches of realizations."""
 
 import math
 import time

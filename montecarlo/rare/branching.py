@@ -20,8 +20,8 @@ def _begin(stream, i, population, problem, prospects):
 
 @kernel
 def _continue(stream, i, population, steps, problem, prospects):
-    """Take walker i from its last rung to overturning or to the last step."""
-    k = population.rungs[i] - 1
+    """Take walker i from its last record to overturning or to the last step."""
+    k = population.records[i] - 1
     step, state = population.step[i, k], population.state[i, k]
     u, w, side = state[0], state[1], int(state[2])
     intervals = problem.low.size
@@ -55,7 +55,7 @@ def realize(repeat, keys, walkers, problem, prospects, overturned):
             break
     if population.weight[0] > 0.0:
         for i in range(walkers):
-            k = population.rungs[i] - 1
+            k = population.records[i] - 1
             side = int(population.state[i, k, 2])
             for cycle in range(-(-population.step[i, k] // intervals), overturned.shape[0]):
                 overturned[cycle, (side + 1) // 2] += population.weight[0] / walkers

@@ -9,8 +9,8 @@ of walkers and any score; where all walkers are killed at once, the estimate is 
 and those have to be killed together (C.-E. Brehier, M. Gazeau, L. Goudenege, T. Lelievre, M. Rousset, Ann. Appl.
 Probab. 26, 3559-3601, 2016; the algorithm: F. Cerou, A. Guyader, Stoch. Anal. Appl. 25, 417-443, 2007).
 
-Of a path only its rungs are kept, the states at which the score was higher than ever before: no other can be the first
-above a level. The chain is the caller's, who begins every path (`climb` to its state at step 0) and then in turn
+Of a path only its records are kept, the states at which the score was higher than ever before: no other can be the
+first above a level. The chain is the caller's, who begins every path (`climb` to its state at step 0) and then in turn
 continues the paths of the walkers that are `unfinished` (`climb` to each state) and calls `raise_level`, until that
 returns False.
 """
@@ -25,17 +25,17 @@ from montecarlo.engines.random import uniform
 
 
 class Population(NamedTuple):
-    """Walkers and the rungs of their paths.
+    """Walkers and the records of their paths.
 
-    `score`, `step` (walkers, steps + 1) and `state` (walkers, steps + 1, 3): rungs in the order of time, `rungs`
-    (walkers,) of them. `unfinished` (walkers,): paths that wait for continuation from their last rung. `weight` (1,).
+    `score`, `step` (walkers, steps + 1) and `state` (walkers, steps + 1, 3): records in the order of time, `records`
+    (walkers,) of them. `unfinished` (walkers,): paths that wait for continuation from their last record. `weight` (1,).
     `levels`, `killed` (1,): counts so far.
     """
 
     score: np.ndarray
     step: np.ndarray
     state: np.ndarray
-    rungs: np.ndarray
+    records: np.ndarray
     unfinished: np.ndarray
     weight: np.ndarray
     levels: np.ndarray
@@ -44,7 +44,7 @@ class Population(NamedTuple):
 
 @kernel
 def populate(walkers, steps):
-    """Return a `Population` without a rung; memory is touched only where rungs are put."""
+    """Return a `Population` without a record; memory is touched only where records are put."""
     return Population(
         np.empty((walkers, steps + 1)),
         np.empty((walkers, steps + 1), np.int64),
@@ -59,26 +59,26 @@ def populate(walkers, steps):
 
 @kernel
 def climb(population, i, score, step, a, b, c):
-    """Tell walker i that its path has reached the state (a, b, c) at a step: a rung if its score is the highest yet."""
-    k = population.rungs[i]
+    """Tell walker i that its path has reached the state (a, b, c) at a step: a record if its score is the highest."""
+    k = population.records[i]
     if k == 0 or score > population.score[i, k - 1]:
         population.score[i, k], population.step[i, k] = score, step
         population.state[i, k, 0], population.state[i, k, 1], population.state[i, k, 2] = a, b, c
-        population.rungs[i] = k + 1
+        population.records[i] = k + 1
 
 
 @kernel
 def raise_level(population, stream):
     """Kill all at the lowest score and branch the survivors; return False if nothing is left to do, or nobody."""
-    walkers = population.rungs.size
+    walkers = population.records.size
     level = math.inf
     for i in range(walkers):
-        level = min(level, population.score[i, population.rungs[i] - 1])
+        level = min(level, population.score[i, population.records[i] - 1])
     if level == math.inf:
         return False
     survivors, count = np.empty(walkers, np.int64), 0
     for i in range(walkers):
-        population.unfinished[i] = population.score[i, population.rungs[i] - 1] <= level
+        population.unfinished[i] = population.score[i, population.records[i] - 1] <= level
         if not population.unfinished[i]:
             survivors[count] = i
             count += 1
@@ -99,5 +99,5 @@ def _branch(population, i, parent, level):
     while population.score[parent, k] <= level:
         k += 1
     state = population.state[parent, k]
-    population.rungs[i] = 0
+    population.records[i] = 0
     climb(population, i, population.score[parent, k], population.step[parent, k], state[0], state[1], state[2])

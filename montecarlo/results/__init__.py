@@ -1,1 +1,1 @@
-"""What ensembles leave: states or counts, and what can be said of them with its sampling error."""
+"""Results of the engines: ensembles, tallies and histories, and statistics of them with their sampling errors."""

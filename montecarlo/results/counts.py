@@ -1,4 +1,4 @@
-"""What is kept of batches of realizations: integers alone, so that no order of adding them makes a difference.
+"""Counts and sums over batches of realizations, as integers, so that the order of adding them makes no difference.
 
 Counts are integers by nature. For the moments each state is rounded to whole multiples of a quantum, and the sums of
 these numbers and of their products are exact. Of a number at most 2^31 in size, up to 2^31 - 1 realizations sum to less

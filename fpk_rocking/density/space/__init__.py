@@ -1,1 +1,1 @@
-"""Where a density lives: mesh lines, the finite-element space on them, and a density as a function."""
+"""The space of the densities: mesh lines, the finite elements on them, and a density as a function."""

@@ -1,4 +1,4 @@
-"""The finite element of the densities, for scikit-fem."""
+"""The scikit-fem element of the densities: products of Legendre polynomials, discontinuous from cell to cell."""
 
 import numpy as np
 from numpy.polynomial import legendre

@@ -1,4 +1,4 @@
-"""Mesh lines of the phase plane, with x = 0 always among them: graded, or a window on a density that is still small."""
+"""Mesh lines of the phase plane: graded towards the origin, or equal in a window; and the velocity bound where they end."""
 
 import math
 

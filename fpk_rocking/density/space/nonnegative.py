@@ -1,4 +1,4 @@
-"""A non-negative density in place of one with small negative parts: a view, conservative and as local as can be.
+"""A non-negative view of a density with small negative parts, which keeps the mass and moves it as little as it can.
 
 Every cell is written in Bernstein polynomials on equal pieces of it, as many a side as the degree. These are positive
 and sum to 1, so the density lies above the least of its coefficients, and their average is its mean. Where one is

@@ -1,1 +1,1 @@
-"""From a start that no mesh resolves to the first density that one does."""
+"""The begin of a run: from a start at a point, or a narrow Gaussian, to the first density that the mesh resolves."""

@@ -1,4 +1,4 @@
-"""From the start to the first density that the main mesh resolves.
+"""Evolution from the start of a scene to the first density that the main mesh resolves.
 
 A start that is a point, or a Gaussian finer than the mesh, is carried on *windows*: small meshes that follow the
 density and grow with it. While nothing can happen to the block the density is a Gaussian in closed form. Next to x = 0

@@ -1,7 +1,7 @@
 """The deposit: every Gauss point of the source mesh puts its mass, times the test functions, where its nodes land.
 
-This is the one numerical kernel that evaluates shape functions itself; a test holds its operator against one assembled
-from scikit-fem's own evaluation. Source columns are split into a fixed number of chunks, each with a buffer of its own,
+The kernels evaluate the shape functions themselves; a test holds their operator against one assembled from
+scikit-fem's own evaluation. Source columns are split into a fixed number of chunks, each with a buffer of its own,
 and the buffers are added in a fixed order: the result does not depend on the number of threads.
 """
 

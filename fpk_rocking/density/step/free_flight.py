@@ -1,4 +1,4 @@
-"""Free flight without quadrature of the plane: exact shifts along mesh lines, and the noise as exact blurs of them.
+"""The step of cells that no event can reach: flight as exact shears along mesh lines, noise as blurs along them.
 
 The affine flight z -> F z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
 F = X Y X with X = [[1, tanh(t/2)], [0, 1]] and Y = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a

@@ -1,4 +1,4 @@
-"""One step of the density in time: traced once, applied as often as its phase of the forcing cycle comes round."""
+"""One time step as a linear map of densities, set up once for its phase of the forcing and applied in every cycle."""
 
 import dataclasses
 import itertools
