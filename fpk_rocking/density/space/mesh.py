@@ -1,4 +1,4 @@
-"""Mesh lines of the phase plane: graded towards the origin, or equal in a window; and the velocity bound where they end."""
+"""Mesh lines of the phase plane, graded towards the origin or equal in a window; the velocity bound where they end."""
 
 import math
 
