@@ -1,4 +1,4 @@
-"""How `solve_fpk` holds itself to a tolerance: its estimate, the ladder it climbs, what it says when that ends."""
+"""How `solve_fpk` holds itself to a tolerance: its estimate, its refinement, what it says when memory ends that."""
 
 import dataclasses
 import math
@@ -45,8 +45,8 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles():
     assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
 
 
-def test_the_ladder_is_climbed_until_the_estimate_is_met(monkeypatch):
-    """With rungs that are too coarse for it, a tolerance is met on a later one, and never by the first two alone."""
+def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
+    """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=2, tol=1e-3)
     cells = [rung.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for rung in RESOLUTIONS]

@@ -19,7 +19,7 @@ MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main
 
 @pytest.fixture(scope="module")
 def operator():
-    """Main scene on the coarsest ladder."""
+    """Main scene from the coarsest resolutions on."""
     return CycleOperator(MAIN, tol=1e-2)
 
 

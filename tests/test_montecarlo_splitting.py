@@ -1,4 +1,4 @@
-"""Splitting: exact probabilities of a lattice walk, plain ensembles, independent runs at 1e-8, and the outlook."""
+"""Splitting: exact probabilities of a lattice walk, plain ensembles, independent runs at 1e-8, and the prospects of a block."""
 
 import math
 
@@ -40,7 +40,7 @@ def _lattice(keys, walkers, steps, top, rough, estimates, extinct):
         while True:
             for i in range(walkers):
                 if population.unfinished[i]:
-                    k = population.rungs[i] - 1
+                    k = population.records[i] - 1
                     place, step = population.state[i, k, 0], population.step[i, k]
                     while step < steps and place < top:
                         place = place + 1.0 if uniform(stream) < UP else max(place - 1.0, 0.0)
@@ -51,7 +51,7 @@ def _lattice(keys, walkers, steps, top, rough, estimates, extinct):
         extinct[repeat] = population.weight[0] == 0.0
         if population.weight[0] > 0.0:
             for i in range(walkers):
-                estimates[repeat, population.step[i, population.rungs[i] - 1] :] += population.weight[0] / walkers
+                estimates[repeat, population.step[i, population.records[i] - 1] :] += population.weight[0] / walkers
 
 
 def lattice(walkers, steps, top, rough, repeats):
@@ -157,15 +157,15 @@ def test_steps_are_as_short_as_they_are_asked_for():
     assert not np.any(coarse.repeat_probability[:, -1] == fine.repeat_probability[:, -1])
 
 
-def test_outlook_is_the_nearest_approach_of_an_independent_block():
+def test_prospect_is_the_nearest_approach_of_an_independent_block():
     """At nodes of the table, scipy's integration and its impacts; one state that escapes among them."""
     intervals = 32
-    outlook = prospects_of(MAIN, intervals)
-    _, _, n_angle, n_velocity = outlook.table.shape
+    prospects = prospects_of(MAIN, intervals)
+    _, _, n_angle, n_velocity = prospects.table.shape
     shift = 4.6 / math.hypot(1.0, 2.7)
     cutoff, found = MAIN.overturning.angle, []
     for j, side, a, b in ((5, -1, 40, 110), (17, 1, 70, 80), (30, -1, 5, 150)):
-        u, w = cutoff * a / (n_angle - 1), outlook.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
+        u, w = cutoff * a / (n_angle - 1), prospects.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
         block = oracle.Block(4.6, 2.7, math.pi, 0.5, cutoff, side * u, side * w, side)
         block.t = begin = j * MAIN.period / intervals
         best, impacts = -math.inf, -1
@@ -176,7 +176,7 @@ def test_outlook_is_the_nearest_approach_of_an_independent_block():
                 impacts = len(block.events)
             block.advance(block.t + 0.002)
         found.append(best)
-        assert prospect(u, w, side, j, outlook) == pytest.approx(best, rel=0.01, abs=1e-3)
+        assert prospect(u, w, side, j, prospects) == pytest.approx(best, rel=0.01, abs=1e-3)
     assert max(found) > 0.0 > min(found)
 
 
