@@ -49,7 +49,7 @@ def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=2, tol=1e-3)
-    cells = [rung.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for rung in RESOLUTIONS]
+    cells = [resolution.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for resolution in RESOLUTIONS]
     assert cells.index(found.settings["angle_cells"]) > 2
     assert found.error_estimate <= 1e-3
     assert found.bins_error_estimate <= bins_tolerance(1e-3)

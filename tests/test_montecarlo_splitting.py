@@ -1,4 +1,4 @@
-"""Splitting: exact probabilities of a lattice walk, plain ensembles, independent runs at 1e-8, and the prospects of a block."""
+"""Splitting: exact probabilities of a lattice walk, plain ensembles, independent runs at 1e-8, and prospects."""
 
 import math
 

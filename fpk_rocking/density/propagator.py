@@ -63,7 +63,7 @@ class Propagator:
     Attributes
     ----------
     legs : int
-        Sections in a cycle, 1 or 2; with 2 the density is turned after each.
+        Legs in a cycle, 1 or 2; with 2 the density is turned after each.
     leg : list of Step
         The steps of one.
     """

@@ -29,7 +29,7 @@ class CycleLeg:
         Of the scene, every cell active, so that nothing is lost but beyond the velocity bound.
     space : Space
     count : int
-        Sections in a cycle, 1 or 2.
+        Legs in a cycle, 1 or 2.
     """
 
     def __init__(self, white, resolution, bound, beyond=0.0):
