@@ -10,13 +10,9 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.mesh import extended_lines, graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
 from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
-
-BINS = 32, 64
-"""Bins (angle, velocity) between the bounds, in which two solutions are compared; of about 0.1 in the main scene."""
 
 _MARGIN = 1
 """Cells around those that hold something that are active too, so that a growing density does not ask every time."""
@@ -32,14 +28,11 @@ class Solution(NamedTuple):
     gone : ndarray, shape (cycles + 1, 3)
         Masses that have overturned to the left, to the right, and that are lost.
     coefficients : ndarray, shape (cycles + 1, *space.shape)
-    bins : ndarray, shape (cycles + 1, *BINS)
-        Probabilities of equal bins between the bounds.
     """
 
     inside: np.ndarray
     gone: np.ndarray
     coefficients: np.ndarray
-    bins: np.ndarray
 
 
 class Propagator:
@@ -49,16 +42,12 @@ class Propagator:
     ----------
     white : Scene
         With white noise.
-    resolution : Resolution
-        Adapted to the scene.
-    bound : float
-        Velocity bound of the mesh.
+    grid : Grid
+        Mesh and steps.
     negligible : float
         A cell that has never held more is not active: what comes to it is lost, and counted.
     guide : Propagator, optional
         A run of the same scene that tells which cells to activate.
-    beyond : float
-        Velocity to which coarser cells continue the mesh, where it is above the bound.
 
     Attributes
     ----------
@@ -68,19 +57,15 @@ class Propagator:
         The steps of one.
     """
 
-    def __init__(self, white, resolution, bound, negligible, guide=None, beyond=0.0):
-        self.scene, self.dynamics, self.resolution = white, Dynamics.of(white), resolution
-        self.steps, self.negligible = resolution.steps, negligible
-        self.space = Space(
-            graded_lines(white.overturning.angle, resolution.angle_cells, resolution.angle_grading),
-            extended_lines(graded_lines(bound, resolution.velocity_cells, resolution.velocity_grading), beyond),
-            resolution.degree,
-        )
+    def __init__(self, white, grid, negligible, guide=None):
+        self.scene, self.dynamics, self.grid = white, Dynamics.of(white), grid
+        self.steps, self.negligible = grid.steps, negligible
+        self.space = Space(grid.angle_lines, grid.velocity_lines, grid.degree)
         self.legs = 2 if white.forcing.half_antisymmetric else 1
         self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
         self.leg = [
             Step(
-                Trace(self.space, k * self.duration, self.duration, self.dynamics, resolution.quadrature, cells=False),
+                Trace(self.space, k * self.duration, self.duration, self.dynamics, grid.quadrature, cells=False),
                 self.space,
                 buffers,
             )
@@ -128,14 +113,7 @@ class Propagator:
                 now, turned = turn(now), not turned
             now, sinks = self._activated(k % len(self.leg), now).apply(now)
             gone += sinks[[1, 0, 2]] if turned else sinks
-        # After the loop: the threads of a linear algebra library, which spin after a call, would fight the kernels'.
-        bins = self.bins(coefficients)
-        return Solution(inside, out, coefficients, bins)
-
-    def bins(self, coefficients):
-        """Probabilities of equal bins between the bounds, shape (..., *BINS)."""
-        edges = [np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, BINS, strict=True)]
-        return self.space.bin_integrals(coefficients, *edges)
+        return Solution(inside, out, coefficients)
 
     def _activated(self, k, coefficients):
         """Step k of the leg, with all cells active that hold something."""

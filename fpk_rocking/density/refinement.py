@@ -23,7 +23,6 @@ _BINS = 3.0
 class Level(Protocol):
     """A solution at one resolution."""
 
-    resolution: object
     memory: float
     negative_mass: float
 
@@ -50,21 +49,17 @@ class Refined(NamedTuple):
         return self.error <= wanted and self.bins_error <= bins_wanted and self.fine.negative_mass <= UNRESOLVED
 
 
-def refine(scene, bound, tol, make, fits, done):
+def refine(candidates, make, fits, done):
     """Solve on ever finer resolutions.
 
     Parameters
     ----------
-    scene : Scene
-        With white noise.
-    bound : float
-        Velocity bound of the mesh.
-    tol : float
-        From which the first resolution follows.
+    candidates : sequence
+        What `make` makes levels of, from coarse to fine.
     make : callable
-        Takes a resolution and the level before (None at first), returns a `Level`.
+        Takes a candidate and the level before (None at first), returns a `Level`.
     fits : callable
-        Takes the last level and a resolution: whether there is memory for it. The first three are not asked for.
+        Takes the last level and a candidate: whether there is memory for it. The first three are not asked for.
     done : callable
         Takes a `Refined`: whether it is good enough, or there is no hope that finer levels are.
 
@@ -72,14 +67,13 @@ def refine(scene, bound, tol, make, fits, done):
     -------
     Refined
     """
-    resolutions = [resolution.of(scene, bound) for resolution in RESOLUTIONS[first_number(tol) - 2 :]]
     coarse, fine, before, found = None, None, None, None
-    for number, resolution in enumerate(resolutions):
-        if number > 2 and not fits(fine, resolution):
+    for number, candidate in enumerate(candidates):
+        if number > 2 and not fits(fine, candidate):
             break
         if fine:
             fine.release()
-        coarse, fine = fine, make(resolution, fine)
+        coarse, fine = fine, make(candidate, fine)
         if not coarse:
             continue
         last, bins = fine.differences(coarse)
@@ -91,16 +85,13 @@ def refine(scene, bound, tol, make, fits, done):
     return found
 
 
-def first_number(tol):
-    """Return the number of the resolution that is usually fine enough for a tolerance."""
-    return USUAL[max(known for known in USUAL if known <= tol)]
+def candidates_for(tol):
+    """Return the resolutions for a tolerance: two coarser than is usually enough, that, and all finer ones."""
+    return RESOLUTIONS[USUAL[max(known for known in USUAL if known <= tol)] - 2 :]
 
 
 def bins_tolerance(tol):
-    """Return the error (L1) in the binned density that goes with an error `tol` in survival.
-
-    The bins are 32 x 64 equal ones between the cut-offs and the velocity bounds: .1 x .1 in the main scene.
-    """
+    """Return the error (L1) in the binned density that goes with an error `tol` in survival."""
     return math.sqrt(tol) / _BINS
 
 

@@ -6,41 +6,83 @@ Where the constants below were measured: docs/numerics.md, "Calibrated constants
 import dataclasses
 import math
 
-from fpk_rocking.density.space.mesh import ANGLE_GRADING, VELOCITY_GRADING
+import numpy as np
+
+from fpk_rocking.density.space.mesh import ANGLE_GRADING, TAIL, VELOCITY_GRADING, extended_lines, graded_lines
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 
-_MAIN_DIFFUSION = 0.00628
-"""Diffusion of the main scene, rounded."""
-
-_MAIN_BOUND = 3.24
-"""Velocity bound of the main scene, rounded up."""
-
-_MAIN_STEP = 2.33 / 16
-"""Step of the main scene at 16 steps a cycle; its period of 2.327 is rounded up."""
+_MAIN_DIFFUSION, _MAIN_PERIOD, _MAIN_SPEED, _MAIN_BOUND = 0.00628, 2.33, 1.78, 3.24
+"""Diffusion, period, `Motion.velocity` and velocity bound of the main scene, rounded."""
 
 _COARSEST = 0.7
 """Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
 
-_RESTS, _RESTING_STEP = 0.5, 0.036
-"""Time with |f| <= 1 from which on impacts are slow for long, and the longest step then."""
-
-_RATTLING_STEP = 0.15
-"""Longest step over `rattling_speed`."""
-
-_LAYER_VELOCITY, _LAYER_ANGLE = 0.04, 0.08
-"""Smallest cell over `rattling_speed` in velocity, and over its square in angle."""
+_RESTS, _RESTING_STEP, _STEP = 0.5, 0.036, 2.33 / 16
+"""Time with |f| <= 1 from which on impacts are slow for long; the longest step then, and else, at 16 steps a cycle."""
 
 FEWEST = 6
 """Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
 
-THINNEST = 0.04
-"""Least speed of rattling at rest that a mesh is made for."""
+REST_GRADING = 2.0
+"""Exponent of the lines of the angle where a block comes to rest: x goes with v^2 there."""
+
+_FAR = 0.6
+"""A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """What a solution of one scene is made with: a `Resolution` that has been adapted to it.
+
+    Parameters
+    ----------
+    angle_lines, velocity_lines : ndarray
+        Mesh lines, nondimensional, symmetric about 0.
+    degree : int
+        Polynomial degree.
+    quadrature : Quadrature
+        Sampling of a step.
+    steps : int
+        Steps a cycle, even.
+    windows : WindowSettings
+        What the start is carried on until the mesh resolves it.
+    """
+
+    angle_lines: np.ndarray
+    velocity_lines: np.ndarray
+    degree: int
+    quadrature: Quadrature
+    steps: int
+    windows: WindowSettings
+
+    @property
+    def cells(self):
+        """Cells of the mesh, in angle and velocity."""
+        return len(self.angle_lines) - 1, len(self.velocity_lines) - 1
+
+    def stored(self, cycles):
+        """Bytes of the densities after all cycles."""
+        return 8 * (cycles + 1) * math.prod(self.cells) * (self.degree + 1) ** 2
+
+    @property
+    def work(self):
+        """Size of a step's sampling and of the density, in proportion to the memory of a run."""
+        points = self.quadrature.angle * self.quadrature.velocity * self.quadrature.long * self.quadrature.short
+        return math.prod(self.cells) * ((self.degree + 1) ** 2 * 20 + points * self.steps)
+
+    @property
+    def settings(self):
+        """Mesh, degree, quadrature and steps as plain values."""
+        angle_cells, velocity_cells = self.cells
+        plain = {"angle_cells": angle_cells, "velocity_cells": velocity_cells, "degree": self.degree}
+        plain |= {"quadrature": dataclasses.asdict(self.quadrature), "steps": self.steps}
+        return plain | {"windows": dataclasses.asdict(self.windows)}
 
 
 @dataclasses.dataclass(frozen=True)
 class Resolution:
-    """Fineness of a solution, for the diffusion, the strip and the cycle of the main scene; `of` adapts it to others.
+    """Fineness of a solution, for the diffusion, the motion and the cycle of the main scene.
 
     Parameters
     ----------
@@ -52,8 +94,6 @@ class Resolution:
         Steps a cycle, even.
     windows : WindowSettings
         What the start is carried on until the mesh resolves it.
-    angle_grading, velocity_grading : float
-        Exponents of the mesh lines, see `graded_lines`.
     """
 
     angle_cells: int
@@ -62,67 +102,50 @@ class Resolution:
     quadrature: Quadrature
     steps: int
     windows: WindowSettings
-    angle_grading: float = ANGLE_GRADING
-    velocity_grading: float = VELOCITY_GRADING
 
-    def of(self, scene, bound):
-        """Return the resolution for a scene: cells by the extents and D^(-1/4), steps by `longest_step`.
+    def of(self, scene, bound, motion, beyond=0.0, growth=TAIL):
+        """Adapt the resolution to a scene.
 
-        Where the block is never lifted off the mesh is also graded down to the layer in which it rattles.
+        Parameters
+        ----------
+        scene : Scene
+            With white noise.
+        bound : float
+            Velocity bound of the mesh.
+        motion : Motion
+            Where the mesh has to be fine.
+        beyond : float
+            Velocity to which cells that grow continue the mesh, where it is above the bound.
+        growth : float
+            Of the cells from the motion to the bounds.
+
+        Returns
+        -------
+        Grid
         """
-        cutoff, layer = scene.overturning.angle, rattling_speed(scene)
-        finer = max((_MAIN_DIFFUSION / scene.noise.diffusion) ** 0.25, _COARSEST)
-        angle = 2 * max(2, math.ceil(0.5 * self.angle_cells * finer * cutoff / (math.pi / 2) - 1e-9))
-        velocity = 2 * max(2, math.ceil(0.5 * self.velocity_cells * finer * bound / _MAIN_BOUND - 1e-9))
-        steps = self.steps / 16 * scene.period / longest_step(scene)
+        cutoff, fast = scene.overturning.angle, min(motion.velocity, bound)
+        noise = scene.noise.diffusion * min(scene.period, _MAIN_PERIOD) / fast**2
+        finer = max((_MAIN_DIFFUSION * _MAIN_PERIOD / _MAIN_SPEED**2 / noise) ** 0.25, _COARSEST)
+        small = motion.angle < _FAR * cutoff
+        far, grading = (motion.angle, REST_GRADING) if small else (cutoff, ANGLE_GRADING)
+        angle = graded_lines(far, _even(self.angle_cells * finer), grading)
+        velocity = graded_lines(fast, _even(self.velocity_cells * finer * _MAIN_SPEED / _MAIN_BOUND), VELOCITY_GRADING)
+        rests = scene.forcing.longest_rest > _RESTS
+        steps = self.steps / 16 * scene.period / (_RESTING_STEP if rests else _STEP)
         fewest = FEWEST * scene.period / scene.forcing.shortest_period
-        return dataclasses.replace(
-            self,
-            angle_cells=angle,
-            velocity_cells=velocity,
-            steps=2 * math.ceil(0.5 * max(steps, 0.5 * self.steps, fewest) - 1e-9),
-            angle_grading=_grading(cutoff, angle, _LAYER_ANGLE * layer * layer, ANGLE_GRADING),
-            velocity_grading=_grading(bound, velocity, _LAYER_VELOCITY * layer, VELOCITY_GRADING),
+        return Grid(
+            extended_lines(angle, cutoff, growth),
+            extended_lines(extended_lines(velocity, bound, growth), beyond),
+            self.degree,
+            self.quadrature,
+            _even(max(steps, 0.5 * self.steps, fewest)),
+            self.windows,
         )
 
-    def stored(self, cycles):
-        """Bytes of the densities after all cycles."""
-        return 8 * (cycles + 1) * self.angle_cells * self.velocity_cells * (self.degree + 1) ** 2
 
-    @property
-    def work(self):
-        """Size of a step's sampling and of the density, in proportion to the memory of a run."""
-        points = self.quadrature.angle * self.quadrature.velocity * self.quadrature.long * self.quadrature.short
-        return self.angle_cells * self.velocity_cells * ((self.degree + 1) ** 2 * 20 + points * self.steps)
-
-
-def rattling_speed(scene):
-    """Speed 2 D / (1 - e) at which a block rattles that the forcing never lifts off, at the time when f = 0.
-
-    The mean square over the mean of the speeds at impact; at other times it is 2 D / ((1 - e) (1 - f^2)), which is
-    larger (derived in docs/theory, "Rattling at rest"). Its scale in angle is v^2 / 2. Infinite where the block is
-    lifted off, where nothing slows it (e = 1), and where the layer is too thin to be resolved.
-    """
-    restitution = scene.block.restitution
-    if scene.forcing.largest > 1.0 or restitution == 1.0:
-        return math.inf
-    speed = 2.0 * scene.noise.diffusion / (1.0 - restitution)
-    return speed if speed > THINNEST else math.inf
-
-
-def longest_step(scene):
-    """Longest time step for a scene, at 16 steps a cycle of the main scene.
-
-    Slow impacts must be few in a step where the forcing leaves the block at rest for long, and the layer in which it
-    rattles must not be left.
-    """
-    rests = scene.forcing.longest_rest > _RESTS
-    return min(_MAIN_STEP, _RESTING_STEP if rests else math.inf, _RATTLING_STEP * rattling_speed(scene))
-
-
-def _grading(half_width, cells, smallest, usual):
-    """Exponent that makes the smallest cell no larger than asked for."""
-    return max(usual, math.log(half_width / smallest) / math.log(cells // 2)) if smallest < half_width else usual
+def _even(number):
+    """Even whole number, at least 4, that is not below a number."""
+    return 2 * max(2, math.ceil(0.5 * number - 1e-9))
 
 
 _ROUGH, _GOOD = WindowSettings(10, 5.0, 0.7, 0.01, 4), WindowSettings(14, 6.0, 0.4, 0.01, 4)

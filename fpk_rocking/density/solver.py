@@ -1,16 +1,16 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start over whole cycles to a tolerance."""
 
-import dataclasses
 import time
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator
-from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, first_number, refine
+from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.results.remarks import closure_of
@@ -20,7 +20,10 @@ NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be active."""
 
 BYTES = 2.0
-"""Bytes that a run holds, about, over the `work` of its resolution."""
+"""Bytes that a run holds, about, over the `work` of its grid."""
+
+BINS = 20
+"""Bins an axis over the motion that the pilot saw, in which two solutions are compared."""
 
 SOLUTION_MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
@@ -67,21 +70,22 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     tol = checks.number("tol", tol, at_least=min(USUAL))
     white = scene.white_equivalent()
     refuse_unsolvable(white)
-    bound, departures = velocity_bound(white, white.noise.diffusion), {}
-    least, count = RESOLUTIONS[first_number(tol)].of(white, bound), Progress(progress, cycles, least=3)
+    bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, cycles)
+    grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
+    least, count = grids[2], Progress(progress, cycles, least=3)
     refuse_large(BYTES * least.work, least.stored(cycles), cycles)
+    edges = [np.linspace(*ends, BINS + 1) for ends in (motion.angles, motion.velocities)]
 
-    def solved(resolution, coarser):
-        run = Propagator(white, resolution, bound, NEGLIGIBLE * tol, coarser and coarser.run)
-        if resolution.windows not in departures:
-            departures[resolution.windows] = Departure(run.dynamics, white.start, resolution.windows, white.period)
-        return Solved(run, run.evolve(cycles, departures[resolution.windows], count.next()))
+    def solved(grid, coarser):
+        run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+        if grid.windows not in departures:
+            departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, white.period)
+        return Solved(run, run.evolve(cycles, departures[grid.windows], count.next()), edges)
 
-    def fits(level, resolution):
-        grown = level.memory * resolution.work / level.resolution.work
-        return grown + resolution.stored(cycles) <= SOLUTION_MEMORY
+    def fits(level, grid):
+        return level.memory * grid.work / level.run.grid.work + grid.stored(cycles) <= SOLUTION_MEMORY
 
-    found = refine(white, bound, tol, solved, fits, lambda found: found.within(tol, bins_tolerance(tol)))
+    found = refine(grids, solved, fits, lambda found: found.within(tol, bins_tolerance(tol)))
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
@@ -96,7 +100,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=found.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
-        settings=dataclasses.asdict(run.resolution)
+        settings=run.grid.settings
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
         coefficients=fine.coefficients,
         space=run.space,
@@ -114,16 +118,14 @@ class Solved:
     ----------
     run : Propagator
     solution : Solution
+    edges : sequence of ndarray
+        Of the bins in angle and in velocity that it is compared in.
     """
 
-    def __init__(self, run, solution):
+    def __init__(self, run, solution, edges):
         self.run, self.solution = run, solution
+        self.bins = run.space.bin_integrals(solution.coefficients, *edges)
         self.negative_mass = max(run.space.negative_mass(density) for density in solution.coefficients[1:])
-
-    @property
-    def resolution(self):
-        """What it was solved with."""
-        return self.run.resolution
 
     @property
     def memory(self):
@@ -134,7 +136,7 @@ class Solved:
         """Largest differences of survival and of the binned density over the cycles."""
         return (
             float(np.abs(self.solution.inside - coarser.solution.inside).max()),
-            float(np.abs(self.solution.bins - coarser.solution.bins)[1:].sum(axis=(1, 2)).max()),
+            float(np.abs(self.bins - coarser.bins)[1:].sum(axis=(1, 2)).max()),
         )
 
     def error(self, difference, bins):

@@ -5,14 +5,14 @@ import math
 import numpy as np
 
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.space.mesh import DEVIATIONS, velocity_bound
+from fpk_rocking.density.space.mesh import DEVIATIONS, GROWTH, velocity_bound
 from fpk_rocking.horizon.leg import CycleLeg
 
 _SEEN = 1e-6
 """Part of the largest product of reach and chance below which a cell does not count."""
 
 
-def plane_bound(white):
+def plane_bound(white, motion):
     """Velocity that no block needs that stands for a cycle, wherever it starts at the scene's phase.
 
     A block that starts inward far faster than one from rest ever moves may lose so much at its impact that it stands.
@@ -23,6 +23,8 @@ def plane_bound(white):
     ----------
     white : Scene
         With white noise.
+    motion : Motion
+        Where a mesh has to be fine.
 
     Returns
     -------
@@ -30,7 +32,7 @@ def plane_bound(white):
         At least `velocity_bound`, nondimensional.
     """
     own, wide = velocity_bound(white, white.noise.diffusion), worst_bound(white)
-    scout = CycleLeg(white, RESOLUTIONS[0].of(white, wide), wide)
+    scout = CycleLeg(white, RESOLUTIONS[0].of(white, wide, motion, growth=GROWTH))
     chances = [scout.one]
     for _ in range(scout.count):
         chances.append(scout.turned(chances.pop()))

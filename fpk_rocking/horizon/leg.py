@@ -18,10 +18,8 @@ class CycleLeg:
     ----------
     white : Scene
         With white noise.
-    resolution : Resolution
-        Adapted to the scene.
-    bound, beyond : float
-        Velocity bound of the mesh, and that to which coarser cells continue it.
+    grid : Grid
+        Mesh and steps.
 
     Attributes
     ----------
@@ -32,8 +30,8 @@ class CycleLeg:
         Legs in a cycle, 1 or 2.
     """
 
-    def __init__(self, white, resolution, bound, beyond=0.0):
-        self.run = Propagator(white, resolution, bound, negligible=0.0, beyond=beyond)
+    def __init__(self, white, grid):
+        self.run = Propagator(white, grid, negligible=0.0)
         self.space, self.count = self.run.space, self.run.legs
         self._root = np.sqrt(self.space.areas)[:, :, None, None]
         everything = np.ones(self.space.shape[:2], dtype=bool)

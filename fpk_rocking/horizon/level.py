@@ -1,15 +1,15 @@
 """The one-cycle operator on one mesh, and its refinement until the escape rate is known to the tolerance."""
 
-import dataclasses
 import functools
 import math
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.refinement import UNRESOLVED, bins_tolerance, refine
+from fpk_rocking.density.pilot import CYCLES, motion_of
+from fpk_rocking.density.refinement import UNRESOLVED, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import warn_beyond
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.mesh import GROWTH, velocity_bound
 from fpk_rocking.horizon.extent import plane_bound
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
@@ -22,6 +22,9 @@ LEAST_EIGENVALUE = 1e-6
 
 LEAST_RATE = 1e-15
 """Least escape rate a cycle that is looked for on ever finer meshes."""
+
+_BINS = 32, 64
+"""Bins (angle, velocity) between the bounds, in which two densities are compared; of about 0.1 in the main scene."""
 
 _POLISH = 10
 """Legs after the iteration, which leave the tails of the density to the map itself."""
@@ -41,14 +44,15 @@ class Level:
     white : Scene
         With white noise.
     resolution : Resolution
-        Adapted to the scene.
+    motion : Motion
+        Where the mesh has to be fine.
     bound, beyond : float
         Velocity bound of the mesh, and that to which coarser cells continue it.
     """
 
-    def __init__(self, white, resolution, bound, beyond):
-        self._white, self._bound = white, bound
-        self.leg = CycleLeg(white, resolution, bound, beyond)
+    def __init__(self, white, resolution, motion, bound, beyond):
+        self._white, self._given = white, (resolution, motion, bound)
+        self.leg = CycleLeg(white, resolution.of(white, bound, motion, beyond, GROWTH))
         self.space = self.leg.space
         self._one = self.leg.vector(self.leg.one)
 
@@ -111,11 +115,6 @@ class Level:
         return self.space.negative_mass(self.quasi_stationary)
 
     @property
-    def resolution(self):
-        """What it was solved with."""
-        return self.leg.run.resolution
-
-    @property
     def memory(self):
         """Bytes that its run holds."""
         return self.leg.run.memory
@@ -137,17 +136,18 @@ class Level:
     def settings(self):
         """Mesh, degree, quadrature and steps."""
         own = {"unknowns": self.space.unknowns, "velocity_bound": float(self.space.velocity_lines[-1])}
-        return dataclasses.asdict(self.leg.run.resolution) | own
+        return self.leg.run.grid.settings | own
 
     @functools.cached_property
     def bins(self):
         """Probabilities of equal bins in the quasi-stationary density."""
-        return self.leg.run.bins(self.quasi_stationary)
+        edges = (np.linspace(line[0], line[-1], count + 1) for line, count in zip(self.space.lines, _BINS, strict=True))
+        return self.space.bin_integrals(self.quasi_stationary, *edges)
 
     def at_phase(self, phase):
         """Return the same for another forcing phase."""
         white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
-        return Level(white, self.leg.run.resolution, self._bound, plane_bound(white))
+        return Level(white, *self._given, plane_bound(white, self._given[1]))
 
     def survival(self, departure, cycles):
         """Survival after numbers of cycles, and an estimate of what the modes leave out of it: two arrays (n,)."""
@@ -205,20 +205,22 @@ def climb(white, tol):
     ValueError
         Next to everything overturns within a cycle, or no rate can be told from the mesh's own errors.
     """
-    bound, beyond, wanted = velocity_bound(white, white.noise.diffusion), plane_bound(white), math.e * tol
+    bound, motion, wanted = velocity_bound(white, white.noise.diffusion), motion_of(white, CYCLES), math.e * tol
+    beyond = plane_bound(white, motion)
     refinement = []
 
     def solved(resolution, _):
-        refinement.append(Level(white, resolution, bound, beyond))
+        refinement.append(Level(white, resolution, motion, bound, beyond))
         return refinement[-1]
 
     def fits(level, resolution):
-        return level.memory * resolution.work / level.resolution.work <= OPERATOR_MEMORY
+        finer = resolution.of(white, bound, motion, beyond, GROWTH)
+        return level.memory * finer.work / level.leg.run.grid.work <= OPERATOR_MEMORY
 
     def done(found):
         return found.within(wanted, bins_tolerance(tol)) or _hopeless(found.fine, found.coarse)
 
-    found = refine(white, bound, tol, solved, fits, done)
+    found = refine(candidates_for(tol), solved, fits, done)
     _judge(found, tol)
     return found.fine, found.coarse, found.error, [(level.space.unknowns, level.rate) for level in refinement]
 

@@ -199,7 +199,7 @@ class CycleOperator(LinearOperator):
 
     def _departure(self, level):
         run = level.leg.run
-        return Departure(run.dynamics, self._white.start, run.resolution.windows, self._white.period)
+        return Departure(run.dynamics, self._white.start, run.grid.windows, self._white.period)
 
     def survival_map(self, cycles, phase=None):
         """Probability of not overturning within a number of cycles, for every start.

@@ -11,6 +11,9 @@ VELOCITY_GRADING = 1.3
 GROWTH = 1.15
 """Size of a cell over that of the one before, beyond the velocity that blocks from rest reach."""
 
+TAIL = 1.3
+"""The same beyond the motion that the pilot saw."""
+
 DEVIATIONS = 8.0
 """Standard deviations of the noise that a velocity bound leaves room for: a Gaussian has 6e-16 beyond."""
 
@@ -38,8 +41,8 @@ def graded_lines(half_width, cells, exponent):
     return np.concatenate([-half[:0:-1], half])
 
 
-def extended_lines(lines, half_width):
-    """Symmetric mesh lines continued to a wider interval by cells that grow, each by `GROWTH` or so.
+def extended_lines(lines, half_width, growth=GROWTH):
+    """Symmetric mesh lines continued to a wider interval by cells that grow, each by the factor `growth` or so.
 
     Parameters
     ----------
@@ -47,6 +50,8 @@ def extended_lines(lines, half_width):
         Symmetric about 0.
     half_width : float
         At least this far; nondimensional.
+    growth : float
+        Above 1.
 
     Returns
     -------
@@ -56,8 +61,8 @@ def extended_lines(lines, half_width):
     gap, size = half_width - lines[-1], lines[-1] - lines[-2]
     if gap <= 0.0:
         return lines
-    count = math.ceil(math.log1p(gap / size * (GROWTH - 1.0) / GROWTH) / math.log(GROWTH) - 1e-9)
-    places = np.cumsum(GROWTH ** np.arange(count))
+    count = math.ceil(math.log1p(gap / size * (growth - 1.0) / growth) / math.log(growth) - 1e-9)
+    places = np.cumsum(growth ** np.arange(count))
     beyond = lines[-1] + gap * places / places[-1]
     return np.concatenate([-beyond[::-1], lines, beyond])
 

@@ -1,0 +1,99 @@
+"""The pilot: a few sampled paths of a scene, which tell how far the motion goes and so where a mesh has to be fine.
+
+Nothing of it enters a result: the mesh it leads to is refined like any other, and what it did not see is resolved by
+cells that grow towards the cut-off and the velocity bound.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, principal_axes, trace
+from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.gaussian import flight_covariance
+
+PATHS = 256
+"""Sampled paths."""
+
+CYCLES = 12
+"""Most cycles that they are followed for."""
+
+LONGEST = 0.12
+"""Longest step; the shortest period of the forcing has at least 6."""
+
+USUAL_PART, NEARLY_ALL = 0.9, 0.998
+"""Parts of the sampled states that `Motion` tells the range of."""
+
+
+class Motion(NamedTuple):
+    """How far a block moves before it overturns, over all sampled times; nondimensional.
+
+    Parameters
+    ----------
+    angle, velocity : float
+        |x| and |v| that `USUAL_PART` of the states are below.
+    angles, velocities : tuple of float
+        Lowest and highest angle and velocity of `NEARLY_ALL` of the states.
+    """
+
+    angle: float
+    velocity: float
+    angles: tuple[float, float]
+    velocities: tuple[float, float]
+
+
+def motion_of(white, cycles):
+    """Sample some paths of a scene with white noise, always the same ones, and return their `Motion`.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    cycles : int
+        That the density is wanted for.
+
+    Returns
+    -------
+    Motion
+    """
+    dynamics, forcing = Dynamics.of(white), white.forcing
+    steps = max(math.ceil(white.period / LONGEST), math.ceil(6.0 * white.period / forcing.shortest_period))
+    duration, random = white.period / steps, np.random.default_rng(0)
+    axes = np.reshape(principal_axes(*flight_covariance(dynamics.diffusion, duration)), (2, 2))
+    segments = [dynamics.segment(k * duration, duration) for k in range(steps)]
+    spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
+    states = np.array([white.start.angle, white.start.velocity]) + random.standard_normal((PATHS, 2)) @ spread.T
+    first = forcing.value(0.0) or 1.0
+    sides = np.where(states.any(axis=1), np.sign(np.where(states[:, 0], states[:, 0], states[:, 1])), np.sign(first))
+    sides, seen = sides.astype(np.int32), []
+    for _ in range(min(cycles, CYCLES)):
+        for segment in segments:
+            nodes = random.standard_normal((len(states), 2))
+            follow(
+                states, sides, segment, duration, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
+                nodes @ axes,
+            )  # fmt: skip
+            stand = np.abs(sides) < OVERTURNED_SIDE
+            states, sides = states[stand], sides[stand]
+            seen.append(states)
+    seen = np.concatenate(seen)
+    if not len(seen):
+        seen = np.array([[dynamics.cutoff, 1.0]])
+    usual = np.quantile(np.abs(seen), USUAL_PART, axis=0)
+    ranges = np.quantile(seen, [0.5 - 0.5 * NEARLY_ALL, 0.5 + 0.5 * NEARLY_ALL], axis=0).T
+    return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()))
+
+
+@kernel
+def follow(states, sides, segment, duration, diffusion, restitution, cutoff, nodes, offsets):
+    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace`."""
+    scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
+    for n in range(len(states)):
+        trace(
+            states[n, 0], states[n, 1], sides[n], segment, duration, diffusion, restitution, cutoff,
+            nodes[n : n + 1], offsets[n : n + 1], abs(offsets[n, 0]), scratch, states[n : n + 1], codes,
+        )  # fmt: skip
+        sides[n] = codes[0]
