@@ -18,8 +18,11 @@ _MAIN_DIFFUSION, _MAIN_PERIOD, _MAIN_SPEED, _MAIN_BOUND = 0.00628, 2.33, 1.78, 3
 _COARSEST = 0.7
 """Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
 
-_RESTS, _RESTING_STEP, _STEP = 0.5, 0.036, 2.33 / 16
+_RESTS, _RESTING_STEP, _STEP = 0.5, 0.07, 2.33 / 16
 """Time with |f| <= 1 from which on impacts are slow for long; the longest step then, and else, at 16 steps a cycle."""
+
+_NOISY_STEP = 0.03
+"""Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed^2."""
 
 FEWEST = 6
 """Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
@@ -131,7 +134,8 @@ class Resolution:
         angle = graded_lines(far, _even(self.angle_cells * finer), grading)
         velocity = graded_lines(fast, _even(self.velocity_cells * finer * _MAIN_SPEED / _MAIN_BOUND), VELOCITY_GRADING)
         rests = scene.forcing.longest_rest > _RESTS
-        steps = self.steps / 16 * scene.period / (_RESTING_STEP if rests else _STEP)
+        step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
+        steps = self.steps / 16 * scene.period / step
         fewest = FEWEST * scene.period / scene.forcing.shortest_period
         return Grid(
             extended_lines(angle, cutoff, growth),

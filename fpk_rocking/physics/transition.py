@@ -56,23 +56,23 @@ def uplift_time(segment, start, end):
 
 
 @kernel(borrows=True)
-def settle(speed, side, segment, time, restitution):
+def settle(speed, side, segment, time, restitution, slow=SLOW):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
-    `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `SLOW`
+    `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `slow`
     under a force that changes by less than a hundredth of its distance to 1; below `SPEED_FLOOR` the speed is dropped.
     """
     force, slope = polynomial(segment.force, time)
     gap = 1.0 - abs(force)
     if gap > 0.0:
         delay = chatter_time(speed, side * force, restitution)
-        if delay <= SLOW and abs(slope) * delay <= 0.01 * gap:
+        if delay <= slow and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
     return (side if speed >= SPEED_FLOOR else 0), 0.0
 
 
 @kernel(forceinline=True, borrows=True)  # see next_event
-def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, origin=0.0):
+def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, origin=0.0, slow=SLOW):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 
     Parameters
@@ -91,6 +91,8 @@ def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, 
         Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
     origin : float
         Time of the segment's start.
+    slow : float
+        Chatter that ends within this time is summed in closed form.
 
     Returns
     -------
@@ -110,7 +112,7 @@ def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, 
             if impacts is not None and v != 0.0:
                 record(impacts, origin + t, v)
             v = impact(v, restitution)
-            side, delay = settle(abs(v), -side, segment, t, restitution)
+            side, delay = settle(abs(v), -side, segment, t, restitution, slow)
             if side == 0:
                 v, t = 0.0, t + delay
     return x, v, side, min(t, end)

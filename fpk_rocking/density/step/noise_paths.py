@@ -33,6 +33,9 @@ from fpk_rocking.physics.transition import advance
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
 
+CHATTER = 0.03
+"""Part of a step within which chatter may end to be summed in closed form, where the noise is a jump of the velocity."""
+
 _RESOLVED, _SMOOTH = 2.0, 5.0
 """Speed of an impact over sqrt(2 D h): above the first noise is carried by the saltation matrix, above the second also
 by the expansion about the path without noise."""
@@ -191,11 +194,27 @@ def trace(
         impact_at = time, speed, side, smooth
         _fast_nodes(x, v, impact_at, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes)
         return
+    if kind == IMPACT:
+        half = math.sqrt(diffusion * duration)
+        for n in range(len(nodes)):
+            _jolted(n, x, v + half * nodes[n, 0], side, half * nodes[n, 1], segment, duration, restitution, cutoff, states, codes)
+        return
     for n in range(len(nodes)):
         bend(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
         path = segment_of(scratch[0], scratch[1], duration)
         xn, vn, sn, _ = advance(x, v, side, path, 0.0, duration, restitution, cutoff)
         _put(n, xn, vn, sn, side, cutoff, states, codes)
+
+
+@kernel
+def _jolted(n, x, v, side, last, segment, duration, restitution, cutoff, states, codes):
+    """Carry a node without noise but for a last jump of its velocity, which may set it off from rest."""
+    xn, vn, sn, _ = advance(x, v, side, segment, 0.0, duration, restitution, cutoff, None, 0.0, CHATTER * duration)
+    if abs(xn) < cutoff:
+        vn += last
+        if xn == 0.0:
+            sn = 1 if vn > 0.0 else -1
+    _put(n, xn, vn, sn, side, cutoff, states, codes)
 
 
 @kernel
