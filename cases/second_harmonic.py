@@ -150,7 +150,11 @@ def long_run(turned, tol, realizations, seed):
 
 
 def side_rates(operator):
-    """Rates per cycle of overturning to the left and to the right in the long run, which sum to the escape rate."""
+    """Rates per cycle of overturning to the left and to the right in the long run, which sum to the escape rate.
+
+    Their shares are those of a cycle from τ = 0. As fewer stand in its second half, a cycle from another time has other
+    shares, by a relative difference below the escape rate: so much do the sides differ at A₂ = 0.
+    """
     return (operator.escape_rate * operator.leakage / operator.leakage.sum()).tolist()
 
 

@@ -191,19 +191,21 @@ def test_a_forcing_of_the_other_sign_exchanges_the_sides(turned):
 
 
 def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turned):
+    """The same rate, by the same steps in another order; shares of cycles half a cycle apart differ by less than it."""
     module = case("second_harmonic")
-    scene, later = (CycleOperator(module.with_second(one, 1.0, one.forcing.phases[1] + 0.3), tol=5e-2)
+    scene, later = (CycleOperator(module.with_second(one, 1.5, one.forcing.phases[1] - math.pi / 2), tol=0.2)
                     for one in turned[:2])  # fmt: skip
+    assert later.escape_rate == pytest.approx(scene.escape_rate, rel=1e-10)
     left, right = module.side_rates(scene)
     assert left + right == pytest.approx(scene.escape_rate, rel=1e-12)
-    assert module.side_rates(later) == pytest.approx([right, left], rel=1e-8)
-    assert abs(left - right) > 0.1 * (left + right)
+    assert module.side_rates(later) == pytest.approx([right, left], rel=scene.escape_rate)
+    assert left > 3.0 * right
 
 
 def test_second_harmonic(case, tmp_path):
     """Coarse densities beside 2000 realizations and survival at tol 1e-2; rates beside theirs."""
     module = case("second_harmonic")
-    values = module.run(tmp_path, amplitudes=(0.0, 1.0), parts=4, realizations=2000, tol=5e-2)
+    values = module.run(tmp_path, amplitudes=(1.0,), parts=2, realizations=2000, tol=5e-2)
     for found in (*values["phases"], values["from_rest"]):
         survival, sides = np.array(found["survival"]), np.array(found["overturned"])
         assert survival + sides.sum(axis=1) == pytest.approx(np.ones(survival.size), abs=1e-6)
@@ -211,20 +213,20 @@ def test_second_harmonic(case, tmp_path):
             assert theirs == sampled(ours, 2000)
         for ours, theirs in zip(sides.ravel(), np.ravel(found["sampled_overturned"]), strict=True):
             assert theirs == sampled(ours, 2000)
-    alone, second = np.array([found["survival"] for found in values["phases"]]).T
-    assert alone == pytest.approx(np.full(4, alone[0]), abs=1e-12)
-    assert second == pytest.approx(values["from_rest"]["survival"], abs=1e-12)
-    assert second == pytest.approx([0.6417, 0.5446, 0.4566, 0.9284], abs=2e-3)
+    survival = [found["survival"][0] for found in values["phases"]]
+    assert survival[::2] == pytest.approx(values["from_rest"]["survival"], abs=1e-12)
+    assert survival == pytest.approx([0.6417, 0.5446, 0.4566, 0.9284], abs=2e-3)
     later = values["long_run"]
     assert later["rate"][0] == pytest.approx([0.00848, 0.00281], rel=0.02)
-    assert later["rate"][2] == later["rate"][0][::-1]
+    assert later["rate"][1] == later["rate"][0][::-1]
+    assert later["rate_without"] == pytest.approx([0.00277, 0.00277], rel=0.02)
     for rates, intervals in zip(later["rate"], later["interval"], strict=True):
         assert all(0.8 * low < rate < 1.25 * high for rate, (low, high) in zip(rates, intervals, strict=True))
     scene = module.load_scene(module.SCENE)
     both = melnikov.phase_flux(scene.forcing, 0.6, scene.noise) * scene.period
-    assert np.mean(later["flux_per_cycle"][1]) == pytest.approx(both, rel=1e-9)
+    assert np.mean(module.side_fluxes(scene)) == pytest.approx(both, rel=1e-9)
     # Over the right saddle most where the force peaks to the right: Ψ₂ = π.
-    assert later["flux_per_cycle"][2][1] > 1.3 * later["flux_per_cycle"][2][0]
+    assert later["flux_per_cycle"][1][1] > 1.3 * later["flux_per_cycle"][1][0]
     assert written(tmp_path, "second_harmonic", values)
 
 
