@@ -16,7 +16,7 @@ from density import CYCLES, MAIN, TOLERANCES, peak_memory
 from equal_pictures import draw_errors, draw_growth
 from equal_truth import Truth
 from eulerian_runs import EDGES, Row
-from eulerian_runs import Propagator as Baseline
+from eulerian_runs import Run as Baseline
 from report import PAGE, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk

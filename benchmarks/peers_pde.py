@@ -116,7 +116,7 @@ def stable_steps(scene, row):
     return math.ceil(scene.period * math.hypot(turning, damping) / STABLE)
 
 
-class Propagator:
+class Run:
     """One row, compiled: `seconds` says how long that took."""
 
     def __init__(self, scene, row):
@@ -168,7 +168,7 @@ def compared(scene, rows):
     sampled = [paths.bin_probabilities(k, *EDGES) for k in range(KRAMERS_CYCLES + 1)]
     against = errors(paths.survival, sampled, truth)
     floor = max(distances.l1_floor(np.clip(part, 0.0, 1.0), math.inf, PATHS) for part in sampled[1:])
-    runs = {row: Propagator(scene, row) for row in rows}
+    runs = {row: Run(scene, row) for row in rows}
     solves = {tol: lambda tol=tol: solve_fpk(scene, cycles=KRAMERS_CYCLES, tol=tol) for tol in TOLS}
     seconds = medians(runs | solves, rounds=3)
     found = {row: run.judge(truth) for row, run in runs.items()}

@@ -4,7 +4,7 @@ Each case is run as its own command line would, into a folder under ``results``,
 150 kB: fewer colours first, then fewer pixels. What it wrote as ``.json`` stands beside them under the same name. A
 case that fails leaves the gallery as it was.
 
-Run time: about twenty-five minutes on 2 cores, fifteen of them for the noise band.
+Run time: about half an hour on 2 cores, half of it for the noise band.
 
     python cases/gallery.py
     python cases/gallery.py --only fig04_phase_flux
@@ -39,6 +39,7 @@ PICTURES = {
     "noisy_attractor": {"attractor.png": "attractor.png"},
     "safe_basins": {"basins.png": "basins.png"},
     "low_noise": {"low_noise.png": "low_noise.png"},
+    "second_harmonic": {"second_harmonic.png": "second_harmonic.png"},
 }
 # Less than a case does by itself, where that would take minutes: the least noise asks for half of all the time.
 SETTINGS = {"low_noise": {"diffusions": (0.006, 0.004, 0.003, 0.002, 0.0014)}}

@@ -12,7 +12,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from fpk_rocking import NoNoise
+from fpk_rocking import CycleOperator, NoNoise, melnikov, solve_fpk
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from montecarlo import overturning_rate, simulate
 
@@ -174,6 +174,62 @@ def test_leakage_against_flux(case, main_scene, tmp_path):
     assert written(tmp_path, "flux", values)
 
 
+@pytest.fixture(scope="module")
+def turned(case, named_scene):
+    """The scene with a second harmonic, the same with Ψ₂ + π, and with both phases turned: another, and its mirror."""
+    scene, module = named_scene("second_harmonic"), case("second_harmonic")
+    later = module.with_second(scene, 1.0, scene.forcing.phases[1] + math.pi)
+    return scene, later, scene.varied(forcing={"phases": [psi + math.pi for psi in scene.forcing.phases]})
+
+
+def test_a_forcing_of_the_other_sign_exchanges_the_sides(turned):
+    """From rest the mirror image has the same survival; with Ψ₂ alone turned it starts at another time of its cycle."""
+    scene, later, mirrored = (solve_fpk(one, cycles=3, tol=5e-2) for one in turned)
+    assert mirrored.survival == pytest.approx(scene.survival, abs=1e-12)
+    assert mirrored.overturned == pytest.approx(scene.overturned[:, ::-1], abs=1e-12)
+    assert later.survival[3] - scene.survival[3] > 0.2
+
+
+def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turned):
+    """The same rate, by the same steps in another order; shares of cycles half a cycle apart differ by less than it."""
+    module = case("second_harmonic")
+    scene, later = (CycleOperator(module.with_second(one, 1.5, one.forcing.phases[1] - math.pi / 2), tol=0.2)
+                    for one in turned[:2])  # fmt: skip
+    assert later.escape_rate == pytest.approx(scene.escape_rate, rel=1e-10)
+    left, right = module.side_rates(scene)
+    assert left + right == pytest.approx(scene.escape_rate, rel=1e-12)
+    assert module.side_rates(later) == pytest.approx([right, left], rel=scene.escape_rate)
+    assert left > 3.0 * right
+
+
+def test_second_harmonic(case, tmp_path):
+    """Coarse densities beside 2000 realizations and survival at tol 1e-2; rates beside theirs."""
+    module = case("second_harmonic")
+    values = module.run(tmp_path, amplitudes=(1.0,), parts=2, realizations=2000, tol=5e-2)
+    for found in (*values["phases"], values["from_rest"]):
+        survival, sides = np.array(found["survival"]), np.array(found["overturned"])
+        assert survival + sides.sum(axis=1) == pytest.approx(np.ones(survival.size), abs=1e-6)
+        for ours, theirs in zip(survival, found["sampled_survival"], strict=True):
+            assert theirs == sampled(ours, 2000)
+        for ours, theirs in zip(sides.ravel(), np.ravel(found["sampled_overturned"]), strict=True):
+            assert theirs == sampled(ours, 2000)
+    survival = [found["survival"][0] for found in values["phases"]]
+    assert survival[::2] == pytest.approx(values["from_rest"]["survival"], abs=1e-12)
+    assert survival == pytest.approx([0.6417, 0.5446, 0.4566, 0.9284], abs=2e-3)
+    later = values["long_run"]
+    assert later["rate"][0] == pytest.approx([0.00848, 0.00281], rel=0.02)
+    assert later["rate"][1] == later["rate"][0][::-1]
+    assert later["rate_without"] == pytest.approx([0.00277, 0.00277], rel=0.02)
+    for rates, intervals in zip(later["rate"], later["interval"], strict=True):
+        assert all(0.8 * low < rate < 1.25 * high for rate, (low, high) in zip(rates, intervals, strict=True))
+    scene = module.load_scene(module.SCENE)
+    both = melnikov.phase_flux(scene.forcing, 0.6, scene.noise) * scene.period
+    assert np.mean(module.side_fluxes(scene)) == pytest.approx(both, rel=1e-9)
+    # Over the right saddle most where the force peaks to the right: Ψ₂ = π.
+    assert later["flux_per_cycle"][1][1] > 1.3 * later["flux_per_cycle"][1][0]
+    assert written(tmp_path, "second_harmonic", values)
+
+
 def test_overturning_rate_counts_cycles_lived(main_scene):
     """Three blocks: one gone before it counts, one that lived for 2.5 of the cycles that count, one that stands."""
     ensemble = simulate(main_scene, cycles=10, realizations=3)
@@ -186,6 +242,11 @@ def test_overturning_rate_counts_cycles_lived(main_scene):
     found = overturning_rate(made, after=4)
     assert (found.rate, found.count) == (pytest.approx(1.0 / 8.5), 1)
     assert found.interval == pytest.approx(np.array([0.0253178, 5.5716434]) / 8.5, rel=1e-6)
+    sides = [overturning_rate(made, after=4, side=side) for side in (-1, 1)]
+    assert [(one.rate, one.count) for one in sides] == [(pytest.approx(1.0 / 8.5), 1), (0.0, 0)]
     assert overturning_rate(made, after=8).interval == pytest.approx(np.array([0.0, 3.6888795]) / 2.0, rel=1e-6)
+    for bad in (0, 2, True, "left"):
+        with pytest.raises(ValueError, match=rf"side: got {bad!r}, accepted: None, or -1 \(left\) or 1 \(right\)"):
+            overturning_rate(made, after=4, side=bad)
     with pytest.raises(ValueError, match=r"after: got 10, accepted: cycles below 10"):
         overturning_rate(made, after=10)

@@ -96,6 +96,30 @@ def test_half_antisymmetry_is_a_property_of_the_forcing(forcing, mirrored):
     assert np.allclose(values[32:], -values[:32], rtol=0.0, atol=1e-14) == mirrored
 
 
+def test_half_a_cycle_later_the_mirror_image_has_its_even_harmonics_turned():
+    """-f(τ + T/2) has Ψ₂ + π in place of Ψ₂; -f has both phases turned."""
+    later = Harmonics(2.7, TWO.amplitudes, (0.0, 0.7 + math.pi))
+    mirrored = Harmonics(2.7, TWO.amplitudes, (math.pi, 0.7 + math.pi))
+    for time in np.linspace(-1.0, 3.0, 17):
+        assert later.value(time) == pytest.approx(-TWO.value(time + 0.5 * TWO.period), abs=1e-13)
+        assert mirrored.value(time) == pytest.approx(-TWO.value(time), abs=1e-13)
+    assert abs(later.value(0.0) + TWO.value(0.0)) > 1.0
+
+
+@pytest.mark.parametrize("amplitudes", [(2.4, 1e-320), (1e-320, 2.4), (1e-320, 1e-320), (0.0, 1e-320)])
+@pytest.mark.filterwarnings("error")
+def test_a_harmonic_too_small_to_show_is_none(amplitudes):
+    """Without it the times at which |f| passes 1 are those in closed form: arcsin(1/A) to either side of a zero."""
+    forcing, shown = Harmonics(2.7, amplitudes, (0.0, 0.0)), max(amplitudes)
+    if shown < 1.0:
+        assert (forcing.largest, forcing.longest_rest) == (0.0, math.inf)
+        assert forcing.mean_excess(0.5) == 0.0
+    else:
+        frequency = 2.7 * (1 + amplitudes.index(shown))
+        assert forcing.largest == pytest.approx(shown, rel=1e-15)
+        assert forcing.longest_rest == pytest.approx(2.0 * math.asin(1.0 / shown) / frequency, rel=1e-13)
+
+
 @pytest.mark.parametrize("forcing", [SINGLE, TWO, MANY])
 def test_another_phase_is_another_time_of_the_cycle(forcing):
     later = forcing.at_phase(forcing.phase + 1.3)
@@ -146,6 +170,13 @@ def test_harmonics_in_a_scene_file():
         (("[2.4, 1.1]", "[0.0, 0.0]"), r"forcing.amplitudes: got \(0.0, 0.0\), accepted: at least one above 0"),
         (("[2.4, 1.1]", "[2.4, -1]"), r"forcing.amplitudes\[1\]: got -1, accepted: a finite number >= 0"),
         (("[2.4, 1.1]", "[]"), r"forcing.amplitudes: got \[\], accepted: a list of 1 to 32 numbers"),
+        (("[2.4, 1.1]", "[2.4, nan]"), r"forcing.amplitudes\[1\]: got nan, accepted: a finite number >= 0"),
+        (("[2.4, 1.1]", "[2.4, true]"), r"forcing.amplitudes\[1\]: got True, accepted: a finite number >= 0"),
+        (("[0.0, 0.7]", "[0.0]"), r"forcing.phases: got \(0.0,\), accepted: as many as forcing.amplitudes, 2"),
+        (("[0.0, 0.7]", "[]"), r"forcing.phases: got \[\], accepted: a list of 1 to 32 numbers"),
+        (("[0.0, 0.7]", "[0.0, inf]"), r"forcing.phases\[1\]: got inf, accepted: a finite number"),
+        (("phases = [0.0, 0.7]", ""), r"forcing.phases: missing, required: frequency, amplitudes, phases"),
+        (("= 2.7", "= nan"), r"forcing.frequency: got nan, accepted: a finite number > 0"),
         (("[2.4, 1.1]", "2.4"), r"forcing.amplitudes: got 2.4, accepted: a list of 1 to 32 numbers"),
         (('"harmonics"', '"sine"'), r"forcing.kind: got 'sine', accepted: 'harmonic', 'harmonics'"),
         (("frequency = 2.7", "frequency = 2.7\namplitude = 1.0"), r"forcing.amplitude: unknown.*forcing.amplitudes\?"),

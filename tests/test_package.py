@@ -133,3 +133,35 @@ def test_version_is_the_installed_one():
 def test_unknown_names_are_refused_as_usual():
     with pytest.raises(AttributeError, match=r"module 'fpk_rocking' has no attribute 'solve'"):
         fpk_rocking.solve  # noqa: B018
+
+
+def names_asked_of_the_project(path):
+    """Module and name of all that a script imports from the project or from a script beside it."""
+    nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)]
+    beside = {other.stem for other in path.parent.glob("*.py")}
+    ours = [node for node in nodes if node.module.split(".")[0] in {"fpk_rocking", "montecarlo"} | beside]
+    return [(node.module, alias.name) for node in ours for alias in node.names]
+
+
+def defined_in(path):
+    """Names that a script defines or imports at its top, read from its text: what it imports may not be installed."""
+    found = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            found |= {alias.asname or alias.name for alias in node.names}
+        elif isinstance(node, ast.Assign):
+            found |= {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+    return found
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("benchmarks/*.py")), ids=lambda path: path.stem)
+def test_what_a_benchmark_imports_is_there(path):
+    """Also of those that need packages which are not installed."""
+    for module, name in names_asked_of_the_project(path):
+        beside = path.parent / f"{module}.py"
+        if beside.exists():
+            assert name in defined_in(beside), (module, name)
+        else:
+            assert f"{module}.{name}" in MODULES or hasattr(importlib.import_module(module), name), (module, name)

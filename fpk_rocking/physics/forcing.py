@@ -250,6 +250,8 @@ FORCINGS = {cls.kind: cls for cls in (Forcing, Harmonics)}
 """Forcings by their kind; the first is the default of a scene file."""
 
 _MOST = 32
+_TINY = 1e-300
+_UNSEEN = 1e-30
 
 
 def _set(value, name, checked):
@@ -299,7 +301,7 @@ def _zeros(forcing, level, derivative):
     polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
-    if forcing.steepest == 0.0:
+    if forcing.steepest < _TINY:
         return []
     coefficients = np.zeros(2 * highest + 1, dtype=complex)  # of z^0, z^1, ...
     coefficients[highest] = -level
@@ -307,6 +309,8 @@ def _zeros(forcing, level, derivative):
         turned = -0.5 * amplitude * np.exp(1j * phase) * (1j * k * forcing.frequency) ** derivative
         coefficients[highest + k] += turned
         coefficients[highest - k] += np.conj(turned)
+    # A highest harmonic too small to show in any digit would be divided by, and overflow.
+    coefficients[np.abs(coefficients) < _UNSEEN * np.abs(coefficients).max()] = 0.0
     roots = np.polynomial.polynomial.polyroots(np.trim_zeros(coefficients, "b"))
     roots = roots[np.abs(np.abs(roots) - 1.0) < 1e-6] if roots.size else roots
     times = np.sort(np.mod(np.angle(roots), 2.0 * math.pi) / forcing.frequency)

@@ -1,5 +1,6 @@
 """The rate of overturning once the start is forgotten, from counts over cycles lived."""
 
+import numbers
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ class Rate(NamedTuple):
     count: int
 
 
-def overturning_rate(ensemble, after, level=0.95):
+def overturning_rate(ensemble, after, level=0.95, side=None):
     """Estimate the rate of overturning of the blocks that still stand after some cycles.
 
     Parameters
@@ -27,6 +28,8 @@ def overturning_rate(ensemble, after, level=0.95):
         Forcing cycles that do not count, below the ensemble's.
     level : float
         Confidence of the interval, in (0, 1).
+    side : {None, -1, 1}
+        Side to which a block has to overturn in order to count: left -1, right 1, either None.
 
     Returns
     -------
@@ -44,13 +47,17 @@ def overturning_rate(ensemble, after, level=0.95):
     after, level = checks.count("after", after), checks.number("level", level, above=0.0)
     if level >= 1.0:
         raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    if isinstance(side, bool) or not (side is None or (isinstance(side, numbers.Integral) and abs(side) == 1)):
+        raise ValueError(checks.refusal("side", side, "None, or -1 (left) or 1 (right)"))
     if after >= ensemble.cycles or ensemble.survivors[after] == 0:
         accepted = f"cycles below {ensemble.cycles}, after which a block still stands"
         raise ValueError(checks.refusal("after", after, accepted))
     ends = ensemble.overturn_time / ensemble.scene.period
     lived = np.where(ensemble.overturn_side == 0, ensemble.cycles, ends) - after
     exposure = lived[lived > 0.0].sum()
-    count = int(ensemble.survivors[after] - ensemble.survivors[-1])
+    standing = np.isfinite(ensemble.angle[:, after])
+    counted = (ensemble.overturn_side != 0) if side is None else (ensemble.overturn_side == side)
+    count = int(np.count_nonzero(standing & counted))
     tail = 0.5 - 0.5 * level
     low = 0.5 * stats.chi2.ppf(tail, 2 * count) if count else 0.0
     return Rate(float(count / exposure), np.array([low, 0.5 * stats.chi2.isf(tail, 2 * count + 2)]) / exposure, count)

@@ -93,7 +93,8 @@ ENTRIES = {
     "overturning_rate": (
         overturning_rate,
         {"ensemble": ENSEMBLE, "after": 1},
-        {"ensemble": WRONG_ENSEMBLES, "after": fuzz.NOT_COUNTS | st.integers(min_value=2), "level": WRONG_LEVELS},
+        {"ensemble": WRONG_ENSEMBLES, "after": fuzz.NOT_COUNTS | st.integers(min_value=2), "level": WRONG_LEVELS,
+         "side": GIVEN | st.just(0) | st.integers(2) | st.floats(-3.0, 3.0)},
     ),
     "first_passage": (
         first_passage,

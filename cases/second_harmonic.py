@@ -1,0 +1,289 @@
+"""What a second harmonic of the forcing does to survival: its phase decides how many overturn, and to which side.
+
+The forcing is a cosine with a second harmonic,
+
+    f(τ) = -A₁ cos(Ωτ + Ψ₁) - A₂ cos(2Ωτ + Ψ₂),
+
+and the block starts from rest under white noise. A single cosine is in its second half cycle the mirror image of its
+first, f(τ + T/2) = -f(τ) with T = 2π/Ω, so that in the long run a block overturns to the left as often as to the right.
+A second harmonic ends that. What is left is a symmetry between two forcings:
+
+    -f(τ + T/2)  is f with Ψ₂ + π in place of Ψ₂,          -f(τ)  is f with (Ψ₁ + π, Ψ₂ + π) in place of (Ψ₁, Ψ₂).
+
+By the first, Ψ₂ + π has the same rate of overturning in the long run, with left and right exchanged. So the rates are
+solved for Ψ₂ below π only; the samples are drawn for all Ψ₂. By the second, a block from rest has the same survival if
+both phases are turned. If Ψ₂ alone is turned, the mirror image starts half a cycle later, with another survival.
+
+Shown are the forcings; survival from rest after ten cycles against A₂; the shares that overturn to each side against
+Ψ₂; and the rates of overturning to each side in the long run (`CycleOperator`), beside the Melnikov flux over the
+saddle of that side (paper eq. 17, corrected, one saddle at a time). Points are Monte Carlo of the same white noise.
+
+Source: eq. 17 of H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations",
+J. Eng. Mech. 122(8), 719-727, 1996; the forcing with two harmonics is this project's.
+
+Run time: about five minutes on 2 cores, once the kernels are compiled; half of it the rates in the long run.
+
+    python cases/second_harmonic.py --out results/second_harmonic
+
+Files: ``second_harmonic.png``, ``second_harmonic.json``.
+"""
+
+import argparse
+import math
+import pathlib
+import sys
+
+import numpy as np
+from scipy.special import ndtr
+
+from fpk_rocking import CycleOperator, load_scene, melnikov, solve_fpk
+from fpk_rocking.output import style, summary
+from fpk_rocking.output.intervals import error_bars
+from fpk_rocking.output.progress import reporting
+from montecarlo import overturning_rate, simulate
+from montecarlo.results.statistics import wilson_interval
+
+SCENE = pathlib.Path(__file__).parent / "scenes" / "second_harmonic.toml"
+PHASES = {"0": 0.0, "π/2": 0.5 * math.pi, "π": math.pi, "3π/2": 1.5 * math.pi}
+AMPLITUDES = tuple((0.125 * np.arange(17)).tolist())
+PARTS = 24
+CYCLES = 10
+LONG_CYCLES = 60
+SIDES = {"left": -1, "right": 1}
+_PER_CYCLE = 2_000
+
+
+def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, seed=1) -> dict:
+    """Compute, draw and write everything.
+
+    Parameters
+    ----------
+    out : path
+        Folder for the files; created if missing.
+    amplitudes : sequence of float
+        A₂, nondimensional.
+    parts : int
+        Into how many the circle of Ψ₂ is divided; an even number.
+    realizations : int
+        Of each ensemble.
+    seed : int
+        Of the first ensemble of each panel; the next have the next seeds.
+    tol : float
+        Error of survival that the density solver and the operator aim at.
+
+    Returns
+    -------
+    dict
+        What ``second_harmonic.json`` holds.
+    """
+    out, scene, sampled = pathlib.Path(out), load_scene(SCENE), (realizations, seed)
+    circle = [2.0 * math.pi * part / parts for part in range(parts)]
+    turned = [with_second(scene, scene.forcing.amplitudes[1], psi) for psi in circle]
+    values = {
+        "scene": scene.to_toml(),
+        "cycles": CYCLES,
+        "realizations": realizations,
+        "amplitudes": list(amplitudes),
+        "phases": [
+            {"phase": name} | from_rest([with_second(scene, one, psi) for one in amplitudes], tol, *sampled)
+            for name, psi in PHASES.items()
+        ],
+        "from_rest": {"phases": circle} | from_rest(turned, tol, *sampled),
+        "long_run": {"phases": circle} | long_run(turned, tol, *sampled),
+    }
+    draw(out / "second_harmonic.png", scene, values)
+    summary.write_summary(out / "second_harmonic.json", values)
+    return values
+
+
+def with_second(scene, amplitude, phase):
+    """Return a scene with another second harmonic."""
+    first, psi = scene.forcing.amplitudes[0], scene.forcing.phases[0]
+    return scene.varied(forcing={"amplitudes": (first, amplitude), "phases": (psi, phase)})
+
+
+def from_rest(scenes, tol, realizations, seed):
+    """Survival after `CYCLES` and probabilities (scenes, 2) of overturning to each side, by density and Monte Carlo."""
+    densities, ensembles = [], []
+    with reporting("survival from rest") as progress:
+        for k, scene in enumerate(scenes):
+            densities.append(solve_fpk(scene, cycles=CYCLES, tol=tol))
+            ensembles.append(simulate(scene, cycles=CYCLES, realizations=realizations, seed=seed + k))
+            progress(k + 1, len(scenes))
+    counts = [np.rint(one.overturned[-1] * realizations) for one in ensembles]
+    return {
+        "survival": [float(one.survival[-1]) for one in densities],
+        "overturned": [one.overturned[-1].tolist() for one in densities],
+        "error_estimate": [one.error_estimate for one in densities],
+        "sampled_survival": [float(one.survival[-1]) for one in ensembles],
+        "sampled_survival_interval": [one.survival_interval()[-1].tolist() for one in ensembles],
+        "sampled_overturned": [one.overturned[-1].tolist() for one in ensembles],
+        "sampled_overturned_interval": [wilson_interval(count, realizations).tolist() for count in counts],
+    }
+
+
+def long_run(turned, tol, realizations, seed):
+    """Rates of overturning to each side once the start is forgotten, by operators and Monte Carlo, and Melnikov fluxes.
+
+    All are per cycle. The scenes go once around the circle of Ψ₂; operators are solved for the first half of them.
+    """
+    solved, errors, samples = [], [], []
+    with reporting("rates in the long run") as progress:
+        for k, scene in enumerate(turned):
+            if k < len(turned) // 2:
+                operator = CycleOperator(scene, tol=tol)
+                solved.append(side_rates(operator))
+                errors.append(operator.escape_rate * operator.escape_error)
+            ensemble = simulate(scene, cycles=LONG_CYCLES, realizations=realizations, seed=seed + k)
+            samples.append([overturning_rate(ensemble, CYCLES, side=side) for side in SIDES.values()])
+            progress(k + 1, len(turned))
+    alone = with_second(turned[0], 0.0, 0.0)
+    return {
+        "rate": [*solved, *(rate[::-1] for rate in solved)],
+        "error_estimate": [*errors, *errors],
+        "sampled": [[one.rate for one in sides] for sides in samples],
+        "interval": [[one.interval.tolist() for one in sides] for sides in samples],
+        "flux_per_cycle": [side_fluxes(one) for one in turned],
+        "rate_without": side_rates(CycleOperator(alone, tol=tol)),
+        "flux_per_cycle_without": side_fluxes(alone),
+    }
+
+
+def side_rates(operator):
+    """Rates per cycle of overturning to the left and to the right in the long run, which sum to the escape rate.
+
+    Their shares are those of a cycle from τ = 0. As fewer stand in its second half, a cycle from another time has other
+    shares, by a relative difference below the escape rate: so much do the sides differ at A₂ = 0.
+    """
+    return (operator.escape_rate * operator.leakage / operator.leakage.sum()).tolist()
+
+
+def side_fluxes(scene):
+    """Melnikov flux over the left and over the right saddle, phase-space area per cycle: E[M⁺] T of either process."""
+    forcing, loss = scene.forcing, melnikov.impact_loss(scene.block.restitution)
+    sigma = math.sqrt(melnikov.noise_variance(scene.noise))
+    times = forcing.period * (np.arange(_PER_CYCLE) + 0.5) / _PER_CYCLE
+    work = melnikov.process_mean(forcing, scene.block.restitution, times) + loss
+    fluxes = []
+    for side in SIDES.values():
+        mean = side * work - loss
+        u = mean / sigma
+        density = np.exp(-0.5 * u * u) / math.sqrt(2.0 * math.pi)
+        fluxes.append(float(np.mean(sigma * density + mean * ndtr(u)) * forcing.period))
+    return fluxes
+
+
+def draw(path, scene, values):
+    """Draw the forcings, survival against A₂, and against Ψ₂ the shares from rest and the rates in the long run."""
+    (first, second), later = scene.forcing.amplitudes, values["long_run"]
+    rate, flux = (later[name][0] for name in ("rate_without", "flux_per_cycle_without"))
+    scene_text = (
+        f"f(τ) = -A₁ cos(Ωτ + Ψ₁) - A₂ cos(2Ωτ + Ψ₂), T = 2π/Ω, A₁ = {first:g}, Ω = {scene.forcing.frequency:g}, "
+        f"Ψ₁ = 0; A₂ = {second:g} except in (b). Restitution {scene.block.restitution:g}, white noise of diffusion "
+        f"D = {scene.noise.diffusion:g}. All quantities are nondimensional."
+    )
+    engines_text = (
+        f"Solid lines: Fokker-Planck density. Points: Monte Carlo of the same noise, {values['realizations']:,} "
+        f"realizations each, 95 % intervals; in (d) from cycle {CYCLES} to {LONG_CYCLES}."
+    )
+    rates_text = (
+        f"(d): at A₂ = 0 each side has the rate {rate:.2g} and the Melnikov flux {flux:.2g} a cycle. Ψ₂ + π exchanges "
+        "the sides, so the lines beyond π repeat those below it; the points are sampled everywhere."
+    )
+    notes = [scene_text, engines_text, rates_text]
+    with style.page(path, (10.5, 10.6), "What a second harmonic of the forcing does to survival", notes) as figure:
+        (force, amplitude), (rest, rates) = figure.subplots(2, 2)
+        _forces(force, scene)
+        _against_amplitude(amplitude, values)
+        _shares(rest, values["from_rest"])
+        _rates(rates, later)
+        for axes in (rest, rates):
+            axes.set(xlabel="phase Ψ₂ of the second harmonic", xlim=(-0.1, 2.0 * math.pi + 0.1))
+            axes.set_xticks(np.linspace(0.0, 2.0 * math.pi, 5), ("0", "π/2", "π", "3π/2", "2π"))
+
+
+def _forces(axes, scene):
+    turns = np.linspace(0.0, 1.0, 401)
+    for (name, psi), colour in zip(PHASES.items(), style.COLOURS, strict=True):
+        forcing = with_second(scene, scene.forcing.amplitudes[1], psi).forcing
+        force = [forcing.value(turn * forcing.period) for turn in turns]
+        axes.plot(turns, force, color=colour, label=f"Ψ₂ = {name}")
+    alone = with_second(scene, 0.0, 0.0).forcing
+    axes.plot(turns, [alone.value(turn * alone.period) for turn in turns], color="black", linewidth=1.0, label="A₂ = 0")
+    axes.set(title="(a) The forcing over one cycle", xlabel="time τ/T", ylabel="base acceleration f", xlim=(0.0, 1.0))
+    axes.set_ylim(top=4.3)
+    axes.legend(loc="upper left")
+
+
+def _against_amplitude(axes, values):
+    for found, colour in zip(values["phases"], style.COLOURS, strict=True):
+        axes.plot(values["amplitudes"], found["survival"], color=colour)
+        points = (values["amplitudes"], found["sampled_survival"], found["sampled_survival_interval"])
+        error_bars(axes, *points, color=colour)
+        place = (1.02 * values["amplitudes"][-1], found["survival"][-1])
+        axes.text(*place, f" Ψ₂ = {found['phase']}", va="center", color=colour)
+    axes.set(title=f"(b) From rest: survival after {values['cycles']} cycles", ylim=(0.0, 1.0))
+    axes.set(xlabel="amplitude A₂ of the second harmonic", ylabel="P(not overturned)")
+    axes.set_xlim(-0.03, 1.25 * values["amplitudes"][-1])
+    axes.set_xticks(np.linspace(0.0, values["amplitudes"][-1], 5))
+
+
+def _shares(axes, found):
+    phases, (left, right) = _closed(found["phases"]), _closed(found["overturned"]).T
+    sampled, interval = _closed(found["sampled_overturned"]), _closed(found["sampled_overturned_interval"])
+    look = {"alpha": 0.25, "linewidth": 0.0}
+    for border, edge, sign, k in ((left, 0.0, 1.0, 0), (1.0 - right, 1.0, -1.0, 1)):
+        axes.fill_between(phases, edge, border, color=style.COLOURS[k], **look)
+        axes.plot(phases, border, color=style.COLOURS[k])
+        limits = np.sort(edge + sign * interval[:, k], axis=1)
+        error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=style.COLOURS[k])
+    middle = {"ha": "center", "va": "center"}
+    axes.text(0.65 * math.pi, 0.85, "overturned to the right", **middle)
+    axes.text(1.5 * math.pi, 0.5, "standing", **middle)
+    axes.text(0.6 * math.pi, 0.04, "overturned to the left", **middle)
+    axes.set(title=f"(c) From rest: the state after {CYCLES} cycles", ylim=(0.0, 1.0), ylabel="probability")
+
+
+def _rates(axes, found):
+    phases = _closed(found["phases"])
+    rate, sampled, interval, flux = (_closed(found[name]) for name in ("rate", "sampled", "interval", "flux_per_cycle"))
+    for k, (name, colour) in enumerate(zip(SIDES, style.COLOURS, strict=False)):
+        alone, flux_alone = found["rate_without"][k], found["flux_per_cycle_without"][k]
+        axes.plot(phases, rate[:, k] / alone, color=colour, label=f"rate of overturning, {name}")
+        axes.plot(phases, flux[:, k] / flux_alone, "--", color=colour, label=f"Melnikov flux, {name}")
+        error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
+    axes.set(title="(d) In the long run: each side over A₂ = 0", ylabel="ratio to A₂ = 0", ylim=(0.0, 4.3))
+    axes.legend(loc="upper center", ncols=2, fontsize=9)
+
+
+def _closed(column):
+    """Repeat the first of the values on the circle at its end; of phases, a turn later."""
+    column = np.asarray(column, dtype=float)
+    return np.concatenate([column, column[:1] + (2.0 * math.pi if column.ndim == 1 else 0.0)])
+
+
+def main() -> int:
+    """Read the command line, run, print survival and rates."""
+    parser = argparse.ArgumentParser(description="Survival under a forcing with a second harmonic.")
+    parser.add_argument(
+        "--out", type=pathlib.Path, default="results/second_harmonic", help="folder (default: %(default)s)"
+    )
+    parser.add_argument("--realizations", type=int, default=20_000, help="of an ensemble (default: %(default)s)")
+    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the densities (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
+    options = parser.parse_args()
+    values = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)
+    for found in values["phases"]:
+        print(f"Ψ₂ = {found['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
+        for row in zip(values["amplitudes"], found["survival"], found["sampled_survival"], strict=True):
+            print("  {:<6g} {:.4f} | {:.4f}".format(*row))
+    print("Ψ₂/π: rates per cycle in the long run, to the left and to the right; Melnikov fluxes")
+    later = values["long_run"]
+    for psi, rate, flux in zip(later["phases"], later["rate"], later["flux_per_cycle"], strict=True):
+        print("  {:.3f}  {:.5f} {:.5f}  {:.4f} {:.4f}".format(psi / math.pi, *rate, *flux))
+    print(f"Files in {options.out}: second_harmonic.png, second_harmonic.json")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
