@@ -28,6 +28,10 @@ USUAL_PART, NEARLY_ALL = 0.9, 0.998
 """Parts of the sampled states that `Motion` tells the range of."""
 
 
+LEAST, LEAST_RANGE = (0.005, 0.1), (0.1, 0.5)
+"""Least `Motion` in angle and velocity, and least widths of its ranges: less counts as being at rest."""
+
+
 class Motion(NamedTuple):
     """How far a block moves before it overturns, over all sampled times; nondimensional.
 
@@ -82,8 +86,9 @@ def motion_of(white, cycles):
     seen = np.concatenate(seen)
     if not len(seen):
         seen = np.array([[dynamics.cutoff, 1.0]])
-    usual = np.quantile(np.abs(seen), USUAL_PART, axis=0)
+    usual = np.maximum(np.quantile(np.abs(seen), USUAL_PART, axis=0), LEAST)
     ranges = np.quantile(seen, [0.5 - 0.5 * NEARLY_ALL, 0.5 + 0.5 * NEARLY_ALL], axis=0).T
+    ranges += np.outer(np.maximum(LEAST_RANGE - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
     return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()))
 
 

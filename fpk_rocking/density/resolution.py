@@ -15,7 +15,7 @@ from fpk_rocking.density.step.step import Quadrature
 _MAIN_DIFFUSION, _MAIN_PERIOD, _MAIN_SPEED, _MAIN_BOUND = 0.00628, 2.33, 1.78, 3.24
 """Diffusion, period, `Motion.velocity` and velocity bound of the main scene, rounded."""
 
-_COARSEST = 0.7
+_COARSEST = 0.5
 """Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
 
 _RESTS, _RESTING_STEP, _STEP = 0.5, 0.07, 2.33 / 16

@@ -1,5 +1,7 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start over whole cycles to a tolerance."""
 
+import functools
+import math
 import time
 
 import numpy as np
@@ -16,14 +18,14 @@ from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.scene.scene import Scene
 
-NEGLIGIBLE = 1e-6
+NEGLIGIBLE = 1e-5
 """Mass over `tol` that a cell must have held to be active."""
 
 BYTES = 2.0
 """Bytes that a run holds, about, over the `work` of its grid."""
 
 BINS = 20
-"""Bins an axis over the motion that the pilot saw, in which two solutions are compared."""
+"""Bins an axis of the range that the pilot saw, in which two solutions are compared."""
 
 SOLUTION_MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
@@ -74,7 +76,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
     least, count = grids[2], Progress(progress, cycles, least=3)
     refuse_large(BYTES * least.work, least.stored(cycles), cycles)
-    edges = [np.linspace(*ends, BINS + 1) for ends in (motion.angles, motion.velocities)]
+    edges = [_centred(*ends) for ends in (motion.angles, motion.velocities)]
 
     def solved(grid, coarser):
         run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
@@ -125,7 +127,11 @@ class Solved:
     def __init__(self, run, solution, edges):
         self.run, self.solution = run, solution
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
-        self.negative_mass = max(run.space.negative_mass(density) for density in solution.coefficients[1:])
+
+    @functools.cached_property
+    def negative_mass(self):
+        """Largest of those after a cycle or more."""
+        return max(self.run.space.negative_mass(density) for density in self.solution.coefficients[1:])
 
     @property
     def memory(self):
@@ -146,6 +152,12 @@ class Solved:
     def release(self):
         """Let go of the densities."""
         self.solution = self.solution._replace(coefficients=None)
+
+
+def _centred(low, high):
+    """Edges of bins of a twentieth of an interval that cover it; 0, where blocks rest, is the middle of one."""
+    size = (high - low) / BINS
+    return size * (np.arange(math.floor(low / size - 0.5), math.ceil(high / size - 0.5) + 1) + 0.5)
 
 
 def _refuse_unresolved(result):

@@ -12,8 +12,7 @@ GROWTH = 1.15
 """Size of a cell over that of the one before, beyond the velocity that blocks from rest reach."""
 
 TAIL = 1.3
-"""The same beyond the motion that the pilot saw."""
-
+"""The same beyond the usual motion of a block."""
 DEVIATIONS = 8.0
 """Standard deviations of the noise that a velocity bound leaves room for: a Gaussian has 6e-16 beyond."""
 

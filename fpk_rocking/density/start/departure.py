@@ -124,6 +124,14 @@ class Departure:
         """Gaussian that an undisturbed flight leads to."""
         return self._initial.after(self.dynamics, 0.0, time, self._side) if time > 0.0 else self._initial
 
+    def spread(self, time):
+        """Gaussian that tells how far a start has spread: about rest where the forcing has not lifted the block off."""
+        gaussian, forcing = self.flight(time), self.dynamics.forcing
+        rests = not self._initial.mean.any() and not self._initial.covariance.any() and abs(forcing.value(0.0)) <= 1.0
+        if rests and forcing.since_lift_off(time)[0] > time:
+            gaussian.mean = np.zeros(2)
+        return gaussian
+
     def undisturbed(self, gaussian):
         """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
         reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
@@ -240,7 +248,7 @@ def first_resolved(departure: Departure, space: Space, steps):
     before = None
     for step in range(1, steps):
         gaussian = departure.flight(step * departure.period / steps)
-        resolved = _resolution(gaussian, space)
+        resolved = _resolution(departure.spread(step * departure.period / steps), space)
         if resolved >= RESOLVED:
             return step
         if departure.undisturbed(gaussian):

@@ -34,7 +34,7 @@ OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
 
 CHATTER = 0.03
-"""Part of a step within which chatter may end to be summed in closed form, where the noise is a jump of the velocity."""
+"""Part of a step within which chatter has to end to be summed in closed form, where noise is a jump of the velocity."""
 
 _RESOLVED, _SMOOTH = 2.0, 5.0
 """Speed of an impact over sqrt(2 D h): above the first noise is carried by the saltation matrix, above the second also
@@ -197,7 +197,19 @@ def trace(
     if kind == IMPACT:
         half = math.sqrt(diffusion * duration)
         for n in range(len(nodes)):
-            _jolted(n, x, v + half * nodes[n, 0], side, half * nodes[n, 1], segment, duration, restitution, cutoff, states, codes)
+            _jolted(
+                n,
+                x,
+                v + half * nodes[n, 0],
+                side,
+                half * nodes[n, 1],
+                segment,
+                duration,
+                restitution,
+                cutoff,
+                states,
+                codes,
+            )
         return
     for n in range(len(nodes)):
         bend(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
