@@ -51,7 +51,7 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
     return h
 
 
-@kernel
+@kernel(borrows=True)
 def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
     """Say where a draw that ended beyond x = 0, or was meant to end there, has led: through an impact if one is found.
 
@@ -75,7 +75,7 @@ def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
     return u, w, side, end
 
 
-@kernel(forceinline=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see flight.next_event
 def near(stream, u, w, side, segment, start, problem, impacts, origin):
     """Take one step near a barrier; return u, w, side and the time reached. u >= cutoff means overturned."""
     cutoff, left = problem.cutoff, problem.span - start

@@ -26,6 +26,7 @@ from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.engines.approach import land, near, noise_factor
+from montecarlo.engines.bounce import bounce
 from montecarlo.engines.random import keys_at, normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
 
@@ -33,6 +34,7 @@ NOISES = ("white",)
 
 REACH = 4.0
 FINEST = 256
+BRIEF = 0.5
 
 _LONGEST = 0.075
 
@@ -61,6 +63,7 @@ class Problem(NamedTuple):
     spread: np.ndarray
     span: float
     shortest: float
+    brief: float
     reach: float
     margin: float
     samples: int
@@ -115,25 +118,23 @@ def problem_of(scene, steps_per_cycle, samples=1):
         np.array(noise_factor(diffusion, span)),
         span,
         scene.period / (FINEST * steps_per_cycle),
+        BRIEF * span,
         REACH * math.sqrt(xx / span**3),
         REACH * math.sqrt(xx),
         samples,
     )
 
 
-@kernel(forceinline=True)  # see flight.next_event
-def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
-    """Take the block through interval j of a cycle; return u, w, side, the time reached: `span` unless overturned.
+@kernel(forceinline=True, borrows=True)  # see flight.next_event
+def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, until=0.0):
+    """Take the block from `start` through interval j of a cycle; return u, w, side and the time reached.
 
-    `impacts` records the impacts, at times counted from `origin`, that of the interval's begin.
+    That is less than `span` if it has overturned, and up to `until` if it bounces at the interval's end. Times count
+    from `origin`, that of the interval's begin; `impacts` records the impacts.
     """
-    span, cutoff = problem.span, problem.cutoff
-    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
-    margin, half = problem.margin, 0.5 * span * span
-    above = u + span * w + half * min(0.0, low - 1.0)
-    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
+    span, cutoff, time = problem.span, problem.cutoff, start
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
-    if above >= margin and below >= margin:
+    if start == 0.0 and is_clear(u, w, side, j, problem):
         first, second = normal(stream), normal(stream)
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
@@ -143,11 +144,25 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
         if x >= 0.0:
             return x, w, side, span
         u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem, impacts, origin)
-    else:
-        time = 0.0
+    until = max(until, span)
     while time < span and u < cutoff:
+        if u == 0.0 and w > 0.0:
+            w, after, time = bounce(stream, w, side, j, time, until, problem, impacts, origin)
+            if after != 0:
+                side = after
+                continue
         u, w, side, time = near(stream, u, w, side, segment, time, problem, impacts, origin)
     return u, w, side, time
+
+
+@kernel(borrows=True)
+def is_clear(u, w, side, j, problem):
+    """Whether neither barrier is within REACH standard deviations in all of interval j."""
+    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
+    span, cutoff, half = problem.span, problem.cutoff, 0.5 * problem.span * problem.span
+    above = u + span * w + half * min(0.0, low - 1.0)
+    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
+    return above >= problem.margin and below >= problem.margin
 
 
 @kernel
@@ -169,12 +184,16 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
         return elapsed * span, side
     angle[0], velocity[0] = x, v
     for row in range(1, angle.size):
-        for _ in range(intervals // problem.samples):
-            j = elapsed % intervals
-            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, elapsed * span)
+        left, start = intervals // problem.samples, 0.0
+        while left > 0:
+            j, origin = elapsed % intervals, elapsed * span
+            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, origin, start, left * span)
             if u >= problem.cutoff:
-                return elapsed * span + time, side
-            elapsed += 1
+                return origin + time, side
+            passed = min(left, max(1, int(time / span)))
+            start = max(0.0, time - passed * span) if passed < left else 0.0
+            elapsed += passed
+            left -= passed
         angle[row], velocity[row] = side * u, side * w
     return math.nan, 0
 
