@@ -19,10 +19,11 @@ from fpk_rocking.physics.transition import record
 from montecarlo.engines.random import normal, uniform
 
 SURE = 4.0
-"""Standard deviations of a bounce's duration for which there has to be time, and a pull."""
+"""A bounce is one draw if there is time for one that is as many standard deviations longer (in its duration's root)."""
 
-_SLOWEST = 0.01
-_STEADY = 0.75
+_SLOWEST = 0.01  # speed in units of D/pull; of such bounces two draws in nine are kept
+_STEADY = 0.5  # share of the pull that may be lost in the longest bounce
+_STRAIGHT = 0.3  # share of the pull by which the force may bend away from its tangent in it, twice
 _WIDTH = math.sqrt(8.0 / 3.0)
 
 
@@ -61,8 +62,8 @@ def first_return(stream, speed, pull, growth, diffusion, least):
     diffusion : float
         D.
     least : float
-        At most the mean speed of arrival at a known time over its standard deviation, for any time that comes up; with
-        growth >= 0 the root of `speed` in units of D/pull.
+        Lower bound, for all times that come up, of the mean of the arrival speed at a known time over its standard
+        deviation; with growth >= 0 the root of `speed` in units of D/pull.
 
     Returns
     -------
@@ -106,31 +107,35 @@ def first_return(stream, speed, pull, growth, diffusion, least):
 def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     """Let a block that leaves x = 0 in interval j at w > 0 bounce back to it; return w after it, side, and its time.
 
-    The side is 0 where it is not low enough, or could last beyond `until`: then nothing has been drawn. The pull is
-    that of the forcing at the middle of the flight and its slope there, less the mean of the angle.
+    The side is 0 where the bounce is not low enough, could last beyond `until`, or meets a pull that changes too much
+    for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
+    values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
     diffusion, span = problem.diffusion, problem.span
     force, slope = polynomial(problem.force[j], time)
     pull = 1.0 - side * force
     if not w < problem.brief * pull:
         return w, 0, time
-    half = w / pull
+    disc = pull * pull - 8.0 / 3.0 * side * slope * w
+    if not disc > 0.5 * pull * pull:
+        return w, 0, time
+    half = 2.0 * w / (pull + math.sqrt(disc))
     if time + half <= span:
         middle, rate = polynomial(problem.force[j], time + half)
     else:
         middle, rate = polynomial(problem.force[(j + 1) % problem.low.size], time + half - span)
-    growth = -side * rate
-    pull = 1.0 - side * (middle + (rate - slope) * half / 6.0) - w * half / 3.0 - growth * half
+    chord = (middle - force) / half
+    growth = -side * (rate + 0.6 * (slope + rate) - 1.2 * chord)
+    pull = 1.0 - side * (middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)) - half * (w / 3.0 + growth)
     if not w * pull > _SLOWEST * diffusion:
         return w, 0, time
     noise = SURE * _WIDTH * math.sqrt(diffusion)
     root = 0.5 * (noise + math.sqrt(noise * noise + 8.0 * pull * w)) / pull
-    lost = max(0.0, -growth) * root * root / pull
-    if time + root * root > until or lost > _STEADY:
+    latest = root * root
+    lost = max(0.0, -growth) * latest / pull
+    if time + latest > until or lost > _STEADY or problem.curvature[j] * latest * latest > _STRAIGHT * pull:
         return w, 0, time
-    duration, speed = first_return(
-        stream, w, pull, growth, diffusion, math.sqrt((1.0 - lost) * w * pull / diffusion)
-    )
+    duration, speed = first_return(stream, w, pull, growth, diffusion, math.sqrt((1.0 - lost) * w * pull / diffusion))
     if time + duration > until:
         return w, 0, time
     if impacts is not None:

@@ -4,10 +4,11 @@ Away from x = 0 and from the cut-off a step of any length is one draw from the G
 long as it can be while neither barrier is within `REACH` standard deviations, so steps shrink as a barrier comes near,
 faster than geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over
 the time t that the block needs to the barrier at speed w, one more exact draw carries it to its expected arrival; the
-small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels.
+small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low
+bounce, from an impact to the next with BRIEF intervals up and as much down, is one draw, see `montecarlo.engines.bounce`.
 
 No step is shorter than T/(FINEST steps_per_cycle). That resolution matters where impacts are slow, at speeds about
-sqrt(2 D) times its root, as in a start from rest, and it alone decides about the bias, which is of first order in it.
+sqrt(2 D) times its root, as in a start from rest, and it decides about the bias, which is of first order in it.
 
 The motion is folded: u = s x >= 0, w = s v. Everything is nondimensional.
 """
@@ -45,7 +46,8 @@ class Problem(NamedTuple):
     `start` (5,): see `start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
     the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
     side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
-    of its noise. `shortest`: duration of the shortest step. `reach`: REACH standard deviations of the angle after a
+    of its noise. `shortest`: duration of the shortest step. `brief`: half the duration of the longest bounce that is
+    one draw. `reach`: REACH standard deviations of the angle after a
     time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
     """
 
@@ -81,7 +83,8 @@ def _segments(particular, span, force, low, high, curvature, drift):
 def problem_of(scene, steps_per_cycle, samples=1):
     """Return the `Problem` of a scene with white noise.
 
-    The intervals of a cycle are a multiple of `samples`, so other samples may mean other paths (of the same law).
+    The intervals of a cycle are a multiple of `samples`, and no bounce that is one draw outlasts a sample, so other
+    samples mean other paths (of the same law).
     """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
