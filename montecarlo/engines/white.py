@@ -5,7 +5,7 @@ long as it can be while neither barrier is within `REACH` standard deviations, s
 faster than geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over
 the time t that the block needs to the barrier at speed w, one more exact draw carries it to its expected arrival; the
 small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low
-bounce, from an impact to the next with BRIEF intervals up and as much down, is one draw, see `montecarlo.engines.bounce`.
+bounce, from an impact to the next, BRIEF intervals up and as much down, is one draw: see `montecarlo.engines.bounce`.
 
 No step is shorter than T/(FINEST steps_per_cycle). That resolution matters where impacts are slow, at speeds about
 sqrt(2 D) times its root, as in a start from rest, and it decides about the bias, which is of first order in it.
