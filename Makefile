@@ -27,12 +27,13 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest
 
-bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 10 minutes
+bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minutes
 	@set -e; for script in density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+	$(BIN)/python benchmarks/practical_blocks.py --scenes 3 --paths 40000
 
 bench-full: bench  ## the slow tests, and the benchmarks that take longer
 	$(BIN)/python -m pytest -m slow
-	@set -e; for script in fine_reference.py eulerian.py estimates.py hard_cases.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
+	@set -e; for script in fine_reference.py eulerian.py estimates.py hard_cases.py practical_blocks.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
 
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/peers.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py

@@ -5,7 +5,8 @@ far longer than any that `simulate` takes, and followed down.
 
 First where the truth is known: an unforced block, folded a bouncing ball with noise, which rattles at speeds of about
 2 D/(1 - e) for ever. Its energy balance (1 - e^2) M_3/2 = D, with M_3 the sum per time of the squared impact speeds, is
-off by the error of the method alone. Then survival and moments of the main and the second scene with m shortest steps a
+off by the error of the method alone; once by steps alone, whose order it tells, and once with low bounces in one draw
+each, as `simulate` has them. Then survival and moments of the main and the second scene with m shortest steps a
 cycle. Where the error at the first m is significant, S(m) = S + c m^-p is fitted. The bias at the default is what is
 left of the difference at m = 256 if it falls with the first order from there on. Writes its section of
 docs/benchmarks.md.
@@ -38,19 +39,20 @@ NAMES = ("S", "<x>", "<v>", "<xx>", "<vv>")
 
 
 @contextlib.contextmanager
-def shortest_steps(per_cycle):
-    """Let the engine's shortest step be a cycle over `per_cycle`."""
-    finest, white.FINEST = white.FINEST, per_cycle / STEPS
+def shortest_steps(per_cycle, brief=white.BRIEF):
+    """Let the engine's shortest step be a cycle over `per_cycle`, and bounces as brief as `brief` one draw each."""
+    kept = white.FINEST, white.BRIEF
+    white.FINEST, white.BRIEF = per_cycle / STEPS, brief
     try:
         yield
     finally:
-        white.FINEST = finest
+        white.FINEST, white.BRIEF = kept
 
 
-def balance(restitution, diffusion, step, paths, seed=1, duration=16.0):
+def balance(restitution, diffusion, step, paths, brief, seed=1, duration=16.0):
     """Return the relative error of the energy balance and its standard error, after a time of 1 for the start."""
     scene = Scene(Block(restitution), Forcing(0.0, 2.0 * math.pi / duration), WhiteNoise(diffusion))
-    with shortest_steps(duration / step):
+    with shortest_steps(duration / step, brief):
         run = histories(scene, cycles=1, realizations=paths, seed=seed, samples_per_cycle=1)
     late = run.impact_time > 1.0
     sums = np.bincount(run.impact_realization[late], run.impact_velocity[late] ** 2, minlength=paths)
@@ -89,15 +91,16 @@ def order(rows):
 def balance_table(paths):
     """Table of the error of the energy balance by shortest step, with the order fitted to each block's."""
     lines = []
-    for restitution, diffusion in ((0.5, 0.01), (0.7, 0.005)):
-        steps = 2.0 ** -np.arange(7, 11)
-        found = [balance(restitution, diffusion, step, paths) for step in steps]
+    for (restitution, diffusion), brief in itertools.product(((0.5, 0.01), (0.7, 0.005)), (0.0, white.BRIEF)):
+        steps, fitted = 2.0 ** -np.arange(7, 11), "-"
+        found = [balance(restitution, diffusion, step, paths, brief) for step in steps]
         error, noise = np.array(found).T
-        slope, spread = np.polyfit(np.log(steps), np.log(error), 1, w=error / noise, cov="unscaled")
+        if brief == 0.0:
+            slope, spread = np.polyfit(np.log(steps), np.log(error), 1, w=error / noise, cov="unscaled")
+            fitted = f"{slope[0]:.2f} ± {math.sqrt(spread[0, 0]):.2f}"
         cells = [f"{mean:.4f} ± {own:.4f}" for mean, own in found]
-        fitted = f"{slope[0]:.2f} ± {math.sqrt(spread[0, 0]):.2f}"
-        lines.append([restitution, diffusion, *cells, fitted])
-    return table(["e", "D", *(f"h = 1/{2**k}" for k in range(7, 11)), "order"], lines)
+        lines.append([restitution, diffusion, "one draw" if brief else "steps", *cells, fitted])
+    return table(["e", "D", "low bounces", *(f"h = 1/{2**k}" for k in range(7, 11)), "order"], lines)
 
 
 def scene_table(scene, paths):
@@ -133,7 +136,8 @@ default and its bias in 1e-4; the bias is what is left of the difference at m = 
 order. Orders are fitted where the first difference is 8 standard errors or more.
 
 **Energy balance** of an unforced block that rattles for ever, (1 - e²) M₃ / 2 = D, with M₃ the sum a time of the
-squared impact speeds: relative error by shortest step h, {few:,} paths.
+squared impact speeds: relative error by shortest step h, {few:,} paths; by steps alone, and as the engine does it, with
+low bounces in one draw each.
 
 {balance_table(few)}
 

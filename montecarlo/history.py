@@ -16,9 +16,8 @@ def histories(
 ):
     """Simulate realizations and keep their time histories and every impact.
 
-    Realization r is that of `montecarlo.simulate` with the same seed, method and steps. One exception: where the
-    intervals of "white", 32 in a cycle of the main scene, are no multiple of `samples_per_cycle`, it takes other
-    intervals and so finds another path of the same law.
+    Realization r is that of `montecarlo.simulate` with the same seed, method and steps. One exception: the paths of
+    "white" depend on `samples_per_cycle`, because low bounces in one draw end before a sample; their law does not.
 
     Parameters
     ----------

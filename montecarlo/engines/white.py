@@ -4,10 +4,11 @@ Away from x = 0 and from the cut-off a step of any length is one draw from the G
 long as it can be while neither barrier is within `REACH` standard deviations, so steps shrink as a barrier comes near,
 faster than geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over
 the time t that the block needs to the barrier at speed w, one more exact draw carries it to its expected arrival; the
-small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels.
+small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low
+bounce, from an impact to the next, BRIEF intervals up and as much down, is one draw: see `montecarlo.engines.bounce`.
 
 No step is shorter than T/(FINEST steps_per_cycle). That resolution matters where impacts are slow, at speeds about
-sqrt(2 D) times its root, as in a start from rest, and it alone decides about the bias, which is of first order in it.
+sqrt(2 D) times its root, as in a start from rest, and it decides about the bias, which is of first order in it.
 
 The motion is folded: u = s x >= 0, w = s v. Everything is nondimensional.
 """
@@ -26,6 +27,7 @@ from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.engines.approach import land, near, noise_factor
+from montecarlo.engines.bounce import bounce
 from montecarlo.engines.random import keys_at, normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
 
@@ -33,6 +35,9 @@ NOISES = ("white",)
 
 REACH = 4.0
 """Standard deviations of the noise by which a step stays away from a barrier."""
+
+BRIEF = 0.5
+"""Longest time up, and as much down, of a bounce that is one draw, over an interval."""
 
 FINEST = 256
 """Shortest steps in one of `steps_per_cycle`."""
@@ -47,7 +52,8 @@ class Problem(NamedTuple):
     `start` (5,): see `start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
     the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
     side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
-    of its noise. `shortest`: duration of the shortest step. `reach`: REACH standard deviations of the angle after a
+    of its noise. `shortest`: duration of the shortest step. `brief`: half the duration of the longest bounce that is
+    one draw. `reach`: REACH standard deviations of the angle after a
     time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
     """
 
@@ -65,6 +71,7 @@ class Problem(NamedTuple):
     spread: np.ndarray
     span: float
     shortest: float
+    brief: float
     reach: float
     margin: float
     samples: int
@@ -82,7 +89,8 @@ def _segments(particular, span, force, low, high, curvature, drift):
 def problem_of(scene, steps_per_cycle, samples=1):
     """Return the `Problem` of a scene with white noise.
 
-    The intervals of a cycle are a multiple of `samples`, so other samples may mean other paths (of the same law).
+    The intervals of a cycle are a multiple of `samples`, and no bounce that is one draw outlasts a sample, so other
+    samples mean other paths (of the same law).
     """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
@@ -119,25 +127,23 @@ def problem_of(scene, steps_per_cycle, samples=1):
         np.array(noise_factor(diffusion, span)),
         span,
         scene.period / (FINEST * steps_per_cycle),
+        BRIEF * span,
         REACH * math.sqrt(xx / span**3),
         REACH * math.sqrt(xx),
         samples,
     )
 
 
-@kernel(forceinline=True)  # see flight.next_event
-def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
-    """Take the block through interval j of a cycle; return u, w, side, the time reached: `span` unless overturned.
+@kernel(forceinline=True, borrows=True)  # see flight.next_event
+def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, until=0.0):
+    """Take the block from `start` through interval j of a cycle; return u, w, side and the time reached.
 
-    `impacts` records the impacts, at times counted from `origin`, that of the interval's begin.
+    That is less than `span` if it has overturned, and up to `until` if it bounces at the interval's end. Times count
+    from `origin`, that of the interval's begin; `impacts` records the impacts.
     """
-    span, cutoff = problem.span, problem.cutoff
-    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
-    margin, half = problem.margin, 0.5 * span * span
-    above = u + span * w + half * min(0.0, low - 1.0)
-    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
+    span, cutoff, time = problem.span, problem.cutoff, start
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
-    if above >= margin and below >= margin:
+    if start == 0.0 and is_clear(u, w, side, j, problem):
         first, second = normal(stream), normal(stream)
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
@@ -147,11 +153,25 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0):
         if x >= 0.0:
             return x, w, side, span
         u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem, impacts, origin)
-    else:
-        time = 0.0
+    until = max(until, span)
     while time < span and u < cutoff:
+        if u == 0.0 and w > 0.0:
+            w, after, time = bounce(stream, w, side, j, time, until, problem, impacts, origin)
+            if after != 0:
+                side = after
+                continue
         u, w, side, time = near(stream, u, w, side, segment, time, problem, impacts, origin)
     return u, w, side, time
+
+
+@kernel(borrows=True)
+def is_clear(u, w, side, j, problem):
+    """Whether neither barrier is within REACH standard deviations in all of interval j."""
+    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
+    span, cutoff, half = problem.span, problem.cutoff, 0.5 * problem.span * problem.span
+    above = u + span * w + half * min(0.0, low - 1.0)
+    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
+    return above >= problem.margin and below >= problem.margin
 
 
 @kernel
@@ -173,12 +193,16 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
         return elapsed * span, side
     angle[0], velocity[0] = x, v
     for row in range(1, angle.size):
-        for _ in range(intervals // problem.samples):
-            j = elapsed % intervals
-            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, elapsed * span)
+        left, start = intervals // problem.samples, 0.0
+        while left > 0:
+            j, origin = elapsed % intervals, elapsed * span
+            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, origin, start, left * span)
             if u >= problem.cutoff:
-                return elapsed * span + time, side
-            elapsed += 1
+                return origin + time, side
+            passed = min(left, max(1, int(time / span)))
+            start = max(0.0, time - passed * span) if passed < left else 0.0
+            elapsed += passed
+            left -= passed
         angle[row], velocity[row] = side * u, side * w
     return math.nan, 0
 

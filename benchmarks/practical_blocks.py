@@ -1,0 +1,283 @@
+"""`solve_fpk` on blocks that people own, beside Monte Carlo; writes its section of docs/benchmarks.md.
+
+The blocks are drawn at random: .3 to 1.2 m wide, 2.5 to 6 times as high, shaken at .15 to .8 g and .6 to 4 Hz for ten
+cycles, with noise of .02 to .1 g. White-noise paths judge the answers; they are kept in results/practical_blocks, and
+deleting that folder renews them.
+
+    python benchmarks/practical_blocks.py                                # 24 scenes, 4e5 paths each
+    python benchmarks/practical_blocks.py --seed 2 --tol 1e-3 --scenes 6 --paths 40000
+"""
+
+import argparse
+import hashlib
+import itertools
+import math
+import statistics
+import time
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+from hard_cases import bin_distances, sampling
+from hard_rows import Reference
+from report import ROOT, table, write_section
+
+from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.results import storage
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.scene.scene import Scene
+from montecarlo import histories, simulate, tally
+
+CYCLES = 10
+BINNED = 4, 10
+LEAST_STANDING = 0.01
+TARGETS = 1e-3, 1e-4
+KEPT = ROOT / "results" / "practical_blocks"
+TITLE = "Practical blocks"
+COLUMNS = [
+    "", "width, m", "height, m", "m/s²", "Hz", "e", "A", "Ω", "D", "S(10)", "dS (z)", "estimate", "L1 after 4",
+    "L1 after 10", "s", "white, s", "exact, s", "said",
+]  # fmt: skip
+_GRAVITY = 9.81
+_SCREENED = 10_000
+_TIMED = 20_000
+_PATHS_SEED = 12
+_TIMED_SEED = 13
+
+
+def practical_blocks(seed, count):
+    """Draw the scenes: band noise, Housner's restitution, from rest at phase 0.
+
+    A scene in which fewer than a hundredth of the blocks stand after ten cycles is drawn again.
+
+    Parameters
+    ----------
+    seed : int
+    count : int
+        Number of scenes.
+
+    Yields
+    ------
+    Scene
+    """
+    rng = np.random.default_rng(seed)
+
+    def logarithmic(low, high):
+        return math.exp(rng.uniform(math.log(low), math.log(high)))
+
+    while count > 0:
+        width = rng.uniform(0.3, 1.2)
+        height = width * rng.uniform(2.5, 6.0)
+        peak = _GRAVITY * logarithmic(0.15, 0.8)
+        hertz = logarithmic(0.6, 4.0)
+        rms = _GRAVITY * rng.uniform(0.02, 0.1)
+        band = 0.0, rng.uniform(5.0, 10.0)
+        scene = Scene.from_block(width, height, peak, hertz, noise_rms_acceleration=rms, noise_band_hz=band)
+        if simulate(scene, cycles=CYCLES, realizations=_SCREENED, method="exact").survival[-1] >= LEAST_STANDING:
+            count -= 1
+            yield scene
+
+
+class Row(NamedTuple):
+    """What was found of a scene.
+
+    `survival`: after ten cycles, by the reference. `error`, `z`: largest error in survival over the cycles, and it over
+    its standard error. `estimate`: the solver's own. `distances`: of the two binned cycles, L1 and what sampling alone
+    gives. `error`, `z`, `estimate` and `distances` are None without an answer. `seconds`: of `solve_fpk`, refused or
+    not. `variance`, `rates`: the largest S (1 - S) over the cycles and seconds a path, by engine. `said`: warnings, or
+    the reason why there is no answer.
+    """
+
+    scene: Scene
+    diffusion: float
+    survival: float
+    error: float | None
+    z: float | None
+    estimate: float | None
+    distances: list | None
+    seconds: float
+    variance: dict
+    rates: dict
+    said: str
+
+    @property
+    def answered(self):
+        """Whether `solve_fpk` gave an answer."""
+        return self.error is not None
+
+    def sampling_seconds(self, engine, error):
+        """Seconds that an engine needs for a standard error in survival."""
+        return self.rates[engine] * max(1.0, self.variance[engine] / error**2)
+
+    def is_cheapest(self, error):
+        """Whether `solve_fpk` answered in less time than either engine needs for this standard error."""
+        return self.answered and self.seconds < min(self.sampling_seconds(engine, error) for engine in self.rates)
+
+
+def motion_edges(scene):
+    """Edges of bins, a twentieth of the range that the block moves in; the outermost bins go to the ends of the plane.
+
+    The range leaves out a thousandth of the states of 2,000 white-noise paths at 16 times a cycle, symmetric about 0.
+    """
+    run = histories(scene, cycles=CYCLES, realizations=2000, seed=_TIMED_SEED, samples_per_cycle=16)
+    ends = [edges[-1] for edges in joint_edges(scene)]
+    found = []
+    for values, end in zip((run.angle, run.velocity), ends, strict=True):
+        reach = min(np.nanquantile(np.abs(values), 0.999), 0.999 * end)
+        found.append(np.concatenate([[-end], np.linspace(-reach, reach, 21), [end]]))
+    return found
+
+
+def reference_of(scene, paths):
+    """Return the `Reference` of a scene with white noise; from the folder of those kept where it is there."""
+    given = scene.to_toml(), paths, _PATHS_SEED, 200
+    name = hashlib.sha256(repr((*given, CYCLES, BINNED)).encode()).hexdigest()[:16]
+    file = KEPT / f"{name}.npz"
+    if file.exists():
+        with np.load(file) as kept:
+            return Reference(**kept)
+    edges = motion_edges(scene)
+    run = tally(
+        scene,
+        cycles=CYCLES,
+        realizations=paths,
+        seed=_PATHS_SEED,
+        method="white",
+        angle_edges=edges[0],
+        velocity_edges=edges[1],
+    )
+    histogram = run.counts.histogram[list(BINNED)]
+    reference = Reference(*map(np.array, given), run.survivors, np.array(BINNED), *edges, histogram)
+    KEPT.mkdir(parents=True, exist_ok=True)
+    with storage.replaced_atomically(file) as temporary:
+        np.savez_compressed(temporary, **reference._asdict())
+    return reference
+
+
+def engine_rates(scene, white, paths):
+    """Return the largest S (1 - S) over the cycles and the seconds a path, of the white and of the exact engine."""
+    variance, rates = {}, {}
+    for engine, own in {"white": white, "exact": scene}.items():
+        run = simulate(own, cycles=CYCLES, realizations=paths, method=engine, seed=_TIMED_SEED)
+        likely = (run.survivors[1:] + 1.0) / (paths + 2.0)
+        variance[engine], rates[engine] = float((likely * (1.0 - likely)).max()), run.wall_s / paths
+    return variance, rates
+
+
+def judged(scene, tol, paths):
+    """Solve a scene and hold the answer against its reference: a `Row`, whatever comes."""
+    white = scene.white_equivalent()
+    reference = reference_of(white, paths)
+    variance, rates = engine_rates(scene, white, min(paths, _TIMED))
+    begin = time.perf_counter()
+    error = z = estimate = apart = None
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            evolution = solve_fpk(scene, cycles=CYCLES, tol=tol)
+        except Exception as reason:  # noqa: BLE001  (the table says what came, and goes on)
+            seconds, said = time.perf_counter() - begin, [f"{type(reason).__name__}: {reason}"]
+        else:
+            seconds, said = time.perf_counter() - begin, [str(warning.message) for warning in caught]
+            truth, noise = sampling(reference)
+            errors = np.asarray(evolution.survival) - truth
+            worst = 1 + int(np.abs(errors[1:]).argmax())
+            error, z, estimate = errors[worst], errors[worst] / noise[worst], evolution.error_estimate
+            apart = [(distance, floor) for distance, floor, _ in bin_distances(evolution, reference)]
+    survival = reference.standing[-1] / reference.paths
+    diffusion = white.noise.diffusion
+    return Row(scene, diffusion, survival, error, z, estimate, apart, seconds, variance, rates, "; ".join(said))
+
+
+def cells_of(number, row):
+    """Cells of a row of the table."""
+    scene, size = row.scene, row.scene.block.dimensions
+    frequency = scene.forcing.frequency * size.frequency_parameter / (2.0 * math.pi)
+    peak = scene.forcing.amplitude * size.gravity * size.critical_angle
+    own = ["-"] * 4
+    if row.answered:
+        own = [f"{row.error:+.1e} ({row.z:+.1f})", f"{row.estimate:.0e}"]
+        own += [f"{distance:.4f} ({floor:.4f})" for distance, floor in row.distances]
+    return [
+        number,
+        *(f"{value:.2f}" for value in (size.width, size.height, peak, frequency)),
+        *(f"{value:.3g}" for value in (scene.block.restitution, scene.forcing.amplitude, scene.forcing.frequency)),
+        f"{row.diffusion:.2g}",
+        f"{row.survival:.5g}",
+        *own,
+        f"{row.seconds:.1f}",
+        *(f"{row.sampling_seconds(engine, TARGETS[0]):.2g}" for engine in ("white", "exact")),
+        row.said.replace("|", "¦").replace("\n", " ") or "-",
+    ]
+
+
+def summary(rows, tol):
+    """Lines that sum up the rows."""
+    answers = [row for row in rows if row.answered]
+    lines = [f"* answered: {len(answers)} of {len(rows)}, {sum(bool(row.said) for row in answers)} with a warning"]
+    for name, chosen in {"answers": answers, "refusals": [row for row in rows if not row.answered]}.items():
+        spent = [row.seconds for row in chosen]
+        if spent:
+            lines.append(f"* seconds of the {name}: median {statistics.median(spent):.1f}, worst {max(spent):.1f}")
+    if answers:
+        worst = max(answers, key=lambda row: abs(row.error))
+        told = max(row.estimate for row in answers)
+        lines.append(f"* largest |dS| over tol: {abs(worst.error) / tol:.2g} (z = {worst.z:+.1f})")
+        lines.append(f"* largest estimate over tol: {told / tol:.2g}")
+    for error in TARGETS:
+        cheap = [row for row in rows if row.is_cheapest(error)]
+        told = sum(row.estimate <= error for row in cheap)
+        lines.append(
+            f"* cheaper than the best Monte Carlo at a standard error of {error:g} in survival: {len(cheap)} of "
+            f"{len(rows)}, of which {told} have an estimate that small"
+        )
+    return "\n".join(lines)
+
+
+def body(rows, options):
+    """Text of the section."""
+    lines = itertools.starmap(cells_of, enumerate(rows, 1))
+    return f"""`solve_fpk` at tol {options.tol:g} on {len(rows)} blocks drawn at random (seed {options.seed}): width .3
+to 1.2 m, height 2.5 to 6 times that, Housner's restitution e, a peak acceleration of .15 to .8 g at .6 to 4 Hz, noise
+of .02 to .1 g from 0 to 5-10 Hz; from rest, {CYCLES} cycles. Blocks of which less than {LEAST_STANDING:g} stand under
+band noise are drawn again. A, Ω and D are the nondimensional amplitude, frequency and diffusion of the equivalent white
+noise.
+
+S(10) and all errors are against {options.paths:,} white-noise paths. dS: the solver's largest error in survival over
+the cycles, and z, it over its standard error. Estimate: the solver's own. L1 of the bins, a twentieth of the motion's
+range in angle and in velocity, and in brackets what sampling alone gives. s: of one call of `solve_fpk`, answered or
+refused. white, exact: seconds for a standard error of {TARGETS[0]:g} in survival, t S (1 - S) / (n {TARGETS[0]:g}²)
+from n paths that took t, S where S (1 - S) is largest over the cycles, and at least one path; an error ten times
+smaller takes a hundred times as long. All on both cores.
+
+{summary(rows, options.tol)}
+
+{table(COLUMNS, lines)}
+"""
+
+
+def main():
+    """Judge the scenes, print each as it comes, and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=1, help="of the scenes (default: %(default)s)")
+    parser.add_argument("--tol", type=float, default=1e-2, help="asked of solve_fpk (default: %(default)s)")
+    parser.add_argument("--scenes", type=int, default=24, help="how many (default: %(default)s)")
+    parser.add_argument("--paths", type=int, default=400_000, help="white-noise paths a scene (default: %(default)s)")
+    options = parser.parse_args()
+    rows = []
+    for number, scene in enumerate(practical_blocks(options.seed, options.scenes), 1):
+        if not rows:
+            compile_all(scene)
+        rows.append(judged(scene, options.tol, options.paths))
+        print(*cells_of(number, rows[-1]), sep=" | ", flush=True)
+    write_section(TITLE, body(rows, options))
+
+
+def compile_all(scene):
+    """Compile what is timed; the solver on a scene that it answers."""
+    engine_rates(scene, scene.white_equivalent(), 64)
+    solve_fpk(load_scene(ROOT / "cases" / "scenes" / "main.toml"), cycles=1, tol=1e-2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""Low bounces of a white-noise path in one draw each: a block that rattles, or is pressed back where it landed.
+
+From an impact that it leaves at speed w, under a pull g + a t back to x = 0, the block returns after T at speed v with
+the density
+
+    sqrt(3) v / (2 pi D T^2) exp(-(v + w - G)^2 / (4 D T) - 3 (v - w - a T^2 / 6)^2 / (4 D T)) erf sqrt(3 w v / (D T)),
+
+G = g T + a T^2 / 2: McKean's law of the first return of an integrated Brownian motion, which a pull linear in time
+changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-235, 1963; docs/theory, section 8).
+`first_return` draws from it without error. Folded coordinates, nondimensional, as in `montecarlo.engines.white`.
+"""
+
+import math
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.contact import impact
+from fpk_rocking.physics.flight import polynomial
+from fpk_rocking.physics.transition import record
+from montecarlo.engines.random import normal, uniform
+
+SURE = 4.0
+"""A bounce is one draw if there is time for one that is as many standard deviations longer (in its duration's root)."""
+
+_SLOWEST = 0.01  # speed in units of D/pull; of such bounces two draws in nine are kept
+_STEADY = 0.5  # share of the pull that may be lost in the longest bounce
+_STRAIGHT = 0.3  # share of the pull by which the force may bend away from its tangent in it, twice
+_WIDTH = math.sqrt(8.0 / 3.0)
+
+
+@kernel
+def _missing(ratio):
+    """Mean of the negative part of a normal number of mean 1 and standard deviation 1/ratio."""
+    return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))
+
+
+@kernel(borrows=True)
+def _beyond(stream, ratio):
+    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor."""
+    while True:
+        if ratio < 1.0:
+            y = math.sqrt(-2.0 * math.log(1.0 - uniform(stream)))
+            kept = math.exp(-ratio * y)
+        else:
+            y = -math.log((1.0 - uniform(stream)) * (1.0 - uniform(stream))) / ratio
+            kept = math.exp(-0.5 * y * y)
+        if uniform(stream) < kept:
+            return y
+
+
+@kernel(borrows=True)
+def first_return(stream, speed, pull, growth, diffusion, least):
+    """Draw the time and the speed at which a block is back at x = 0.
+
+    Parameters
+    ----------
+    stream : ndarray (4,)
+        Random numbers.
+    speed : float
+        At which it leaves, > 0.
+    pull, growth : float
+        The acceleration towards x = 0 is pull + growth t, pull > 0.
+    diffusion : float
+        D.
+    least : float
+        Lower bound, for all times that come up, of the mean of the arrival speed at a known time over its standard
+        deviation; with growth >= 0 the root of `speed` in units of D/pull.
+
+    Returns
+    -------
+    time, speed : float
+        The time is inf where the pull has ended before.
+    """
+    width, most = _WIDTH * math.sqrt(diffusion), _missing(least) if least < 8.0 else 0.0
+    while True:
+        pick, noise = (1.0 + most) * uniform(stream), width * normal(stream)
+        disc = math.sqrt(noise * noise + 8.0 * pull * speed)
+        root = 4.0 * speed / (noise + disc) if noise > 0.0 else 0.5 * (disc - noise) / pull
+        if growth != 0.0:
+            for _ in range(4):
+                square = root * root
+                slope = 2.0 * pull * root + 4.0 / 3.0 * growth * square * root + noise
+                if not slope > 0.0:
+                    return math.inf, 0.0
+                change = (square * (pull + growth * square / 3.0) + noise * root - 2.0 * speed) / slope
+                root -= change
+                if abs(change) < 1e-9 * root:
+                    break
+        time = root * root
+        mean = 0.5 * (speed + 0.5 * time * (pull + growth * time))
+        spread = math.sqrt(0.5 * diffusion) * root
+        if pick < 1.0:
+            # At a known time the density is v/mean times the normal one: of v and its mirror image take one by that.
+            arrival = mean + spread * normal(stream)
+            if arrival < 0.0 or (arrival < 2.0 * mean and arrival < 2.0 * mean * pick):
+                arrival = 2.0 * mean - arrival
+        else:
+            ratio = mean / spread
+            if uniform(stream) * most >= _missing(ratio):
+                continue
+            arrival = 2.0 * mean + spread * _beyond(stream, ratio)
+        apart = 3.0 * speed * arrival / (diffusion * time)
+        if apart > 16.0 or uniform(stream) < math.erf(math.sqrt(apart)):
+            return time, arrival
+
+
+@kernel(forceinline=True, borrows=True)  # see flight.next_event
+def bounce(stream, w, side, j, time, until, problem, impacts, origin):
+    """Let a block that leaves x = 0 in interval j at w > 0 bounce back to it; return w after it, side, and its time.
+
+    The side is 0 where the bounce is not low enough, could last beyond `until`, or meets a pull that changes too much
+    for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
+    values and slopes at the begin and at the middle of the flight, less the mean of the angle.
+    """
+    diffusion, span = problem.diffusion, problem.span
+    force, slope = polynomial(problem.force[j], time)
+    pull = 1.0 - side * force
+    if not w < problem.brief * pull:
+        return w, 0, time
+    disc = pull * pull - 8.0 / 3.0 * side * slope * w
+    if not disc > 0.5 * pull * pull:
+        return w, 0, time
+    half = 2.0 * w / (pull + math.sqrt(disc))
+    if time + half <= span:
+        middle, rate = polynomial(problem.force[j], time + half)
+    else:
+        middle, rate = polynomial(problem.force[(j + 1) % problem.low.size], time + half - span)
+    chord = (middle - force) / half
+    growth = -side * (rate + 0.6 * (slope + rate) - 1.2 * chord)
+    pull = 1.0 - side * (middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)) - half * (w / 3.0 + growth)
+    if not w * pull > _SLOWEST * diffusion:
+        return w, 0, time
+    noise = SURE * _WIDTH * math.sqrt(diffusion)
+    root = 0.5 * (noise + math.sqrt(noise * noise + 8.0 * pull * w)) / pull
+    latest = root * root
+    lost = max(0.0, -growth) * latest / pull
+    if time + latest > until or lost > _STEADY or problem.curvature[j] * latest * latest > _STRAIGHT * pull:
+        return w, 0, time
+    duration, speed = first_return(stream, w, pull, growth, diffusion, math.sqrt((1.0 - lost) * w * pull / diffusion))
+    if time + duration > until:
+        return w, 0, time
+    if impacts is not None:
+        record(impacts, origin + time + duration, -side * speed)
+    return impact(speed, problem.restitution), -side, time + duration
