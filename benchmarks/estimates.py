@@ -15,6 +15,7 @@ import numpy as np
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.solver import NEGLIGIBLE
@@ -44,11 +45,11 @@ def random_scene(rng):
 
 def truth_of(scene, finest):
     """Solve a scene one resolution above a solution: survival, and a function (cycle, edges) for its bins."""
-    bound = velocity_bound(scene, scene.noise.diffusion)
-    levels = [resolution.of(scene, bound) for resolution in RESOLUTIONS]
-    number = [resolution.angle_cells for resolution in levels].index(finest.settings["angle_cells"])
-    run = Propagator(scene, levels[min(number + 1, len(levels) - 1)], bound, NEGLIGIBLE * TOLERANCES[-1])
-    found = run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.resolution.windows, scene.period))
+    bound, motion = velocity_bound(scene, scene.noise.diffusion), motion_of(scene, CYCLES)
+    levels = [resolution.of(scene, bound, motion) for resolution in RESOLUTIONS]
+    number = [grid.cells[0] for grid in levels].index(finest.settings["angle_cells"])
+    run = Propagator(scene, levels[min(number + 1, len(levels) - 1)], NEGLIGIBLE * TOLERANCES[-1])
+    found = run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.grid.windows, scene.period))
     return found.inside, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
 
 
@@ -56,8 +57,7 @@ def judged(name, scene):
     """Rows of a scene: true errors against estimates and tolerances."""
     solutions = [solve_fpk(scene, cycles=CYCLES, tol=tol) for tol in TOLERANCES]
     survival, probabilities = truth_of(scene, solutions[-1])
-    cutoff, bound = scene.overturning.angle, solutions[-1].settings["velocity_bound"]
-    edges = np.linspace(-cutoff, cutoff, 33), np.linspace(-bound, bound, 65)
+    edges = motion_of(scene, CYCLES).edges
     rows = []
     for tol, ours in zip(TOLERANCES, solutions, strict=True):
         error = np.abs(ours.survival - survival).max()

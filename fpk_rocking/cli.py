@@ -116,6 +116,8 @@ def _add_common(parser, files):
 def _add_density(parser):
     aim = f"error of survival that the density solver aims at (default {_TOLERANCE:g})"
     parser.add_argument("--tol", type=float, metavar="X", help=aim)
+    aim = "error of the binned density that it aims at, L1 (default the root of --tol, over 3; inf leaves it out)"
+    parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
 
 
 def _add_ensemble(parser):
@@ -192,7 +194,7 @@ def _solved(options, scene):
 
     cycles, tolerance = _or(options.cycles, _CYCLES), _or(options.tol, _TOLERANCE)
     with reporting("density") as progress:
-        return solve_fpk(scene, cycles=cycles, tol=tolerance, progress=progress)
+        return solve_fpk(scene, cycles=cycles, tol=tolerance, bins_tol=options.bins_tol, progress=progress)
 
 
 def _simulated(options, scene):
@@ -219,7 +221,17 @@ def _loaded(options) -> list:
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
-    for name in ("cycles", "tol", "realizations", "seed", "method", "steps_per_cycle", "tally", "checkpoint"):
+    for name in (
+        "cycles",
+        "tol",
+        "bins_tol",
+        "realizations",
+        "seed",
+        "method",
+        "steps_per_cycle",
+        "tally",
+        "checkpoint",
+    ):
         if getattr(options, name) is not None:
             raise ValueError(f"--{name.replace('_', '-')}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}

@@ -10,14 +10,20 @@ import pytest
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
+from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator, Solution
 from fpk_rocking.density.refinement import bins_tolerance, safe_difference
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, longest_step, rattling_speed
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.scene.scene import Forcing, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml").white_equivalent()
+
+
+def grid_of(scene, resolution, cycles=10):
+    """The grid that `solve_fpk` uses."""
+    return resolution.of(scene, velocity_bound(scene, scene.noise.diffusion), motion_of(scene, cycles))
 
 
 @pytest.mark.parametrize(
@@ -32,7 +38,7 @@ MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main
 )
 def test_estimate_from_three_solutions(before, last, bins, lost, expected):
     gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
-    level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None, None))
+    level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None))
     found = solver.Solved.error(level, safe_difference(before, last), bins)
     assert found == pytest.approx(expected, rel=1e-12)
 
@@ -49,7 +55,7 @@ def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=2, tol=1e-3)
-    cells = [resolution.of(MAIN, velocity_bound(MAIN, MAIN.noise.diffusion)).angle_cells for resolution in RESOLUTIONS]
+    cells = [grid_of(MAIN, resolution, 2).cells[0] for resolution in RESOLUTIONS]
     assert cells.index(found.settings["angle_cells"]) > 2
     assert found.error_estimate <= 1e-3
     assert found.bins_error_estimate <= bins_tolerance(1e-3)
@@ -63,7 +69,7 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
     ) as caught:
         found = solve_fpk(MAIN, cycles=2, tol=1e-4)
     assert caught[0].filename == __file__
-    assert found.settings["angle_cells"] == RESOLUTIONS[2].angle_cells
+    assert found.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
 
 
 @pytest.mark.slow
@@ -80,31 +86,35 @@ def test_a_gaussian_that_its_window_does_not_resolve_is_refused():
         solve_fpk(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)
 
 
-def test_steps_and_lines_follow_what_the_block_does():
+def test_meshes_and_steps_follow_what_the_block_does():
+    """Fine cells where the pilot saw the motion, growing ones up to the bounds; short steps where blocks rest."""
+
     def scene(amplitude, frequency, diffusion):
         forcing = dataclasses.replace(MAIN.forcing, amplitude=amplitude, frequency=frequency)
         return dataclasses.replace(MAIN, forcing=forcing, noise=WhiteNoise(diffusion))
 
-    assert longest_step(MAIN) == pytest.approx(2.33 / 16)
-    assert longest_step(scene(1.1, 0.5, 0.00628)) == pytest.approx(0.036)
-    assert rattling_speed(MAIN) == math.inf
-    assert rattling_speed(scene(0.7, 2.7, 0.05)) == pytest.approx(0.2)
-    assert rattling_speed(scene(0.7, 2.7, 0.005)) == math.inf  # too thin to be attempted
-    assert longest_step(scene(0.7, 2.7, 0.05)) == pytest.approx(0.03)
-    graded = RESOLUTIONS[3].of(scene(0.7, 2.7, 0.05), 2.8)
-    half = graded.angle_cells // 2
-    assert (math.pi / 2) * (1.0 / half) ** graded.angle_grading == pytest.approx(0.08 * 0.2**2, rel=1e-9)
-    assert RESOLUTIONS[3].of(MAIN, 3.24).angle_grading == RESOLUTIONS[3].angle_grading
+    whole, small, slow = (
+        grid_of(one, RESOLUTIONS[2]) for one in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
+    )
+    assert whole.steps == 12
+    assert slow.steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
+    motion = motion_of(scene(2.8, 9.5, 0.002), 10)
+    assert motion.angle < 0.2
+    for lines, usual in ((small.angle_lines, motion.angle), (small.velocity_lines, motion.velocity)):
+        assert usual in lines
+        sizes = np.diff(lines[lines >= 0.0])
+        assert np.all(np.diff(sizes) > -1e-12)
+        assert (sizes[1:] / sizes[:-1])[-4:] == pytest.approx(1.3, rel=0.05)
+    assert small.angle_lines[-1] == MAIN.overturning.angle
+    assert np.diff(small.angle_lines).min() < 0.01 * np.diff(whole.angle_lines).min()
 
 
 def test_what_is_not_covered_is_little_and_counted_as_lost():
     """A run that covers all cells from the start, against one that covers what holds something."""
-    bound = velocity_bound(MAIN, MAIN.noise.diffusion)
-    resolution = RESOLUTIONS[USUAL[1e-2]].of(MAIN, bound)
-    found = []
+    grid, found = grid_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
     for negligible in (0.0, 1e-8):
-        run = Propagator(MAIN, resolution, bound, negligible)
-        departure = Departure(run.dynamics, MAIN.start, resolution.windows, MAIN.period)
+        run = Propagator(MAIN, grid, negligible)
+        departure = Departure(run.dynamics, MAIN.start, grid.windows, MAIN.period)
         found.append(run.evolve(2, departure))
         covered = np.mean([step.trace.active.mean() for step in run.leg])
     whole, part = found

@@ -14,6 +14,7 @@ from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, principal_axes
 from fpk_rocking.density.step.step import Dynamics
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.results.binning import centred_edges
 
 PATHS = 256
 """Sampled paths."""
@@ -32,6 +33,10 @@ LEAST, LEAST_RANGE = (0.005, 0.1), (0.1, 0.5)
 """Least `Motion` in angle and velocity, and least widths of its ranges: less counts as being at rest."""
 
 
+BINS = 20
+"""Bins an axis of the range of the motion."""
+
+
 class Motion(NamedTuple):
     """How far a block moves before it overturns, over all sampled times; nondimensional.
 
@@ -47,6 +52,11 @@ class Motion(NamedTuple):
     velocity: float
     angles: tuple[float, float]
     velocities: tuple[float, float]
+
+    @property
+    def edges(self):
+        """Edges in angle and velocity of the bins in which two solutions are compared: `BINS` of them span a range."""
+        return [centred_edges(*ends, BINS) for ends in (self.angles, self.velocities)]
 
 
 def motion_of(white, cycles):

@@ -96,7 +96,7 @@ class Propagator:
         steps, scene = self.steps, self.scene
         inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
         coefficients = np.zeros((cycles + 1, *self.space.shape))
-        coefficients[0], out[0, :2] = initial_density(scene.start, self.space, scene.overturning.angle)
+        coefficients[0], out[0, :2] = initial_density(departure.start, self.space, scene.overturning.angle)
         inside[0] -= out[0].sum()
         first = first_resolved(departure, self.space, steps)
         now, gone = departure.land(first * self.duration, self.space)

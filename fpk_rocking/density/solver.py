@@ -11,7 +11,7 @@ from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.refusals import SAMPLING, refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -24,9 +24,6 @@ NEGLIGIBLE = 1e-5
 BYTES = 2.0
 """Bytes that a run holds, about, over the `work` of its grid."""
 
-BINS = 20
-"""Bins an axis of the range that the pilot saw, in which two solutions are compared."""
-
 SOLUTION_MEMORY = 1.5e9
 """Bytes that a finer solution may be expected to need."""
 
@@ -34,7 +31,7 @@ _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
 
-def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
+def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
     """Evolve the joint density of angle and velocity of a rocking block.
 
     Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so. The solution
@@ -47,7 +44,10 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     cycles : int
         Forcing cycles to evolve.
     tol : float
-        Wanted error in survival, from 1e-4 up; the binned density is wanted to `bins_tolerance`.
+        Wanted error in survival, from 1e-4 up.
+    bins_tol : float, optional
+        Wanted error of the binned density (L1), the bins being a twentieth of the range in which the block moves; above
+        0. By default √tol / 3; inf leaves it out.
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows when one is added.
 
@@ -70,24 +70,27 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     checks.instance("scene", scene, Scene)
     cycles = checks.count("cycles", cycles)
     tol = checks.number("tol", tol, at_least=min(USUAL))
+    if bins_tol is None:
+        bins_tol = bins_tolerance(tol)
+    elif bins_tol != math.inf:
+        bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
     white = scene.white_equivalent()
     refuse_unsolvable(white)
     bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, cycles)
     grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
     least, count = grids[2], Progress(progress, cycles, least=3)
     refuse_large(BYTES * least.work, least.stored(cycles), cycles)
-    edges = [_centred(*ends) for ends in (motion.angles, motion.velocities)]
 
     def solved(grid, coarser):
         run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
         if grid.windows not in departures:
             departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, white.period)
-        return Solved(run, run.evolve(cycles, departures[grid.windows], count.next()), edges)
+        return Solved(run, run.evolve(cycles, departures[grid.windows], count.next()), motion.edges)
 
     def fits(level, grid):
         return level.memory * grid.work / level.run.grid.work + grid.stored(cycles) <= SOLUTION_MEMORY
 
-    found = refine(grids, solved, fits, lambda found: found.within(tol, bins_tolerance(tol)))
+    found = refine(grids, solved, fits, lambda found: found.within(tol, bins_tol))
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
@@ -109,7 +112,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     )
     refuse_broken(result)
     _refuse_unresolved(result)
-    warn_beyond("survival", found, tol, bins_tolerance(tol), "compare with simulate()", stacklevel=3)
+    warn_beyond("survival", found, tol, bins_tol, f"compare with {SAMPLING}", stacklevel=3)
     return result
 
 
@@ -154,16 +157,10 @@ class Solved:
         self.solution = self.solution._replace(coefficients=None)
 
 
-def _centred(low, high):
-    """Edges of bins of a twentieth of an interval that cover it; 0, where blocks rest, is the middle of one."""
-    size = (high - low) / BINS
-    return size * (np.arange(math.floor(low / size - 0.5), math.ceil(high / size - 0.5) + 1) + 0.5)
-
-
 def _refuse_unresolved(result):
     if result.negative_mass > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
-            f"is {result.negative_mass:.1e}: the noise is too weak, or the block rattles at rest (use simulate())"
+            f"is {result.negative_mass:.1e}: the noise is too weak; take {SAMPLING}"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))

@@ -14,6 +14,7 @@ from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
 
@@ -197,12 +198,14 @@ class CycleOperator(LinearOperator):
         error = np.maximum(np.abs(survival - rough), slope) + left_out
         return Outlook(cycles, survival, left_out, error)
 
-    def _departure(self, level):
+    def _departure(self, level, start=None):
         run = level.leg.run
-        return Departure(run.dynamics, self._white.start, run.grid.windows, self._white.period)
+        return Departure(run.dynamics, start or self._white.start, run.grid.windows, self._white.period)
 
     def survival_map(self, cycles, phase=None):
         """Probability of not overturning within a number of cycles, for every start.
+
+        From rest, and from the scene's own start where that is a point, it is that of `survival`.
 
         Parameters
         ----------
@@ -216,7 +219,11 @@ class CycleOperator(LinearOperator):
         PlaneMap
         """
         cycles = checks.count("cycles", cycles, at_least=0)
-        return self._map(lambda level: level.backward_powers().after(level.leg.count * cycles), phase)
+        return self._map(
+            lambda level: level.backward_powers().after(level.leg.count * cycles),
+            phase,
+            lambda survival: survival(cycles)[0],
+        )
 
     def first_passage_map(self, cycle, phase=None):
         """Probability of overturning within one cycle, the first being 1, for every start; see `survival_map`."""
@@ -227,13 +234,13 @@ class CycleOperator(LinearOperator):
             before = powers.after(level.leg.count * (cycle - 1))
             return before - powers.after(level.leg.count * cycle)
 
-        return self._map(passage, phase)
+        return self._map(passage, phase, lambda survival: -np.diff(survival(cycle - 1, cycle))[0])
 
     def mean_cycles_map(self, phase=None):
         """Mean time until overturning, in cycles, for every start; see `survival_map`."""
         return self._map(Level.mean_time, phase)
 
-    def _map(self, function, phase):
+    def _map(self, function, phase, from_start=None):
         phase = self.scene.forcing.phase if phase is None else checks.number("phase", phase)
         levels = self._fine, self._coarse
         if phase != self.scene.forcing.phase:
@@ -242,4 +249,14 @@ class CycleOperator(LinearOperator):
         space = levels[0].space
         difference = fine - space.transfer(coarse, levels[1].space)
         error = space.absolute_mass(difference) / space.masses(fine).sum()
-        return PlaneMap(space, fine, phase, float(error))
+        starts = self._followed(levels[0], from_start) if from_start else ()
+        return PlaneMap(space, fine, phase, float(error), starts)
+
+    def _followed(self, level, function):
+        """Angle, velocity and value of a function of survival, from rest and from the scene's start."""
+        starts, found = {Start(), self._white.start}, []
+        for start in (one for one in starts if one.covariance is None):
+            departure = self._departure(level, start)
+            value = function(lambda *cycles, departure=departure: level.survival(departure, np.array(cycles))[0])
+            found.append((start.angle, start.velocity, float(value)))
+        return tuple(found)

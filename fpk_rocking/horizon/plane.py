@@ -20,12 +20,16 @@ class PlaneMap:
         Forcing phase Psi at the start.
     error_estimate : float
         Integral of the absolute difference from the next coarser mesh, over the integral of the function.
+    starts : tuple of (float, float, float)
+        Angle, velocity and value of single starts that were followed forward, as by `solve_fpk`: no mesh resolves how a
+        block at rest is set off by noise.
     """
 
     space: Space
     coefficients: np.ndarray
     phase: float
     error_estimate: float
+    starts: tuple[tuple[float, float, float], ...] = ()
 
     def __call__(self, angle, velocity):
         """Values at points.
@@ -39,9 +43,12 @@ class PlaneMap:
         -------
         ndarray
             Of the broadcast shape; 0 outside the mesh. As it was computed: where the function is steep it may pass its
-            bounds a little. On a mesh line, x = 0 among them, it is the value on the upper side.
+            bounds a little. On a mesh line, x = 0 among them, it is the value on the upper side. At `starts` it is theirs.
         """
-        return self.space.evaluate(self.coefficients, angle, velocity)
+        values = self.space.evaluate(self.coefficients, angle, velocity)
+        for x, v, value in self.starts:
+            values = np.where((np.asarray(angle) == x) & (np.asarray(velocity) == v), value, values)
+        return values
 
     @property
     def mesh_lines(self):

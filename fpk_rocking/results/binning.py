@@ -42,6 +42,12 @@ def ascending_edges(name, value, *, finite) -> np.ndarray:
     return edges.astype(float)
 
 
+def centred_edges(low, high, count):
+    """Edges of equal bins that cover an interval, `count` of them as wide as it; 0, where blocks rest, is amid one."""
+    size = (high - low) / count
+    return size * (np.arange(math.floor(low / size - 0.5), math.ceil(high / size - 0.5) + 1) + 0.5)
+
+
 def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
     """Bin edges of width 0.1 that cover the angles up to the cut-off and the velocities that can be expected there.
 

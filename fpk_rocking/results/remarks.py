@@ -6,6 +6,9 @@ from fpk_rocking.physics import equivalence
 
 __all__ = ["closure_of", "noise_text", "remarks"]
 
+SLENDER = 0.05
+"""Error of the linearized moments up to which a block counts as slender."""
+
 
 def noise_text(noise) -> str:
     """One line that names a noise and its parameters (nondimensional).
@@ -50,12 +53,13 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        What a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
+        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
         trusted for the band and its harmonics; each once, and empty if nothing applies.
     """
     sentences = []
     for result in results:
         noise = result.scene.noise
+        sentences += _squat(result.scene.block.dimensions)
         if getattr(noise, "remark", ""):
             sentences.append(noise.remark)
         if result.closure:
@@ -63,6 +67,17 @@ def remarks(*results) -> tuple[str, ...]:
         if _stands_for(results, result):
             sentences += _doubts(result.scene, averaged=result.averaged)
     return tuple(dict.fromkeys(sentences))
+
+
+def _squat(size):
+    """Say how wrong the moments of a slender block are for one that is not."""
+    if size is None or max(size.slenderness_error) <= SLENDER:
+        return []
+    gravity, shaking = (100.0 * error for error in size.slenderness_error)
+    return [
+        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of gravity "
+        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+    ]
 
 
 def _stands_for(results, result) -> bool:

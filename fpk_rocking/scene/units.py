@@ -74,6 +74,15 @@ class Dimensions:
             )
         return value
 
+    @property
+    def slenderness_error(self):
+        """Largest relative error of the linearized moments about the corner, at θ = 0: (gravity's, the shaking's).
+
+        θ_cr / sin θ_cr - 1 and 1 / cos θ_cr - 1: a slender block has neither.
+        """
+        angle = self.critical_angle
+        return angle / math.sin(angle) - 1.0, 1.0 / math.cos(angle) - 1.0
+
     def seconds(self, tau):
         """Time in seconds of nondimensional time; scalars or arrays."""
         return tau / self.frequency_parameter

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.density.refusals import SAMPLING
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
@@ -112,7 +113,7 @@ class Departure:
     """
 
     def __init__(self, dynamics: Dynamics, start, windows: WindowSettings, period):
-        self.dynamics, self.windows, self.period = dynamics, windows, period
+        self.dynamics, self.start, self.windows, self.period = dynamics, start, windows, period
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
@@ -166,7 +167,7 @@ class Departure:
         target = next_window(self.windows, trace, now.coefficients, dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         if not np.abs(target.masses(coefficients)).sum() < BROKEN:
-            accepted = "a start that small meshes can follow: the block rattles at rest (use simulate())"
+            accepted = f"a start that small meshes can follow; take {SAMPLING}"
             raise ValueError(checks.refusal("scene", f"diffusion {dynamics.diffusion:g}", accepted))
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
