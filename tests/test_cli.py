@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import io
 import json
+import math
 import pathlib
 import signal
 import sys
@@ -26,8 +27,8 @@ class Engines:
     def __init__(self):
         self.calls = []
 
-    def solve_fpk(self, scene, *, cycles, tol=1e-3, progress=None):
-        self.calls.append({"scene": scene, "cycles": cycles, "tol": tol})
+    def solve_fpk(self, scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
+        self.calls.append({"scene": scene, "cycles": cycles, "tol": tol, "bins_tol": bins_tol})
         progress(1, 1)
         return fakes.FakeEvolution(scene, cycles=cycles)
 
@@ -67,12 +68,12 @@ def run(*arguments):
 
 
 def test_fpk_prints_one_json_object(engines):
-    status, out, err = run("fpk", MAIN, "--json", "--cycles", 3, "--tol", 1e-2)
+    status, out, err = run("fpk", MAIN, "--json", "--cycles", 3, "--tol", 1e-2, "--bins-tol", "inf")
     values = json.loads(out)
     assert (status, err) == (0, "")
     assert values["survival"] == pytest.approx([0.9**k for k in range(4)])
     assert {"wall_s", "error_estimate", "mass_defect", "negative_mass"} <= set(values)
-    assert engines.calls == [{"scene": load_scene(MAIN), "cycles": 3, "tol": 1e-2}]
+    assert engines.calls == [{"scene": load_scene(MAIN), "cycles": 3, "tol": 1e-2, "bins_tol": math.inf}]
 
 
 def test_mc_prints_one_json_object(engines):
@@ -95,7 +96,7 @@ def test_a_tally_is_asked_for_in_place_of_an_ensemble(engines, tmp_path):
 def test_defaults(engines):
     run("compare", MAIN)
     solved, simulated = engines.calls
-    assert (solved["cycles"], solved["tol"]) == (40, 1e-3)
+    assert (solved["cycles"], solved["tol"], solved["bins_tol"]) == (40, 1e-3, None)
     assert (simulated["cycles"], simulated["realizations"], simulated["seed"]) == (40, 10_000, 1)
     assert (simulated["method"], simulated["steps_per_cycle"]) == (None, 200)
 

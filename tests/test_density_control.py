@@ -12,7 +12,7 @@ from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator, Solution
-from fpk_rocking.density.refinement import bins_tolerance, safe_difference
+from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -43,9 +43,11 @@ def test_estimate_from_three_solutions(before, last, bins, lost, expected):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_error_of_the_bins_is_the_largest_of_all_cycles():
+def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})
+    monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
+    monkeypatch.setattr(solver, "motion_of", lambda white, _: motion_of(white, 3))  # one mesh for both
     first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
     assert last.survival[3] < 0.1
     assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
@@ -54,11 +56,11 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles():
 def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
-    found = solve_fpk(MAIN, cycles=2, tol=1e-3)
+    found = solve_fpk(MAIN, cycles=2, tol=1e-3, bins_tol=2e-3)
     cells = [grid_of(MAIN, resolution, 2).cells[0] for resolution in RESOLUTIONS]
     assert cells.index(found.settings["angle_cells"]) > 2
     assert found.error_estimate <= 1e-3
-    assert found.bins_error_estimate <= bins_tolerance(1e-3)
+    assert found.bins_error_estimate <= 2e-3
 
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
@@ -106,7 +108,7 @@ def test_meshes_and_steps_follow_what_the_block_does():
         assert np.all(np.diff(sizes) > -1e-12)
         assert (sizes[1:] / sizes[:-1])[-4:] == pytest.approx(1.3, rel=0.05)
     assert small.angle_lines[-1] == MAIN.overturning.angle
-    assert np.diff(small.angle_lines).min() < 0.01 * np.diff(whole.angle_lines).min()
+    assert np.diff(small.angle_lines).min() < 0.05 * np.diff(whole.angle_lines).min()
 
 
 def test_what_is_not_covered_is_little_and_counted_as_lost():

@@ -79,34 +79,41 @@ def motion_of(white, cycles):
     axes = np.reshape(principal_axes(*flight_covariance(dynamics.diffusion, duration)), (2, 2))
     segments = [dynamics.segment(k * duration, duration) for k in range(steps)]
     spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
-    states = np.array([white.start.angle, white.start.velocity]) + random.standard_normal((PATHS, 2)) @ spread.T
-    first = forcing.value(0.0) or 1.0
-    sides = np.where(states.any(axis=1), np.sign(np.where(states[:, 0], states[:, 0], states[:, 1])), np.sign(first))
-    sides, seen = sides.astype(np.int32), []
+    states = np.array([white.start.angle, white.start.velocity]) + _pairs(random) @ spread.T
+    sides = np.sign(np.where(states[:, 0], states[:, 0], states[:, 1]))
+    sides = np.where(sides, sides, np.sign(forcing.value(0.0)) or 1.0).astype(np.int32)
+    seen = [np.array([[dynamics.cutoff, 1.0]])]
     for _ in range(min(cycles, CYCLES)):
         for segment in segments:
-            nodes = random.standard_normal((len(states), 2))
+            nodes = _pairs(random)
             follow(
                 states, sides, segment, duration, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
                 nodes @ axes,
             )  # fmt: skip
-            stand = np.abs(sides) < OVERTURNED_SIDE
-            states, sides = states[stand], sides[stand]
-            seen.append(states)
-    seen = np.concatenate(seen)
-    if not len(seen):
-        seen = np.array([[dynamics.cutoff, 1.0]])
+            seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
+    seen = np.concatenate(seen[1:] if len(seen[1]) else seen)
     usual = np.maximum(np.quantile(np.abs(seen), USUAL_PART, axis=0), LEAST)
     ranges = np.quantile(seen, [0.5 - 0.5 * NEARLY_ALL, 0.5 + 0.5 * NEARLY_ALL], axis=0).T
     ranges += np.outer(np.maximum(LEAST_RANGE - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
     return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()))
 
 
+def _pairs(random):
+    """Draw normal numbers (PATHS, 2), in pairs of either sign: the mirror image of a scene has mirrored paths."""
+    half = random.standard_normal((PATHS // 2, 2))
+    return np.concatenate([half, -half])
+
+
 @kernel
 def follow(states, sides, segment, duration, diffusion, restitution, cutoff, nodes, offsets):
-    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace`."""
+    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace`.
+
+    `sides` are +-1, +-2 for a path that has overturned there and stays.
+    """
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
     for n in range(len(states)):
+        if abs(sides[n]) == OVERTURNED_SIDE:
+            continue
         trace(
             states[n, 0], states[n, 1], sides[n], segment, duration, diffusion, restitution, cutoff,
             nodes[n : n + 1], offsets[n : n + 1], abs(offsets[n, 0]), scratch, states[n : n + 1], codes,

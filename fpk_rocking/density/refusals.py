@@ -8,9 +8,6 @@ from fpk_rocking.base import checks
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 
-SAMPLING = "Monte Carlo (simulate(), or fpk-rocking mc)"
-"""What answers where the density solver cannot."""
-
 LARGEST = 8e9
 """Bytes that a solution may be expected to take."""
 
@@ -19,12 +16,14 @@ def refuse_unsolvable(white):
     """Refuse a scene out of range, without noise, or with infinitely many impacts."""
     limits.check(white)
     if white.noise.diffusion == 0.0:
-        accepted = "noise: without it there is no density to evolve; single trajectories are followed by " + SAMPLING
+        accepted = (
+            "noise: without it there is no density to evolve; single trajectories are followed by " + limits.SAMPLING
+        )
         raise ValueError(checks.refusal("noise", "none, or of size 0", accepted))
     if white.block.restitution <= CRITICAL_RESTITUTION:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} with white noise: below it there are infinitely many impacts in finite "
-            f"time, and what follows is not defined; band noise can be sampled by {SAMPLING}"
+            f"time, and what follows is not defined; band noise can be sampled by {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("block.restitution", white.block.restitution, accepted))
 
@@ -32,7 +31,7 @@ def refuse_unsolvable(white):
 def refuse_large(held, stored, cycles):
     """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all cycles."""
     if held > LARGEST:
-        accepted = f"{LARGEST:g}: stronger noise, a shorter period, a nearer cut-off, or {SAMPLING}"
+        accepted = f"{LARGEST:g}: stronger noise, a shorter period, a nearer cut-off, or {limits.SAMPLING}"
         raise ValueError(checks.refusal("scene, bytes that its mesh and steps take", float(held), accepted))
     if held + stored > LARGEST:
         accepted = f"fewer: the densities after all of them would take {stored:.1e} bytes, of {LARGEST:g} at most"

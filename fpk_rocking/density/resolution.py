@@ -12,8 +12,8 @@ from fpk_rocking.density.space.mesh import ANGLE_GRADING, TAIL, VELOCITY_GRADING
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 
-_MAIN_DIFFUSION, _MAIN_PERIOD, _MAIN_SPEED, _MAIN_BOUND = 0.00628, 2.33, 1.78, 3.24
-"""Diffusion, period, `Motion.velocity` and velocity bound of the main scene, rounded."""
+_MAIN_DIFFUSION, _MAIN_PERIOD, _MAIN_ANGLE, _MAIN_SPEED = 0.00628, 2.33, 1.57, 1.78
+"""Diffusion, period, cut-off and `Motion.velocity` of the main scene, rounded."""
 
 _COARSEST = 0.5
 """Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
@@ -127,12 +127,17 @@ class Resolution:
         Grid
         """
         cutoff, fast = scene.overturning.angle, min(motion.velocity, bound)
-        noise = scene.noise.diffusion * min(scene.period, _MAIN_PERIOD) / fast**2
-        finer = max((_MAIN_DIFFUSION * _MAIN_PERIOD / _MAIN_SPEED**2 / noise) ** 0.25, _COARSEST)
         small = motion.angle < _FAR * cutoff
         far, grading = (motion.angle, REST_GRADING) if small else (cutoff, ANGLE_GRADING)
-        angle = graded_lines(far, _even(self.angle_cells * finer), grading)
-        velocity = graded_lines(fast, _even(self.velocity_cells * finer * _MAIN_SPEED / _MAIN_BOUND), VELOCITY_GRADING)
+        time = min(scene.period, _MAIN_PERIOD) / _MAIN_PERIOD
+        noise = scene.noise.diffusion / _MAIN_DIFFUSION
+        spreads = noise * time**3 * (_MAIN_ANGLE / far) ** 2, noise * time * (_MAIN_SPEED / fast) ** 2
+        angle_cells, velocity_cells = (
+            _even(cells * max(spread**-0.25, _COARSEST))
+            for cells, spread in zip((self.angle_cells, self.velocity_cells), spreads, strict=True)
+        )
+        angle = graded_lines(far, angle_cells, grading)
+        velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
         rests = scene.forcing.longest_rest > _RESTS
         step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
         steps = self.steps / 16 * scene.period / step
@@ -157,13 +162,13 @@ _BETTER = WindowSettings(16, 6.5, 0.35, 0.008, 4)
 _FINE, _FINEST = WindowSettings(20, 8.0, 0.2, 0.005, 5), WindowSettings(28, 8.0, 0.1, 0.002, 5)
 
 RESOLUTIONS = (
-    Resolution(16, 28, 3, Quadrature(5, 5, 5, 2, 9), 6, _ROUGH),
-    Resolution(22, 40, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
-    Resolution(32, 56, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
-    Resolution(44, 80, 3, Quadrature(6, 6, 5, 2, 9), 16, _BETTER),
-    Resolution(62, 112, 3, Quadrature(8, 8, 7, 2, 11), 22, _FINE),
-    Resolution(84, 140, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
-    Resolution(116, 196, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
+    Resolution(16, 16, 3, Quadrature(5, 5, 5, 2, 9), 6, _ROUGH),
+    Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
+    Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
+    Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, _BETTER),
+    Resolution(62, 62, 3, Quadrature(8, 8, 7, 2, 11), 22, _FINE),
+    Resolution(84, 78, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
+    Resolution(116, 108, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
 )
 """Each about 1.4 times as fine as the one before, most with windows of their own: neighbours tell the error."""
 

@@ -11,11 +11,12 @@ from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import SAMPLING, refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 
 NEGLIGIBLE = 1e-5
@@ -112,7 +113,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
     )
     refuse_broken(result)
     _refuse_unresolved(result)
-    warn_beyond("survival", found, tol, bins_tol, f"compare with {SAMPLING}", stacklevel=3)
+    warn_beyond("survival", found, tol, bins_tol, f"compare with {limits.SAMPLING}", stacklevel=3)
     return result
 
 
@@ -161,6 +162,6 @@ def _refuse_unresolved(result):
     if result.negative_mass > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
-            f"is {result.negative_mass:.1e}: the noise is too weak; take {SAMPLING}"
+            f"is {result.negative_mass:.1e}: the noise is too weak; take {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))

@@ -8,11 +8,12 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.density.pilot import CYCLES, motion_of
 from fpk_rocking.density.refinement import UNRESOLVED, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import SAMPLING, warn_beyond
+from fpk_rocking.density.refusals import warn_beyond
 from fpk_rocking.density.space.mesh import GROWTH, velocity_bound
 from fpk_rocking.horizon.extent import plane_bound
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
+from fpk_rocking.scene import limits
 
 OPERATOR_MEMORY = 8e9
 """Bytes that a finer mesh may be expected to need; every cell of it is active."""
@@ -234,7 +235,7 @@ def _hopeless(fine, coarse):
 def _judge(found, tol):
     rate = f"an escape rate of {found.fine.rate:.2e} a cycle"
     if found.fine.negative_mass > UNRESOLVED:
-        accepted = f"at most {UNRESOLVED}: the noise is too weak for the finest mesh; take {SAMPLING}"
+        accepted = f"at most {UNRESOLVED}: the noise is too weak for the finest mesh; take {limits.SAMPLING}"
         raise ValueError(checks.refusal("scene", f"negative mass {found.fine.negative_mass:.1e}", accepted))
     if not found.error < 1.0:
         accepted = "one that can be told from the errors of the finest mesh: nothing overturns as far as one can see"

@@ -43,7 +43,8 @@ class PlaneMap:
         -------
         ndarray
             Of the broadcast shape; 0 outside the mesh. As it was computed: where the function is steep it may pass its
-            bounds a little. On a mesh line, x = 0 among them, it is the value on the upper side. At `starts` it is theirs.
+            bounds a little. On a mesh line, x = 0 among them, it is the value on the upper side. At `starts` it is
+            theirs.
         """
         values = self.space.evaluate(self.coefficients, angle, velocity)
         for x, v, value in self.starts:

@@ -26,6 +26,9 @@ _RANGES = {
 
 _HIGHEST, _TURNS, _HARMONICS = 1e4, 1e5, 100_000
 _VARIANCES = 1e-24, 1e8
+SAMPLING = "Monte Carlo (simulate(), or fpk-rocking mc)"
+"""What answers where the density solver cannot."""
+
 _ELASTIC, _SLOWEST = 1.0 - 1e-6, 1e-5
 
 

@@ -63,6 +63,7 @@ def extended_lines(lines, half_width, growth=GROWTH):
     count = math.ceil(math.log1p(gap / size * (growth - 1.0) / growth) / math.log(growth) - 1e-9)
     places = np.cumsum(growth ** np.arange(count))
     beyond = lines[-1] + gap * places / places[-1]
+    beyond[-1] = half_width
     return np.concatenate([-beyond[::-1], lines, beyond])
 
 

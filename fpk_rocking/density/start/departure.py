@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.refusals import SAMPLING
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.scene import limits
 
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
@@ -28,10 +28,10 @@ MISSING = 1e-5
 MORE = 3
 """Gauss points an axis added while the forcing cannot lift the block off: it rattles, and many short steps follow."""
 
-RESOLVED = 0.3
+RESOLVED = 0.2
 """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
 
-BARELY = 0.2
+BARELY = 0.15
 """The same, where the windows would otherwise have to follow the density through an event."""
 
 BROKEN = 100.0
@@ -167,7 +167,7 @@ class Departure:
         target = next_window(self.windows, trace, now.coefficients, dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         if not np.abs(target.masses(coefficients)).sum() < BROKEN:
-            accepted = f"a start that small meshes can follow; take {SAMPLING}"
+            accepted = f"a start that small meshes can follow; take {limits.SAMPLING}"
             raise ValueError(checks.refusal("scene", f"diffusion {dynamics.diffusion:g}", accepted))
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 

@@ -194,7 +194,7 @@ def trace(
         impact_at = time, speed, side, smooth
         _fast_nodes(x, v, impact_at, segment, duration, diffusion, restitution, cutoff, nodes, scratch, states, codes)
         return
-    if kind == IMPACT:
+    if kind == IMPACT and abs(polynomial(segment.force, time)[0]) < 1.0:
         half = math.sqrt(diffusion * duration)
         for n in range(len(nodes)):
             _jolted(
