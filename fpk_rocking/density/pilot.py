@@ -29,8 +29,8 @@ USUAL_PART, NEARLY_ALL = 0.9, 0.998
 """Parts of the sampled states that `Motion` tells the range of."""
 
 
-LEAST, LEAST_RANGE = (0.005, 0.1), (0.1, 0.5)
-"""Least `Motion` in angle and velocity, and least widths of its ranges: less counts as being at rest."""
+LEAST_RANGE = 0.1, 0.5
+"""Least widths of the ranges of angle and velocity: less counts as being at rest."""
 
 
 BINS = 20
@@ -92,7 +92,7 @@ def motion_of(white, cycles):
             )  # fmt: skip
             seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
     seen = np.concatenate(seen[1:] if len(seen[1]) else seen)
-    usual = np.maximum(np.quantile(np.abs(seen), USUAL_PART, axis=0), LEAST)
+    usual = np.quantile(np.abs(seen), USUAL_PART, axis=0)
     ranges = np.quantile(seen, [0.5 - 0.5 * NEARLY_ALL, 0.5 + 0.5 * NEARLY_ALL], axis=0).T
     ranges += np.outer(np.maximum(LEAST_RANGE - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
     return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()))

@@ -1,0 +1,74 @@
+"""The pilot, which tells where a mesh has to be fine, and the jumps of the velocity that noise is at slow impacts."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from fpk_rocking import solve_fpk
+from fpk_rocking.density.pilot import LEAST_RANGE, Motion, motion_of
+from fpk_rocking.scene.parts import Block, Overturning, Start
+from fpk_rocking.scene.scene import Forcing, Scene, WhiteNoise
+from montecarlo import histories
+
+
+def scene_of(amplitude, frequency, restitution, diffusion, start=None, phase=0.0):
+    forcing = Forcing(amplitude, frequency, phase)
+    return Scene(Block(restitution), forcing, WhiteNoise(diffusion), start or Start(), Overturning())
+
+
+SCENES = {
+    "small motion": scene_of(2.8, 9.5, 0.936, 0.002),
+    "rattling at rest": scene_of(0.74, 5.0, 0.92, 0.0022),
+    "large motion": scene_of(2.6, 3.8, 0.954, 0.0138),
+}
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+def test_the_pilot_tells_the_range_of_white_noise_paths(scene):
+    """Against 2,000 paths at 16 times a cycle; its own 256 scatter by some per cent."""
+    motion, paths = motion_of(scene, 10), histories(scene, cycles=10, realizations=2000, seed=2, samples_per_cycle=16)
+    for usual, values in ((motion.angle, paths.angle), (motion.velocity, paths.velocity)):
+        assert usual == pytest.approx(np.nanquantile(np.abs(values), 0.9), rel=0.2)
+    for ends, values in ((motion.angles, paths.angle), (motion.velocities, paths.velocity)):
+        assert np.ptp(ends) == pytest.approx(np.ptp(np.nanquantile(values, [0.001, 0.999])), rel=0.3)
+
+
+def test_the_pilot_is_the_same_in_every_call_and_mirrored_for_the_mirror_image():
+    scene = scene_of(2.6, 3.8, 0.9, 0.0138, Start(0.1, -0.2, ((1e-3, 0.0), (0.0, 1e-3))))
+    mirror = dataclasses.replace(
+        scene, forcing=scene.forcing.at_phase(math.pi), start=Start(-0.1, 0.2, scene.start.covariance)
+    )
+    motion, mirrored = motion_of(scene, 4), motion_of(mirror, 4)
+    assert motion == motion_of(scene, 4)
+    assert mirrored[:2] == pytest.approx(motion[:2], rel=1e-12)
+    for ends, others in zip(motion[2:], mirrored[2:], strict=True):
+        assert others == pytest.approx((-ends[1], -ends[0]), rel=1e-12)
+
+
+def test_a_block_at_rest_and_one_that_falls_at_once_have_a_motion():
+    rest = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6), 3)
+    assert max(rest.angle, rest.velocity) < 0.01
+    assert [np.ptp(ends) for ends in rest[2:]] == pytest.approx(LEAST_RANGE)
+    fallen = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6, Start(1.55, 30.0)), 3)
+    assert 0.0 < fallen.angle <= math.pi / 2
+
+
+def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
+    for edges, ends in zip(Motion(0.1, 0.2, (-0.3, 0.1), (-1.0, 1.0)).edges, ((-0.3, 0.1), (-1.0, 1.0)), strict=True):
+        size = np.ptp(ends) / 20
+        assert np.diff(edges) == pytest.approx(size)
+        assert np.abs(edges).min() == pytest.approx(0.5 * size)
+        assert edges[0] <= ends[0]
+        assert edges[-1] >= ends[1]
+
+
+def test_rattling_at_rest_has_the_energy_of_paths():
+    """Mean squares without forcing, and mean |x|; 10^5 paths of the white-noise engine gave .6509 and .6520 ± .0017.
+
+    With noise that is smooth over a step in place of jumps they are less by a third (.44 and .43).
+    """
+    density = solve_fpk(scene_of(0.0, 5.0, 0.9, 0.002), cycles=12, tol=1e-2).at(12)
+    assert 1e3 * density.integral(lambda x, v: v * v + 0.0 * x, 8) == pytest.approx(0.6509, rel=0.04)
+    assert 1e3 * density.integral(lambda x, v: np.abs(x) + 0.0 * v, 8) == pytest.approx(0.6520, rel=0.04)
