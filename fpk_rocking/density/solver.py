@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from fpk_rocking.base import checks
+from fpk_rocking.base import ahead, checks
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, first_number, refine
@@ -64,6 +64,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, progress=None):
     tol = checks.number("tol", tol, at_least=min(USUAL))
     white = scene.white_equivalent()
     refuse_unsolvable(white)
+    ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
     bound, departures = velocity_bound(white, white.noise.diffusion), {}
     least, count = RESOLUTIONS[first_number(tol)].of(white, bound), Progress(progress, cycles, least=3)
     refuse_large(BYTES * least.work, least.stored(cycles), cycles)

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from fpk_rocking.base import checks
 from montecarlo.results.ensemble import Ensemble
@@ -52,5 +51,7 @@ def overturning_rate(ensemble, after, level=0.95):
     exposure = lived[lived > 0.0].sum()
     count = int(ensemble.survivors[after] - ensemble.survivors[-1])
     tail = 0.5 - 0.5 * level
+    from scipy import stats
+
     low = 0.5 * stats.chi2.ppf(tail, 2 * count) if count else 0.0
     return Rate(float(count / exposure), np.array([low, 0.5 * stats.chi2.isf(tail, 2 * count + 2)]) / exposure, count)
