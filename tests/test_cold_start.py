@@ -63,11 +63,12 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
 
 
 def test_a_density_loads_no_library_that_it_does_not_use(scene):
+    heavy = ("scipy.ndimage", "scipy.stats", "matplotlib", "skfem", "rich", "meshio")
     code = f"""
 import sys
 from fpk_rocking import load_scene, solve_fpk
 solve_fpk(load_scene({scene!r}), cycles=1, tol=1e-2)
-sys.exit(str([name for name in ("scipy.ndimage", "scipy.stats", "matplotlib", "skfem", "rich", "meshio") if name in sys.modules]))
+sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
     assert done.stderr.splitlines()[-1] == "[]"

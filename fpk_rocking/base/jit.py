@@ -7,6 +7,7 @@ project's files that it imports, directly or through others: a change anywhere e
 
 import contextlib
 import functools
+import gc
 import hashlib
 import os
 import pathlib
@@ -145,6 +146,10 @@ def _in_turn(compile_for, lock):
                 file = stack.enter_context(lock.open("a"))
                 if fcntl:
                     fcntl.flock(file, fcntl.LOCK_EX)
+            # The collector goes through all that the compiler holds, again and again, and finds little.
+            if gc.isenabled():
+                stack.callback(gc.enable)
+                gc.disable()
             return compile_for(signature)
 
     return compile_in_turn
