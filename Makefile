@@ -16,9 +16,11 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-install: $(STAMP)  ## .venv with the pinned versions and the project
+install: $(STAMP)  ## .venv with the pinned versions and the project, and the machine code of the engines
+	$(BIN)/fpk-rocking warmup
 
 run: $(STAMP)  ## Fig. 6 by both engines, into results/fig06
+	@echo "Fig. 6 by both engines (the first time their machine code is compiled on the way)"
 	$(BIN)/python cases/fig06_jpdf_evolution.py --out results/fig06
 
 gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
@@ -28,7 +30,7 @@ test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest
 
 bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minutes
-	@set -e; for script in density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+	@set -e; for script in cold_start density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
 	$(BIN)/python benchmarks/practical_blocks.py --scenes 3 --paths 40000
 
 bench-full: bench  ## the slow tests, and the benchmarks that take longer
@@ -47,11 +49,13 @@ clean:  ## remove environments, caches and results
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
 $(STAMP): constraints.txt pyproject.toml
-	@$(BIN)/python -c '$(FITS); import pip' 2>/dev/null && exit 0; \
+	@echo "Looking for Python >= 3.11"; \
+	$(BIN)/python -c '$(FITS); import pip' 2>/dev/null && exit 0; \
 	for python in $(PYTHON); do \
 	    if "$$python" -c '$(FITS)' 2>/dev/null; then exec "$$python" -m venv --clear $(VENV); fi; \
 	done; \
 	echo "No Python >= 3.11 among: $(PYTHON). Install one, or name it: make PYTHON=/path/to/python $(MAKECMDGOALS)" >&2; exit 1
+	@echo "Installing the pinned versions into $(VENV), about half a minute"
 	$(INSTALL) hatchling
 	$(INSTALL) --no-build-isolation -e '.[dev,test,view]'
 	@touch $@

@@ -6,24 +6,12 @@ Carlo engines are in the package ``montecarlo``.
 
 import importlib
 
-from fpk_rocking.analytics import melnikov
-from fpk_rocking.scene import (
-    BandNoise,
-    Block,
-    Dimensions,
-    Forcing,
-    Harmonics,
-    NoNoise,
-    Overturning,
-    Scene,
-    Start,
-    WhiteNoise,
-    load_scene,
-)
+_SCENE = ("BandNoise", "Block", "Dimensions", "Forcing", "Harmonics", "NoNoise", "Overturning", "Scene", "Start")
 
-# The density solver brings the compiler and the finite-element library: loaded on first use.
-_LAZY = dict.fromkeys(("solve_fpk", "solve_realizations", "Evolution"), "fpk_rocking.density")
-_LAZY |= {"CycleOperator": "fpk_rocking.horizon"}
+# Everything is loaded on first use: the density solver brings the compiler, and even a scene brings numpy.
+_LAZY = dict.fromkeys((*_SCENE, "WhiteNoise", "load_scene"), "fpk_rocking.scene")
+_LAZY |= dict.fromkeys(("solve_fpk", "solve_realizations", "Evolution"), "fpk_rocking.density")
+_LAZY |= {"CycleOperator": "fpk_rocking.horizon", "melnikov": "fpk_rocking.analytics"}
 
 __all__ = [
     "BandNoise",
@@ -47,7 +35,8 @@ __all__ = [
 
 def __getattr__(name):
     if name in _LAZY:
-        return getattr(importlib.import_module(_LAZY[name]), name)
+        module = importlib.import_module(_LAZY[name])
+        return importlib.import_module(f"{_LAZY[name]}.{name}") if name == "melnikov" else getattr(module, name)
     if name == "__version__":
         return importlib.import_module("importlib.metadata").version("fpk-rocking")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

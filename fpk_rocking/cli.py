@@ -1,4 +1,4 @@
-"""The command line: ``fpk-rocking fpk|mc|compare``.
+"""The command line: ``fpk-rocking fpk|mc|compare|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
 what the machine refuses, 130 when interrupted, 143 when terminated. Files are whole or not there.
@@ -8,9 +8,9 @@ import argparse
 import json
 import pathlib
 import sys
+import time
 
 from fpk_rocking import console
-from fpk_rocking.scene.scene import load_scene
 
 _DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
 _EXAMPLES = """\
@@ -43,6 +43,16 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {console.line(message)}\n")
 
 
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only then."""
+
+    def __call__(self, parser, *_):
+        from importlib.metadata import version
+
+        sys.stdout.write(f"fpk-rocking {version('fpk-rocking')}\n")
+        parser.exit(0)
+
+
 def main(arguments=None) -> int:
     """Run the command line.
 
@@ -59,7 +69,7 @@ def main(arguments=None) -> int:
     options = _parser().parse_args(arguments)
     try:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
-            if options.out:
+            if getattr(options, "out", None):
                 console.check_folder("--out", options.out)
             if getattr(options, "checkpoint", None) and not options.tally:
                 raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
@@ -80,6 +90,7 @@ def main(arguments=None) -> int:
 def _parser() -> argparse.ArgumentParser:
     layout = argparse.RawDescriptionHelpFormatter
     parser = _Parser("fpk-rocking", description=_DESCRIPTION, epilog=_EXAMPLES, formatter_class=layout)
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name, does):
@@ -104,6 +115,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_density(both)
     _add_ensemble(both)
     both.set_defaults(run=_compare)
+
+    does = "make the machine code of all engines now, so that no first answer has to wait for it"
+    warmup = commands.add_parser("warmup", help=does, description=f"{does[0].upper()}{does[1:]}.")
+    warmup.set_defaults(run=_warmup)
     return parser
 
 
@@ -182,7 +197,20 @@ def _compare(options):
     _print(options, compared.to_dict(), lambda: tables.comparison_table([compared]))
 
 
+def _warmup(_):
+    from fpk_rocking.base import ahead
+
+    begin = time.monotonic()
+    sys.stderr.write(f"compiling machine code for this machine: about {ahead.ALL_S} s\n")
+    failed = ahead.warm(lambda text: sys.stderr.write(f"fpk-rocking warmup: {text}\n"))
+    if failed:
+        raise OSError(f"{failed} of {len(ahead.TASKS)} parts were not compiled; the engines compile them when needed")
+    sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
+
+
 def _scene(path):
+    from fpk_rocking.scene.scene import load_scene
+
     if path.endswith(".npz"):
         raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
     return load_scene(path)

@@ -5,7 +5,9 @@ imports from another file has changed. Here the cache folder is named after the 
 project's files that it imports, directly or through others: a change anywhere else leaves the machine code valid.
 """
 
+import contextlib
 import functools
+import gc
 import hashlib
 import os
 import pathlib
@@ -16,6 +18,13 @@ import re
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import numba
+
+try:
+    import fcntl
+except ImportError:  # not a POSIX system: processes that compile at the same time are on their own
+    fcntl = None
+
+from fpk_rocking.base.whole import Tuned, Whole, available
 
 
 def _can_borrow():
@@ -32,6 +41,9 @@ BORROWS = _can_borrow()
 The option is one of numba's own, without a promise to stay. Without it, or with FPK_ROCKING_COUNT_REFERENCES set,
 results are the same and the engines slower.
 """
+
+WHOLE = available()
+"""Whether kernels are compiled as a whole; see `base.whole`."""
 
 _ROOT = pathlib.Path(__file__).resolve().parents[2]
 _IMPORT = re.compile(r"^ *from ((?:fpk_rocking|montecarlo)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -69,14 +81,15 @@ def _imported(path):
 
 
 @functools.cache
-def _cache_folder(path: pathlib.Path) -> pathlib.Path:
+def cache_folder(path: pathlib.Path) -> pathlib.Path:
+    """Return the folder for what is made of a source file and of those that it imports."""
     digest = hashlib.sha256()
     for source in sorted(sources(path)):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
     return _cache_root() / digest.hexdigest()[:16]
 
 
-def kernel(function=None, *, borrows=False, **options):
+def kernel(function=None, *, borrows=False, tuned=False, **options):
     """Compile a function to machine code on first call; the result is kept on disk between runs.
 
     Parameters
@@ -87,6 +100,8 @@ def kernel(function=None, *, borrows=False, **options):
         Leave out the counting of references to arrays, which can cost more than a small kernel itself, where numba has
         the option (see `BORROWS`). Only for a function that neither makes arrays nor returns any, and calls none that
         does.
+    tuned : bool
+        Optimize it by itself before it becomes part of a kernel that calls it (see `base.whole`).
     **options
         Passed to `numba.njit`, e.g. ``parallel=True``, ``fastmath={"contract"}``, ``inline="always"``.
 
@@ -96,13 +111,45 @@ def kernel(function=None, *, borrows=False, **options):
         The compiled dispatcher. Division by zero gives inf or nan as in numpy, never an exception.
     """
     if function is None:
-        return functools.partial(kernel, borrows=borrows, **options)
+        return functools.partial(kernel, borrows=borrows, tuned=tuned, **options)
     if borrows and BORROWS:
         options["_nrt"] = False
     options.setdefault("error_model", "numpy")
     file = pathlib.Path(function.__code__.co_filename).resolve()
-    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_cache_folder(file))
+    pipeline = {"pipeline_class": Whole} if WHOLE else {}
+    folder = cache_folder(file)
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
     try:
-        return numba.njit(cache=True, **options)(function)
+        called = numba.njit(cache=True, **pipeline, **options)(function)
     finally:
         numba.config.CACHE_DIR = previous
+    if WHOLE:
+        # What other kernels call is a function of its own: nothing of it is loaded, or kept on disk.
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} | ({"pipeline_class": Tuned} if tuned else {})
+        part = numba.njit(**options)(function)
+        called.get_call_template, called.get_overload = part.get_call_template, part.get_overload
+    called.compile = _in_turn(called.compile, folder / f"{function.__qualname__}.lock")
+    return called
+
+
+def _in_turn(compile_for, lock):
+    """Let one process at a time compile a kernel or load it, so that the second finds what the first has made.
+
+    Numba's cache does not survive two processes that write to it at once (its issue 4807).
+    """
+
+    def compile_in_turn(signature):
+        with contextlib.ExitStack() as stack:
+            # Where the folder cannot be written to, nothing is kept there, and there is nothing to guard.
+            with contextlib.suppress(OSError):
+                lock.parent.mkdir(parents=True, exist_ok=True)
+                file = stack.enter_context(lock.open("a"))
+                if fcntl:
+                    fcntl.flock(file, fcntl.LOCK_EX)
+            # The collector goes through all that the compiler holds, again and again, and finds little.
+            if gc.isenabled():
+                stack.callback(gc.enable)
+                gc.disable()
+            return compile_for(signature)
+
+    return compile_in_turn

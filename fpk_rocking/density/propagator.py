@@ -7,15 +7,11 @@ density is turned about the origin instead. That half, or else the whole cycle, 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
 from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
-
-_MARGIN = 1
-"""Cells around those that hold something that are active too, so that a growing density does not ask every time."""
 
 
 class Solution(NamedTuple):
@@ -119,8 +115,18 @@ class Propagator:
         """Step k of the leg, with all cells active that hold something."""
         step = self.leg[k]
         if occupy(coefficients, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
-            step.activate(binary_dilation(self.occupied[k], iterations=_MARGIN))
+            step.activate(_with_neighbours(self.occupied[k]))
         return step
+
+
+def _with_neighbours(cells):
+    """Mark the cells beside marked ones too, so that a growing density does not ask for new ones every time."""
+    grown = cells.copy()
+    grown[1:] |= cells[:-1]
+    grown[:-1] |= cells[1:]
+    grown[:, 1:] |= cells[:, :-1]
+    grown[:, :-1] |= cells[:, 1:]
+    return grown
 
 
 @kernel

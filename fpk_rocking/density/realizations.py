@@ -12,7 +12,6 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.evolution import Evolution
@@ -120,6 +119,8 @@ def gauss_quadrature(values, count):
     By Lanczos's recurrence on the values and the eigenvalues of its matrix (Golub and Welsch 1969); both are positive
     where the values are.
     """
+    from scipy.linalg import eigh_tridiagonal
+
     mean, spread = values.mean(), values.std()
     scaled, size = (values - mean) / spread, len(values)
     before, now = np.zeros(size), np.full(size, 1.0 / math.sqrt(size))

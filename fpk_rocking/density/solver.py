@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from fpk_rocking.base import checks
+from fpk_rocking.base import ahead, checks
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.propagator import Propagator
@@ -77,6 +77,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
     white = scene.white_equivalent()
     refuse_unsolvable(white)
+    ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
     bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, cycles)
     grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
     least, count = grids[2], Progress(progress, cycles, least=3)

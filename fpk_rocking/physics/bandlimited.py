@@ -11,7 +11,6 @@ import functools
 import math
 
 import numpy as np
-from scipy import special
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.forcing import TERMS
@@ -69,6 +68,8 @@ def compensation():
 
     Not to be written to.
     """
+    from scipy import special
+
     nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
     argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
     inverse = special.i0(_SHAPE) * argument / (WIDTH * np.sinh(argument))

@@ -7,7 +7,6 @@ bins, ``math.inf`` for bins that come from a density and carry no sampling error
 import math
 
 import numpy as np
-from scipy.special import gammaln
 
 __all__ = ["hellinger", "hellinger_floor", "l1", "l1_floor", "pooled"]
 
@@ -110,6 +109,8 @@ def _mean_root(p, size) -> np.ndarray:
 
 def _root_deficit(mean) -> np.ndarray:
     """sqrt(mean) - E sqrt(count) of Poisson counts: summed up to a mean of 30, its asymptotic series above."""
+    from scipy.special import gammaln
+
     large = np.maximum(mean, _SERIES_UP_TO)
     asymptotic = (1.0 / 8.0 + (7.0 / 128.0 + 75.0 / (1024.0 * large)) / large) / np.sqrt(large)
     small = np.clip(mean, 1e-300, _SERIES_UP_TO)[:, None]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base import checks
+from fpk_rocking.base import ahead, checks
 from fpk_rocking.physics.transition import Impacts
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
@@ -96,6 +96,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     Batch
         Each of its own arrays.
     """
+    ahead.before(f"montecarlo.ahead:{run.method}")
     engine = ENGINES[run.method]
     problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, samples), stream_keys(run.seed)
     size = max(_SMALLEST_BATCH, _FIRST_STATES // run.cycles)

@@ -4,7 +4,6 @@ import numbers
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from fpk_rocking.base import checks
 from montecarlo.results.ensemble import Ensemble
@@ -59,5 +58,7 @@ def overturning_rate(ensemble, after, level=0.95, side=None):
     counted = (ensemble.overturn_side != 0) if side is None else (ensemble.overturn_side == side)
     count = int(np.count_nonzero(standing & counted))
     tail = 0.5 - 0.5 * level
+    from scipy import stats
+
     low = 0.5 * stats.chi2.ppf(tail, 2 * count) if count else 0.0
     return Rate(float(count / exposure), np.array([low, 0.5 * stats.chi2.isf(tail, 2 * count + 2)]) / exposure, count)

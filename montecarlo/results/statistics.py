@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special, stats
 
 from fpk_rocking.base import checks
 
@@ -33,6 +32,8 @@ def wilson_interval(successes, trials, level=0.95):
     level = checks.number("level", level, above=0.0)
     if level >= 1.0:
         raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    from scipy import special
+
     z = special.ndtri(0.5 + 0.5 * level)
     share = np.asarray(successes) / trials
     scale = 1.0 / (1.0 + z * z / trials)
@@ -91,6 +92,8 @@ def survival_test(first, first_size, second, second_size, familywise=0.999):
     SurvivalTest
     """
     first, second = np.asarray(first), np.asarray(second)
+    from scipy import stats
+
     law = stats.hypergeom(first_size + second_size, first + second, first_size)
     p_values = np.minimum(1.0, 2.0 * np.minimum(law.cdf(first), law.sf(first - 1)))
     level = (1.0 - familywise) / first.size

@@ -121,16 +121,18 @@ def test_a_stopped_engine_that_still_compiles_ends_plainly(command, tmp_path):
     """With an empty cache most signals come while LLVM makes machine code, to be handled in one of its callbacks."""
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE.to_toml(), encoding="utf-8")
-    instants = random.Random(command)
+    instants, size = random.Random(command), ["--realizations", 10**6] if command == "mc" else []
     for k in range(8):
         sign = (signal.SIGINT, signal.SIGTERM)[k % 2]
-        run = start(command, scene, "--cycles", 200, "--out", tmp_path / "out", NUMBA_CACHE_DIR=str(tmp_path / f"{k}"))
-        instant = time.monotonic() + instants.uniform(2.0, 7.0)
+        cold = {"NUMBA_CACHE_DIR": str(tmp_path / f"{k}")}
+        run = start(command, scene, "--cycles", 200, *size, "--out", tmp_path / "out", **cold)
+        instant = time.monotonic() + instants.uniform(0.7, 4.0)
         status, printed, said = stopped(run, sign, lambda instant=instant: time.monotonic() > instant)
         assert time.monotonic() < instant + 20.0
         word, code = WORDS[sign]
         assert (status, printed) == (code, "")
-        assert said == f"fpk-rocking: {word}; files written so far are whole\n"
+        assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
+        assert len(said.splitlines()) <= 2
         assert not (tmp_path / "out").exists()
 
 

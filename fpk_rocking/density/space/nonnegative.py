@@ -9,7 +9,6 @@ is emptied at the cost of the cells around it. Derived in docs/numerics.md.
 import math
 
 import numpy as np
-from scipy.ndimage import convolve1d
 
 from fpk_rocking.density.space.space import gauss, shapes
 
@@ -118,5 +117,7 @@ def _settled(masses):
 
 def _square_sums(values, reach):
     """Return sums over the squares of cells that reach so far to all sides, each added up by itself: none cancels."""
+    from scipy.ndimage import convolve1d
+
     window = np.ones(2 * reach + 1)
     return convolve1d(convolve1d(values, window, axis=0, mode="constant"), window, axis=1, mode="constant")

@@ -86,7 +86,7 @@ def values_at_points(cell, area, tables, weights, rows, values, basis):
             values[p, q] = total * angle_weights[p]
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"}, tuned=True)
 def deposit_landed(values, node_weights, cells, points, buffer, sink, basis):
     """Deposit one cell whose nodes were traced."""
     for p in range(values.shape[0]):
@@ -100,7 +100,7 @@ def deposit_landed(values, node_weights, cells, points, buffer, sink, basis):
                     add(buffer[target], amount, points[p, q, k, 0], points[p, q, k, 1], basis)
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"}, tuned=True)
 def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, basis):
     """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
     cosh, sinh, shift = affine

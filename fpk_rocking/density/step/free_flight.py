@@ -127,13 +127,15 @@ class FreeFlight:
             coefficients, self.free, self.orders[0], *self.ranges[0], self.angle_shear, self.tables, self.edges,
             self.sizes, drifted, basis,
         )  # fmt: skip
-        lost = shear_velocity(
+        lost, left = np.zeros(limit), np.zeros((2, across))
+        shear_velocity(
             drifted, self.orders[1], *self.ranges[1], self.velocity_shear, self.blur, self.tables, self.sizes, blurred,
+            lost, basis,
+        )  # fmt: skip
+        finish_rows(
+            blurred, self.orders[2], *self.ranges[2], self.angle_shear, self.tables, self.edges, self.sizes, out, left,
             basis,
         )  # fmt: skip
-        left = finish_rows(
-            blurred, self.orders[2], *self.ranges[2], self.angle_shear, self.tables, self.edges, self.sizes, out, basis
-        )
         return np.array([left[0].sum(), left[1].sum(), lost.sum()])
 
 
@@ -142,7 +144,7 @@ def _line_points(lines, points):
     return lines[:-1, None] + np.diff(lines)[:, None] * points
 
 
-@kernel(fastmath=_FASTMATH)
+@kernel(fastmath=_FASTMATH, tuned=True)
 def shift_row(r, values, source, target, shift, moved, basis):
     """Move the lines of row r: values (cells, lines, modes) of its source cells to those of its target cells."""
     origin, first, count, start, blocks, _, _ = shift
@@ -232,61 +234,88 @@ def transform(cell, first, second, out, basis):
                 out[j, i] += second[j, b] * part
 
 
+@kernel
+def _shear_angle_row(r, coefficients, free, source, target, shift, tables, edges, sizes, out, basis):
+    (limit, across), modes = free.shape, len(basis)
+    j = r % across
+    values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
+    for c in range(source[0], source[1]):
+        if free[c, j]:
+            transform(coefficients[c, j], tables[0], tables[0], values[c], basis)
+    shift_row(r, values, source, target, shift, moved, basis)
+    for end in range(2):
+        if mass_beyond(r, end, values, source, shift, masses):
+            set_down(end, masses, target, edges, sizes[0], moved)
+    turn_row(j, moved, target, out, basis)
+
+
 @kernel(parallel=True)
 def shear_angle(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, basis):
     """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity); nothing leaves."""
-    (limit, across), modes = free.shape, len(basis)
     for n in prange(len(order)):
         r = order[n]
-        j, source, target = r % across, sources[r], targets[r]
-        values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
-        for c in range(source[0], source[1]):
-            if free[c, j]:
-                transform(coefficients[c, j], tables[0], tables[0], values[c], basis)
-        shift_row(r, values, source, target, shift, moved, basis)
-        for end in range(2):
-            if mass_beyond(r, end, values, source, shift, masses):
-                set_down(end, masses, target, edges, sizes[0], moved)
-        turn_row(j, moved, target, out, basis)
+        _shear_angle_row(r, coefficients, free, sources[r], targets[r], shift, tables, edges, sizes, out, basis)
+
+
+@kernel
+def _weighted(masses, weights, size):
+    total = 0.0
+    for q in range(len(masses)):
+        total += masses[q] * weights[q]
+    return total * size
+
+
+@kernel
+def _shear_velocity_row(c, values, source, sheared, blurred, velocity_shear, blur, tables, size, out, basis):
+    """Shear one row; return the mass that left."""
+    (across, modes, _), left = values.shape, 0.0
+    now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
+    shift_row(c, values, source, sheared, velocity_shear, now, basis)
+    shift_row(c, now, sheared, blurred, blur, moved, basis)
+    for end in range(2):
+        if mass_beyond(c, end, values, source, velocity_shear, masses):
+            left += _weighted(masses, tables[2], size)
+        if mass_beyond(c, end, now, sheared, blur, masses):
+            left += _weighted(masses, tables[2], size)
+    turn_row(c, moved, blurred, out, basis)
+    return left
 
 
 @kernel(parallel=True)
-def shear_velocity(values, order, sources, sheared, blurred, velocity_shear, blur, tables, sizes, out, basis):
-    """Shear and blur of the velocity: values to (velocity cells, angle cells, velocity, angle); masses that left."""
-    across, modes, left = values.shape[1], len(basis), np.zeros(len(sources))
+def shear_velocity(values, order, sources, sheared, blurred, velocity_shear, blur, tables, sizes, out, left, basis):
+    """Shear and blur of the velocity: values to (velocity cells, angle cells, velocity, angle).
+
+    The masses that left are written to `left` (angle cells,).
+    """
     for n in prange(len(order)):
         c = order[n]
-        now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
-        shift_row(c, values[c], sources[c], sheared[c], velocity_shear, now, basis)
-        shift_row(c, now, sheared[c], blurred[c], blur, moved, basis)
-        for end in range(2):
-            if mass_beyond(c, end, values[c], sources[c], velocity_shear, masses):
-                left[c] += (masses * tables[2]).sum() * sizes[0][c]
-            if mass_beyond(c, end, now, sheared[c], blur, masses):
-                left[c] += (masses * tables[2]).sum() * sizes[0][c]
-        turn_row(c, moved, blurred[c], out, basis)
-    return left
+        left[c] = _shear_velocity_row(
+            c, values[c], sources[c], sheared[c], blurred[c], velocity_shear, blur, tables, sizes[0][c], out, basis
+        )
+
+
+@kernel
+def _finish_row(r, values, source, target, shift, tables, edges, sizes, out, left, basis):
+    (across, limit), modes = values.shape[:2], len(basis)
+    side, j = r // across, r % across
+    moved, masses, cell = np.zeros((limit, modes, modes)), np.zeros(modes), np.zeros((modes, modes))
+    shift_row(r, values[j], source, target, shift, moved, basis)
+    for end in range(2):
+        if mass_beyond(r, end, values[j], source, shift, masses):
+            if end == side:
+                left[side, j] += _weighted(masses, tables[2], sizes[1][j])
+            else:
+                set_down(end, masses, target, edges, sizes[0], moved)
+    for c in range(target[0], target[1]):
+        transform(moved[c], tables[1], tables[1], cell, basis)
+        for a in range(modes):
+            for b in range(modes):
+                out[c, j, a, b] += cell[a, b]
 
 
 @kernel(parallel=True)
-def finish_rows(values, order, sources, targets, shift, tables, edges, sizes, out, basis):
-    """Last shear: from values to coefficients, added; masses (2, velocity cells) that passed the cut-off."""
-    (across, limit), modes = values.shape[:2], len(basis)
-    left = np.zeros((2, across))
+def finish_rows(values, order, sources, targets, shift, tables, edges, sizes, out, left, basis):
+    """Last shear: from values to coefficients, added; masses that passed the cut-off, to `left` (2, velocity cells)."""
     for n in prange(len(order)):
         r = order[n]
-        side, j, source, target = r // across, r % across, sources[r], targets[r]
-        moved, masses, cell = np.zeros((limit, modes, modes)), np.zeros(modes), np.zeros((modes, modes))
-        shift_row(r, values[j], source, target, shift, moved, basis)
-        for end in range(2):
-            if mass_beyond(r, end, values[j], source, shift, masses):
-                if end == side:
-                    left[side, j] += (masses * tables[2]).sum() * sizes[1][j]
-                else:
-                    set_down(end, masses, target, edges, sizes[0], moved)
-        for c in range(target[0], target[1]):
-            transform(moved[c], tables[1], tables[1], cell, basis)
-            for a in range(modes):
-                for b in range(modes):
-                    out[c, j, a, b] += cell[a, b]
-    return left
+        _finish_row(r, values, sources[r], targets[r], shift, tables, edges, sizes, out, left, basis)

@@ -44,7 +44,35 @@ def classify(angle_lines, velocity_lines, segment, duration, cutoff, margin):
     return marks
 
 
+@kernel
+def _trace_cell(
+    i, j, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
+    cutoff, nodes, offsets, margin, states, codes,
+):  # fmt: skip
+    scratch = np.empty((4, TERMS))
+    side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+    for p in range(len(angle_points)):
+        x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
+        for q in range(len(velocity_points)):
+            v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
+            trace(
+                x, v, side, segment, duration, diffusion, restitution, cutoff, nodes, offsets, margin, scratch,
+                states[p, q], codes[p, q],
+            )  # fmt: skip
+
+
 @kernel(parallel=True)
+def _trace_all(
+    cells, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
+    cutoff, nodes, offsets, margin, states, codes,
+):  # fmt: skip
+    for c in prange(len(cells)):
+        _trace_cell(
+            cells[c, 0], cells[c, 1], angle_lines, velocity_lines, angle_points, velocity_points, segment, duration,
+            diffusion, restitution, cutoff, nodes, offsets, margin, states[c], codes[c],
+        )  # fmt: skip
+
+
 def trace_cells(
     cells, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
     cutoff, nodes, offsets, margin,
@@ -67,22 +95,14 @@ def trace_cells(
     """
     shape = len(cells), len(angle_points), len(velocity_points), len(nodes)
     states, codes = np.empty((*shape, 2)), np.empty(shape, np.int32)
-    for c in prange(len(cells)):
-        scratch = np.empty((4, TERMS))
-        i, j = cells[c]
-        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
-        for p in range(len(angle_points)):
-            x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
-            for q in range(len(velocity_points)):
-                v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
-                trace(
-                    x, v, side, segment, duration, diffusion, restitution, cutoff, nodes, offsets, margin, scratch,
-                    states[c, p, q], codes[c, p, q],
-                )  # fmt: skip
+    _trace_all(
+        np.ascontiguousarray(cells), angle_lines, velocity_lines, angle_points, velocity_points, segment, duration,
+        diffusion, restitution, cutoff, nodes, offsets, margin, states, codes,
+    )  # fmt: skip
     return states, codes
 
 
-@kernel
+@kernel(borrows=True)
 def locate(grid, point):
     """Cell that holds a point and its reference coordinate on [-1, 1]; (LOST, 0) outside the mesh.
 
@@ -97,7 +117,28 @@ def locate(grid, point):
     return i, (point - lines[i]) * scales[i] - 1.0
 
 
+@kernel(borrows=True, tuned=True)
+def _settle(n, states, codes, angle_grid, velocity_grid, first):
+    """Cell of traced state n, which becomes its reference coordinates unless it overturned."""
+    x, v, code = states[n, 0], states[n, 1], codes[n]
+    if abs(code) == OVERTURNED_SIDE:
+        return LEFT if code < 0 else RIGHT
+    i, xi = locate(angle_grid, x)
+    j, eta = locate(velocity_grid, v)
+    if v == 0.0 and code < 0 and j > 0 and velocity_grid[0][j] == 0.0:
+        j, eta = j - 1, 1.0
+    if i == first and x == 0.0 and code < 0 and i > 0:
+        i, xi = i - 1, 1.0
+    states[n, 0], states[n, 1] = xi, eta
+    return LOST if i < 0 or j < 0 else i * (len(velocity_grid[0]) - 1) + j
+
+
 @kernel(parallel=True)
+def _settle_all(states, codes, angle_grid, velocity_grid, first, cells):
+    for n in prange(len(codes)):
+        cells[n] = _settle(np.int64(n), states, codes, angle_grid, velocity_grid, first)
+
+
 def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
     """Turn traced states into cells and, in place, into reference coordinates on [-1, 1].
 
@@ -106,20 +147,6 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
     ndarray, shape (m, g, g, n)
         Flat cell index, or LEFT, RIGHT, LOST.
     """
-    across = len(velocity_grid[0]) - 1
     cells = np.empty(codes.shape, np.int32)
-    flat_states, flat_codes, flat_cells = states.reshape(-1, 2), codes.reshape(-1), cells.reshape(-1)
-    for n in prange(len(flat_codes)):
-        if abs(flat_codes[n]) == OVERTURNED_SIDE:
-            flat_cells[n] = LEFT if flat_codes[n] < 0 else RIGHT
-            continue
-        x, v = flat_states[n]
-        i, xi = locate(angle_grid, x)
-        j, eta = locate(velocity_grid, v)
-        if v == 0.0 and flat_codes[n] < 0 and j > 0 and velocity_grid[0][j] == 0.0:
-            j, eta = j - 1, 1.0
-        if i == first and x == 0.0 and flat_codes[n] < 0 and i > 0:
-            i, xi = i - 1, 1.0
-        flat_cells[n] = LOST if i < 0 or j < 0 else i * across + j
-        flat_states[n, 0], flat_states[n, 1] = xi, eta
+    _settle_all(states.reshape(-1, 2), codes.reshape(-1), angle_grid, velocity_grid, first, cells.reshape(-1))
     return cells

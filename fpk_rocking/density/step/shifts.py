@@ -163,53 +163,65 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
                 block[k, i] += part * here[k] * there[i]
 
 
+@kernel
+def _fill_row(r, lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis):
+    origin, first, _, start, blocks, beyond, ends = shift
+    floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
+    for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
+        for n in range(len(nodes)):
+            move = shifts[r, q] + nodes[n]
+            for cell in range(source[r, 0], source[r, 1]):
+                left, right = lines[cell], lines[cell + 1]
+                low, high = overlap_range(lines, bounds[r], left + move, right + move)
+                for target in range(low, high + 1):
+                    begin, stop = max(left, lines[target] - move), min(right, lines[target + 1] - move)
+                    if stop > begin:
+                        place = start[origin[r] + target, q] + cell - first[origin[r] + target, q]
+                        add_product(
+                            begin, stop, left, right, lines[target], lines[target + 1], move, weights[n], points,
+                            point_weights, blocks[place], basis,
+                        )  # fmt: skip
+                if beyond[r, 0] >= 0:
+                    stop = min(right, floor - move)
+                    add_integral(
+                        left, stop, left, right, weights[n], points, point_weights, ends[beyond[r, 0], q, cell]
+                    )
+                if beyond[r, 1] >= 0:
+                    begin = max(left, top - move)
+                    add_integral(
+                        begin, right, left, right, weights[n], points, point_weights, ends[beyond[r, 1], q, cell]
+                    )
+
+
 @kernel(parallel=True)
 def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis):
     """Integrate products of shape functions over all overlaps, exactly, into the blocks and ends of a shift.
 
     `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
-    origin, first, _, start, blocks, beyond, ends = shift
     for r in prange(len(source)):
-        floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
-        for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
-            for n in range(len(nodes)):
-                move = shifts[r, q] + nodes[n]
-                for cell in range(source[r, 0], source[r, 1]):
-                    left, right = lines[cell], lines[cell + 1]
-                    low, high = overlap_range(lines, bounds[r], left + move, right + move)
-                    for target in range(low, high + 1):
-                        begin, stop = max(left, lines[target] - move), min(right, lines[target + 1] - move)
-                        if stop > begin:
-                            place = start[origin[r] + target, q] + cell - first[origin[r] + target, q]
-                            add_product(
-                                begin, stop, left, right, lines[target], lines[target + 1], move, weights[n], points,
-                                point_weights, blocks[place], basis,
-                            )  # fmt: skip
-                    if beyond[r, 0] >= 0:
-                        stop = min(right, floor - move)
-                        add_integral(
-                            left, stop, left, right, weights[n], points, point_weights, ends[beyond[r, 0], q, cell]
-                        )
-                    if beyond[r, 1] >= 0:
-                        begin = max(left, top - move)
-                        add_integral(
-                            begin, right, left, right, weights[n], points, point_weights, ends[beyond[r, 1], q, cell]
-                        )
+        _fill_row(np.int64(r), lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis)
+
+
+@kernel(borrows=True, tuned=True)
+def _block_to_values(b, moments, values, blocks, half):
+    modes = len(values)
+    for k in range(modes):
+        for i in range(modes):
+            total = 0.0
+            for m in range(modes):
+                total += moments[k, m] * blocks[b, m, i]
+            half[k, i] = total
+    for k in range(modes):
+        for i in range(modes):
+            total = 0.0
+            for m in range(modes):
+                total += half[k, m] * values[i, m]
+            blocks[b, k, i] = total
 
 
 @kernel(parallel=True)
 def to_values(moments, values, blocks):
     """Turn blocks between moments into blocks between values at Gauss points, in place."""
-    modes = len(values)
     for b in prange(len(blocks)):
-        half = np.zeros((modes, modes))
-        for k in range(modes):
-            for m in range(modes):
-                for i in range(modes):
-                    half[k, i] += moments[k, m] * blocks[b, m, i]
-        blocks[b] = 0.0
-        for k in range(modes):
-            for i in range(modes):
-                for m in range(modes):
-                    blocks[b, k, i] += half[k, m] * values[i, m]
+        _block_to_values(np.int64(b), moments, values, blocks, np.empty(values.shape))

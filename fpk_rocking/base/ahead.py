@@ -1,0 +1,143 @@
+"""Machine code made ahead of its use, by processes of their own: numba compiles one kernel at a time in a process.
+
+A task is a function "module:name" that calls kernels on as little as there is. Helpers run tasks beside the work that
+needs the same kernels a little later: who comes second waits for the lock of a kernel and loads what the first has made
+(`base.jit`). Helpers say nothing, and end with the process that started them.
+"""
+
+import multiprocessing
+import os
+import pathlib
+import subprocess
+import sys
+
+TASKS = {
+    "fpk_rocking.density.ahead:flight": 15,
+    "fpk_rocking.density.ahead:solve": 15,
+    "montecarlo.ahead:exact": 7,
+    "montecarlo.ahead:rk4": 7,
+    "montecarlo.ahead:white": 6,
+    "fpk_rocking.horizon.ahead:operator": 12,
+}
+"""Tasks, and the seconds that a first run which needs them takes longer, about; on two cores of 2024."""
+
+ALL_S = 40
+"""Seconds that all of them take side by side, about."""
+
+_RUN = """
+import importlib, os, signal, sys, threading
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()
+sys.path[:] = {path!r}
+from fpk_rocking.base import ahead
+ahead.perform({task!r})
+os._exit(0)
+"""
+
+_helpers = []
+
+
+def perform(task):
+    """Run a task here, and note that it is done."""
+    import importlib
+
+    module, name = task.split(":")
+    _helpers.append(None)  # a helper starts no others
+    getattr(importlib.import_module(module), name)()
+    _note(task)
+
+
+def before(task, *helping):
+    """Say that a first call is about to compile, if it is, and let other processes compile a part of it.
+
+    Only the first time in a process and, where that ran to its end, on a machine.
+
+    Parameters
+    ----------
+    task : str
+        One of `TASKS`: what the caller is about to need.
+    *helping : str
+        Tasks that helpers take on meanwhile, where there is more than one processor.
+    """
+    if _helpers or multiprocessing.parent_process() is not None or _done(task):
+        return
+    sys.stderr.write(f"compiling machine code for this machine, once: about {TASKS[task]} s\n")
+    helping = helping[: processors() - 1]
+    _helpers.extend([start(name) for name in helping] or [None])
+    _note(task)
+
+
+def start(task):
+    """Start a process that runs a task; it ends when its standard input is closed."""
+    code = _RUN.format(path=sys.path, task=task)
+    silent = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen([sys.executable, "-c", code], **silent)  # noqa: S603  (this interpreter, our own text)
+
+
+def warm(report):
+    """Run all tasks, as many at once as there are processors.
+
+    Parameters
+    ----------
+    report : callable
+        Called with a line of text for each task that failed.
+
+    Returns
+    -------
+    int
+        Number of tasks that failed.
+    """
+    todo, running, failed = list(TASKS), {}, 0
+    try:
+        while todo or running:
+            while todo and len(running) < processors():
+                task = todo.pop(0)
+                running[task] = start(task)
+            task = next((name for name, run in running.items() if run.poll() is not None), None)
+            if task is None:
+                try:
+                    next(iter(running.values())).wait(0.1)
+                except subprocess.TimeoutExpired:
+                    continue
+            elif running.pop(task).returncode != 0:
+                report(f"not compiled: {task}")
+                failed += 1
+    finally:
+        for run in running.values():
+            run.kill()
+            run.wait()
+    return failed
+
+
+def processors():
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _place(task):
+    """File that says that a task has been done with the present text of the code, by this numba on this processor."""
+    import numba
+    from llvmlite import binding
+
+    from fpk_rocking.base import jit
+
+    module, name = task.split(":")
+    root = pathlib.Path(__file__).parents[2]
+    folder = jit.cache_folder(root.joinpath(*module.split(".")).with_suffix(".py"))
+    return folder / f"{name}-{numba.__version__}-{binding.get_host_cpu_name()}.done"
+
+
+def _done(task):
+    try:
+        return _place(task).exists()
+    except OSError:
+        return False
+
+
+def _note(task):
+    try:
+        place = _place(task)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.touch()
+    except OSError:
+        pass

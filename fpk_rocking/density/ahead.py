@@ -1,0 +1,35 @@
+"""Least runs that need the kernels of the density solver; see `fpk_rocking.base.ahead`."""
+
+import numpy as np
+
+from fpk_rocking.density.refinement import candidates_for
+from fpk_rocking.density.solver import solve_fpk
+from fpk_rocking.density.space.mesh import graded_lines
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.free_flight import FreeFlight
+from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+
+_SCENE = Scene(
+    block=Block(0.5),
+    forcing=Forcing(4.6, 2.7, 0.0),
+    noise=WhiteNoise(0.05),
+    start=Start(),
+    overturning=Overturning(),
+)
+_USUAL = 1e-3
+
+
+def flight():
+    """Free flight, of which a solver has need last."""
+    degree = candidates_for(_USUAL)[2].degree
+    space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), degree)
+    free = np.ones(space.shape[:2], dtype=bool)
+    FreeFlight(space, free, Dynamics.of(_SCENE).affine(0.0, 0.1), 0.05, 0.1, 5).apply(
+        np.ones(space.shape), np.zeros(space.shape)
+    )
+
+
+def solve():
+    """Everything of one cycle."""
+    solve_fpk(_SCENE, cycles=1, tol=_USUAL)
