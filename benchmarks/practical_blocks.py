@@ -23,8 +23,9 @@ from hard_rows import Reference
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.density.pilot import LEAST_RANGE
 from fpk_rocking.results import storage
-from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.binning import centred_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo import histories, simulate, tally
 
@@ -117,14 +118,15 @@ class Row(NamedTuple):
 def motion_edges(scene):
     """Edges of bins, a twentieth of the range that the block moves in; the outermost bins go to the ends of the plane.
 
-    The range leaves out a thousandth of the states of 2,000 white-noise paths at 16 times a cycle, symmetric about 0.
+    The range leaves out a thousandth of the states of 2,000 white-noise paths at 16 times a cycle, symmetric about 0; 0
+    is in the middle of a bin. As in the solver, a range below `LEAST_RANGE` is not divided further.
     """
     run = histories(scene, cycles=CYCLES, realizations=2000, seed=_TIMED_SEED, samples_per_cycle=16)
     ends = [edges[-1] for edges in joint_edges(scene)]
     found = []
-    for values, end in zip((run.angle, run.velocity), ends, strict=True):
-        reach = min(np.nanquantile(np.abs(values), 0.999), 0.999 * end)
-        found.append(np.concatenate([[-end], np.linspace(-reach, reach, 21), [end]]))
+    for values, end, least in zip((run.angle, run.velocity), ends, LEAST_RANGE, strict=True):
+        reach = min(max(np.nanquantile(np.abs(values), 0.999), 0.5 * least), 0.95 * end)
+        found.append(np.concatenate([[-end], centred_edges(-reach, reach, 20), [end]]))
     return found
 
 

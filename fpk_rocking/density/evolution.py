@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.binning import ascending_edges
@@ -88,10 +89,25 @@ class Evolution(DensityResult):
         return len(self.survival) - 1
 
     @property
+    def at_rest(self):
+        """Probability, (cycles + 1,), of not having overturned by kT and being at rest: |x| < .005 and |v| < .1.
+
+        Under white noise a block at rest rattles, and how it does is not resolved: within these bounds only the
+        probability of the whole is to be trusted. `bins_error_estimate` counts them as one bin.
+        """
+        edges = ([-size, size] for size in REST)
+        found = self.space.bin_integrals(self.coefficients, *edges)[:, 0, 0]
+        start = self.scene.start
+        if start.covariance is None:
+            found[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
+        return found
+
+    @property
     def facts(self):
         """What it says of its own errors, as plain values."""
         own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
-        return own | {"lost": self.lost.tolist(), "diffusion": float(self.diffusion)}
+        lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
+        return own | lists | {"diffusion": float(self.diffusion)}
 
     def at(self, cycle):
         """Return the density after a number of cycles.

@@ -29,12 +29,20 @@ USUAL_PART, NEARLY_ALL = 0.9, 0.998
 """Parts of the sampled states that `Motion` tells the range of."""
 
 
+REST = 0.005, 0.1
+"""Angle and velocity within which a block counts as being at rest: no mesh is made for less."""
+
 LEAST_RANGE = 0.1, 0.5
 """Least widths of the ranges of angle and velocity: less counts as being at rest."""
 
 
 BINS = 20
 """Bins an axis of the range of the motion."""
+
+
+def in_rest(angles, velocities):
+    """Mark the pairs (n, m) of angles (n,) and velocities (m,) that count as rest."""
+    return np.outer(*(np.abs(values) < most for values, most in zip((angles, velocities), REST, strict=True)))
 
 
 class Motion(NamedTuple):

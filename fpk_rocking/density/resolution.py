@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.space.mesh import ANGLE_GRADING, TAIL, VELOCITY_GRADING, extended_lines, graded_lines
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
@@ -29,12 +30,6 @@ FEWEST = 6
 
 REST_GRADING = 2.0
 """Exponent of the lines of the angle where a block comes to rest: x goes with v^2 there."""
-
-_SHORTEST = 0.02
-"""Shortest step that noise asks for."""
-
-_REST = 0.005, 0.1
-"""Angle and velocity within which a block counts as being at rest: no mesh is made for less."""
 
 _FAR = 0.6
 """A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
@@ -132,7 +127,7 @@ class Resolution:
         -------
         Grid
         """
-        cutoff, far, fast = scene.overturning.angle, max(motion.angle, _REST[0]), max(motion.velocity, _REST[1])
+        cutoff, far, fast = scene.overturning.angle, max(motion.angle, REST[0]), max(motion.velocity, REST[1])
         small, fast = far < _FAR * cutoff, min(fast, bound)
         far, grading = (far, REST_GRADING) if small else (cutoff, ANGLE_GRADING)
         time = min(scene.period, _MAIN_PERIOD) / _MAIN_PERIOD
@@ -145,8 +140,7 @@ class Resolution:
         angle = graded_lines(far, angle_cells, grading)
         velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
         rests = scene.forcing.longest_rest > _RESTS
-        noisy = max(_NOISY_STEP * motion.velocity**2 / scene.noise.diffusion, _SHORTEST)
-        step = min(_RESTING_STEP if rests else _STEP, noisy)
+        step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
         steps = self.steps / 16 * scene.period / step
         fewest = FEWEST * scene.period / scene.forcing.shortest_period
         return Grid(

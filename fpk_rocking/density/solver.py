@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
@@ -105,7 +105,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
-        negative_mass=found.fine.negative_mass,
+        negative_mass=max(run.space.negative_mass(density) for density in fine.coefficients[1:]),
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
@@ -113,7 +113,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         space=run.space,
     )
     refuse_broken(result)
-    _refuse_unresolved(result)
+    _refuse_unresolved(result, found.fine.negative_mass)
     warn_beyond("survival", found, tol, bins_tol, f"compare with {limits.SAMPLING}", stacklevel=3)
     return result
 
@@ -132,11 +132,14 @@ class Solved:
     def __init__(self, run, solution, edges):
         self.run, self.solution = run, solution
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
+        self._resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
 
     @functools.cached_property
     def negative_mass(self):
-        """Largest of those after a cycle or more."""
-        return max(self.run.space.negative_mass(density) for density in self.solution.coefficients[1:])
+        """Largest of those after a cycle or more, of blocks that are not at rest."""
+        space, densities = self.run.space, self.solution.coefficients[1:]
+        moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))
+        return max(space.negative_mass(np.where(moving[:, :, None, None], density, 0.0)) for density in densities)
 
     @property
     def memory(self):
@@ -144,11 +147,10 @@ class Solved:
         return self.run.memory
 
     def differences(self, coarser):
-        """Largest differences of survival and of the binned density over the cycles."""
-        return (
-            float(np.abs(self.solution.inside - coarser.solution.inside).max()),
-            float(np.abs(self.bins - coarser.bins)[1:].sum(axis=(1, 2)).max()),
-        )
+        """Largest differences of survival and of the binned density over the cycles; rest counts as one bin."""
+        apart = (self.bins - coarser.bins)[1:]
+        binned = np.abs(apart[:, ~self._resting]).sum(axis=1) + np.abs(apart[:, self._resting].sum(axis=1))
+        return float(np.abs(self.solution.inside - coarser.solution.inside).max()), float(binned.max())
 
     def error(self, difference, bins):
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
@@ -159,10 +161,10 @@ class Solved:
         self.solution = self.solution._replace(coefficients=None)
 
 
-def _refuse_unresolved(result):
-    if result.negative_mass > UNRESOLVED:
+def _refuse_unresolved(result, negative):
+    if negative > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
-            f"is {result.negative_mass:.1e}: the noise is too weak; take {limits.SAMPLING}"
+            f"is {negative:.1e}: the noise is too weak; take {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))
