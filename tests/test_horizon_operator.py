@@ -129,15 +129,20 @@ def test_survival_is_that_of_an_independent_program(outlook, reference):
     assert estimate.max() < 2e-3
 
 
-def test_the_error_of_survival_covers_both_of_its_reasons(operator, outlook):
-    """The difference of two meshes, which rules at first, and what the error of the rate makes of it, later."""
+def test_the_error_of_survival_covers_both_of_its_reasons(operator, outlook, monkeypatch):
+    """The difference of two meshes, and what the error of the rate makes of it; here that error is set."""
     level = operator._coarse
     rough, _ = level.survival(operator._departure(level), outlook.cycles)
     meshes = np.abs(outlook.survival - rough)
-    rate = outlook.survival * (1.0 - np.exp(-outlook.cycles * operator.escape_rate * operator.escape_error))
-    assert np.all(outlook.error_estimate >= np.maximum(meshes, rate) * (1.0 - 1e-9))
-    assert (meshes > 2.0 * rate).any()
-    assert (rate > 1.5 * meshes).any()
+    ruled = []
+    for error in (1e-9, 0.05):
+        monkeypatch.setattr(operator, "escape_error", error)
+        rate = outlook.survival * (1.0 - np.exp(-outlook.cycles * operator.escape_rate * error))
+        told = operator.outlook(outlook.cycles).error_estimate
+        assert np.all(told >= np.maximum(meshes, rate) * (1.0 - 1e-9))
+        ruled.append(((meshes > 1.5 * rate).any(), (rate > 1.5 * meshes).any()))
+    assert ruled[0][0]
+    assert ruled[1][1]
 
 
 def test_the_error_of_a_map_is_its_difference_from_the_coarser_mesh(operator):
