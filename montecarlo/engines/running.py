@@ -10,10 +10,10 @@ from fpk_rocking.base import checks
 from fpk_rocking.physics.transition import Impacts
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import exact, rk4, white
+from montecarlo.engines import exact, filtered, rk4, white
 from montecarlo.engines.random import stream_keys
 
-ENGINES = {"exact": exact, "rk4": rk4, "white": white}
+ENGINES = {"exact": exact, "rk4": rk4, "white": white, "filtered": filtered}
 """Engines by their method's name; of those that fit a noise the first is the default."""
 
 _BATCH_S, _SMALLEST_BATCH, _FIRST_STATES = 0.3, 64, 4096
