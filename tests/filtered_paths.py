@@ -29,7 +29,7 @@ def _gather(fine, part, factor, problem, room):
 
 @kernel
 def _pair(stream, fine, coarse, factor, cycles):
-    """Follow one path on both grids; return both times of overturning (inf: none)."""
+    """Follow one path on both grids; return both times of overturning (inf: none) and both last angles."""
     rooms = make_room(fine), make_room(coarse)
     x, v = draw_start(stream, fine.start)
     states = [(x, v, side_of(x, v)), (x, v, side_of(x, v))]
@@ -54,18 +54,37 @@ def _pair(stream, fine, coarse, factor, cycles):
             states[1] = x, v, side
             if abs(x) >= fine.cutoff:
                 times[1] = origin + time
-    return times[0], times[1]
+    return times[0], times[1], states[0][0], states[1][0]
 
 
 @kernel(parallel=True)
-def _pairs(keys, fine, coarse, factor, cycles, out):
+def _pairs(keys, fine, coarse, factor, cycles, out, angle):
     for r in prange(out.shape[0]):
-        out[r, 0], out[r, 1] = _pair(open_stream(keys, r), fine, coarse, factor, cycles)
+        out[r, 0], out[r, 1], angle[r, 0], angle[r, 1] = _pair(open_stream(keys, r), fine, coarse, factor, cycles)
 
 
 def coupled(scene, intervals, factor, cycles, paths, seed=1):
-    """Return times of overturning (paths, 2) with `intervals` in a cycle, and with `factor` times fewer."""
-    out = np.empty((paths, 2))
+    """Return times of overturning and last angles, (paths, 2) each: `intervals` in a cycle, `factor` times fewer."""
+    out, angle = np.empty((2, paths, 2))
     problems = with_intervals(scene, intervals), with_intervals(scene, intervals // factor)
-    _pairs(stream_keys(seed), *problems, factor, cycles, out)
-    return out
+    _pairs(stream_keys(seed), *problems, factor, cycles, out, angle)
+    return out, angle
+
+
+@kernel
+def _noise(keys, problem, states, flights):
+    n = problem.stationary.size
+    for r in range(states.shape[0]):
+        stream, room = open_stream(keys, r), make_room(problem)
+        begin_noise(stream, problem, room)
+        for k in range(states.shape[1]):
+            states[r, k] = room.drawn[n : 2 * n]
+            draw_noise(stream, problem, room)
+            flights[r, k] = room.drawn[2 * n :]
+
+
+def noise_of(problem, count, paths, seed=1):
+    """Return states (paths, count, n) of the filter of noise of variance 1, and flights (paths, count, 2) between."""
+    states, flights = np.empty((paths, count, problem.stationary.size)), np.empty((paths, count, 2))
+    _noise(stream_keys(seed), problem, states, flights)
+    return states, flights

@@ -31,8 +31,10 @@ from montecarlo.engines.start import draw_start, start_numbers
 
 NOISES = ("filtered",)
 
-COARSEST = 100.0
-"""The longest interval times the filter's rate and `steps_per_cycle`: half a correlation time at 200 steps."""
+COARSEST = {"low-pass": 100.0, "exponential": 50.0, "kanai-tajimi": 50.0}
+"""The longest interval times the filter's rate and `steps_per_cycle`: at 200 steps half a correlation time for smooth
+noise and a quarter for rough noise, whose excursions within an interval lift a block off or let it rest.
+"""
 
 _FEWEST, _LONGEST = 16, 0.2
 """Intervals in the forcing's shortest period at least, and the longest interval."""
@@ -90,7 +92,7 @@ class Room(NamedTuple):
 def intervals_of(scene, steps_per_cycle):
     """Return the number of intervals in a cycle."""
     fewest = (
-        scene.period * filters.fastest(scene.noise) * steps_per_cycle / COARSEST,
+        scene.period * filters.fastest(scene.noise) * steps_per_cycle / COARSEST[scene.noise.filter],
         _FEWEST * scene.period / scene.forcing.shortest_period - 1e-9,
         scene.period / _LONGEST,
     )

@@ -160,6 +160,6 @@ def _method(method, kind):
         accepted = ", ".join(map(repr, ENGINES)) + " or None (what fits the noise)"
         raise ValueError(checks.refusal("method", method, accepted))
     accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"
-    if method == "white":
-        accepted += "; 'white' takes a scene with white noise, which scene.white_equivalent() makes"
+    if method in {"white", "filtered"}:
+        accepted += f"; {method!r} takes a scene with {method} noise, which scene.{method}_equivalent() makes"
     raise ValueError(checks.refusal("method", method, accepted))
