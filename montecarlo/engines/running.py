@@ -86,8 +86,8 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     capacity : int
         Impacts of a realization that are kept; all are counted.
     cycle : int
-        Number of the cycle at which the run begins, from the scene's start; times count from τ = 0. Band noise is the
-        same function of time for every such run, white noise is independent.
+        Number of the cycle at which the run begins, from the scene's start; times count from τ = 0. Band noise
+        and filtered noise are the same function of time for every such run, white noise is independent.
     progress : callable, optional
         Called as ``progress(done, total)`` after each batch; may raise.
 
