@@ -6,7 +6,18 @@ Carlo engines are in the package ``montecarlo``.
 
 import importlib
 
-_SCENE = ("BandNoise", "Block", "Dimensions", "Forcing", "Harmonics", "NoNoise", "Overturning", "Scene", "Start")
+_SCENE = (
+    "BandNoise",
+    "Block",
+    "Dimensions",
+    "FilteredNoise",
+    "Forcing",
+    "Harmonics",
+    "NoNoise",
+    "Overturning",
+    "Scene",
+    "Start",
+)
 
 # Everything is loaded on first use: the density solver brings the compiler, and even a scene brings numpy.
 _LAZY = dict.fromkeys((*_SCENE, "WhiteNoise", "load_scene"), "fpk_rocking.scene")
@@ -19,6 +30,7 @@ __all__ = [
     "CycleOperator",
     "Dimensions",
     "Evolution",
+    "FilteredNoise",
     "Forcing",
     "Harmonics",
     "NoNoise",

@@ -141,8 +141,9 @@ def _add_ensemble(parser):
     parser.add_argument(
         "--method",
         metavar="NAME",
-        help="exact: event-driven, or rk4: Runge-Kutta, for band noise or none; white: paths under white noise, band "
-        "noise replaced by its white equivalent (default: exact or white, as the noise of the scene asks for)",
+        help="exact: event-driven, or rk4: Runge-Kutta, for band noise or none; white: paths under white noise, other "
+        "noise replaced by its white equivalent; filtered: filtered noise, a band replaced by its low-pass equivalent "
+        "(default: exact, white or filtered, as the noise of the scene asks for)",
     )
     steps = "time steps a cycle (default: the engine's own)"
     parser.add_argument("--steps-per-cycle", type=int, metavar="N", help=steps)
@@ -231,6 +232,8 @@ def _simulated(options, scene):
 
     if options.method == "white":
         scene = scene.white_equivalent()
+    if options.method == "filtered":
+        scene = scene.filtered_equivalent()
     own = {"steps_per_cycle": options.steps_per_cycle, "checkpoint": options.checkpoint}
     with reporting("Monte Carlo") as progress:
         return (tally if options.tally else simulate)(

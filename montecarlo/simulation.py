@@ -25,10 +25,12 @@ def simulate(scene, *, cycles, realizations, seed=1, method=None, steps_per_cycl
         From 0 to 2**64 - 1.
     method : str, optional
         For band noise or none "exact", closed-form flights between located impacts, or "rk4", the paper's Runge-Kutta
-        steps, ten times slower; "white" for white noise, exact Gaussian steps. By default the first that fits.
+        steps, ten times slower; "white" for white noise, exact Gaussian steps; "filtered" for filtered noise, exact
+        Gaussian steps between events. By default the first that fits.
     steps_per_cycle : int
         At least 8. For "rk4" the number of its steps in a cycle; "white" adapts its steps and takes none shorter than
-        a 256th of a cycle over this number; "exact" takes none.
+        a 256th of a cycle over this number; "filtered" samples the noise at intervals inversely proportional to it, at
+        200 of half (exponential and Kanai-Tajimi: a quarter) of 1/(the filter's rate); "exact" takes none.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of realizations; may raise.
 

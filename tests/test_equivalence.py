@@ -59,7 +59,7 @@ def test_no_noise_has_none():
 
 
 def test_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match=r"noise\.kind: got 'pink', accepted: 'band', 'white', 'none'"):
+    with pytest.raises(ValueError, match=r"noise\.kind: got 'pink', accepted: 'band', 'white', 'filtered', 'none'"):
         melnikov.noise_variance(types.SimpleNamespace(kind="pink"))
 
 

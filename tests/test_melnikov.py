@@ -187,7 +187,7 @@ def test_everything_broadcasts():
         (
             lambda: melnikov.phase_flux_as_printed(FORCING, 0.5, WhiteNoise(0.1)),
             ValueError,
-            r"noise\.kind: got 'white', accepted: 'band' or 'none'",
+            r"noise\.kind: got 'white', accepted: 'band', 'filtered' or 'none'",
         ),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, repeats=1), ValueError, r"repeats: got 1, .* >= 2"),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=0), ValueError, r"strata: got 0, .* >= 1"),

@@ -77,7 +77,7 @@ def test_progress_is_told_and_may_interrupt():
         ({"steps_per_cycle": 8.5}, TypeError, "steps_per_cycle: got 8.5"),
         ({"seed": -1}, ValueError, "seed: got -1, accepted: a whole number from 0 to 18446744073709551615"),
         ({"seed": "one"}, TypeError, "seed: got 'one'"),
-        ({"method": "euler"}, ValueError, "method: got 'euler', accepted: 'exact', 'rk4', 'white' or None"),
+        ({"method": "euler"}, ValueError, "method: got 'euler', accepted: 'exact', 'rk4', 'white', 'filtered' or None"),
         (
             {"method": "white"},
             ValueError,

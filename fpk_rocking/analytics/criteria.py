@@ -24,7 +24,7 @@ def critical_amplitude(frequency, restitution, noise, criterion="peak"):
         Ω, above 0.
     restitution : array_like
         e, from 0 to 1.
-    noise : BandNoise, WhiteNoise or NoNoise, or a sequence of them
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
         Frequencies, restitutions and noises broadcast.
     criterion : {"peak", "mean square"}
         "peak" is the paper's (14): D_m² + σ_M² >= M², the square of the harmonic part at its peak and the mean square
@@ -86,7 +86,7 @@ def margin(forcing, restitution, noise):
     forcing : Forcing, Harmonics or (amplitude, frequency)
         Of several harmonics D_m is the largest size of their sum (see `harmonic_amplitude`).
     restitution : array_like
-    noise : BandNoise, WhiteNoise or NoNoise, or a sequence of them
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
         All broadcast. With NoNoise it is D_m - M.
 
     Returns

@@ -35,7 +35,7 @@ def phase_flux(forcing, restitution, noise):
         make the two saddles differ the flux is their mean.
     restitution : array_like
         e, from 0 to 1.
-    noise : BandNoise, WhiteNoise or NoNoise, or a sequence of them
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
         Amplitudes, frequencies, restitutions and noises broadcast.
 
     Returns
@@ -71,7 +71,7 @@ def phase_flux_as_printed(forcing, restitution, noise, equation=17):
     ----------
     forcing, restitution
         As for `phase_flux`, of one harmonic.
-    noise : BandNoise or NoNoise, or a sequence of them
+    noise : BandNoise, FilteredNoise or NoNoise, or a sequence of them
         White noise has no σ.
     equation : {17, 18}
 
@@ -168,7 +168,9 @@ def _strengths(noise):
     array = noises(noise)
     for entry in array.flat:
         if entry.kind == "white":
-            raise ValueError(checks.refusal("noise.kind", entry.kind, "'band' or 'none' (white noise has no σ)"))
+            raise ValueError(
+                checks.refusal("noise.kind", entry.kind, "'band', 'filtered' or 'none' (white noise has no σ)")
+            )
     return np.sqrt([getattr(entry, "variance", 0.0) for entry in array.flat]).reshape(array.shape)
 
 

@@ -12,6 +12,16 @@ LARGEST = 8e9
 """Bytes that a solution may be expected to take."""
 
 
+def refuse_filtered(scene):
+    """Refuse filtered noise: the density has no states of a filter."""
+    if scene.noise.kind == "filtered":
+        accepted = (
+            "'band' or 'white' for a density; filtered noise is sampled by simulate() or fpk-rocking mc, and "
+            "scene.white_equivalent() has white noise of equal Melnikov variance instead, under which no block rests"
+        )
+        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
+
+
 def refuse_unsolvable(white):
     """Refuse a scene out of range, without noise, or with infinitely many impacts."""
     limits.check(white)

@@ -11,7 +11,7 @@ from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.refusals import refuse_broken, refuse_filtered, refuse_large, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -75,6 +75,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         bins_tol = bins_tolerance(tol)
     elif bins_tol != math.inf:
         bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
+    refuse_filtered(scene)
     white = scene.white_equivalent()
     refuse_unsolvable(white)
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.refusals import refuse_unsolvable
+from fpk_rocking.density.refusals import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.start.departure import Departure
@@ -94,6 +94,7 @@ class CycleOperator(LinearOperator):
 
     def __init__(self, scene, tol=1e-3):
         checks.instance("scene", scene, Scene)
+        refuse_filtered(scene)
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
         self.closure, self.diffusion = closure_of(scene, self._white), self._white.noise.diffusion

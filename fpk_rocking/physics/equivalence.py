@@ -1,4 +1,4 @@
-"""White noise that stands for band noise: equal variance of the Melnikov process.
+"""White noise that stands for band noise or filtered noise: equal variance of the Melnikov process.
 
 The heteroclinic orbit of the undamped, unforced block has the velocity e^(-|τ|), whose transform is 2/(1+ω²). Noise
 seen through it, M(τ₀) = ∫ e^(-|τ|) η(τ + τ₀) dτ, has the variance σ_M² = ∫ 4 G(ω)/(1+ω²)² dω, with G the one-sided
@@ -12,6 +12,8 @@ Where this can be trusted is told by `cover`, the part of the orbit's frequencie
 import math
 
 import numpy as np
+
+from fpk_rocking.physics import filters
 
 # From here on up, 1000 harmonics and the equivalent white noise agree to 0.03 in survival; below, they differ by up to
 # WORST either way.
@@ -29,14 +31,15 @@ def noise_variance(noise):
 
     Parameters
     ----------
-    noise : BandNoise, WhiteNoise or NoNoise
-        Band noise has G = variance/(b - a) on its band [a, b]; white noise has ⟨ηη⟩ = 2Dδ.
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
+        Band noise has G = variance/(b - a) on its band [a, b]; white noise has ⟨ηη⟩ = 2Dδ; for filtered noise see
+        `fpk_rocking.physics.filters`.
 
     Returns
     -------
     float
         Nondimensional; (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band (eq. 15, its σ² included), exactly
-        2D for white noise, 0 without noise.
+        2D for white noise, `filters.melnikov_variance` for filtered noise, 0 without noise.
 
     Raises
     ------
@@ -54,18 +57,21 @@ def noise_variance(noise):
         arcs = math.atan2(width, 1.0 + low * high) / width
         ratios = (1.0 - low * high) / ((1.0 + low * low) * (1.0 + high * high))
         return 2.0 * noise.variance * (arcs + ratios)
-    raise ValueError(f"noise.kind: got {noise.kind!r}, accepted: 'band', 'white', 'none'")
+    if noise.kind == "filtered":
+        return filters.melnikov_variance(noise)
+    raise ValueError(f"noise.kind: got {noise.kind!r}, accepted: 'band', 'white', 'filtered', 'none'")
 
 
 def equivalent_diffusion(noise):
     """Diffusion D_M = σ_M²/2 of the white noise with the same Melnikov variance.
 
-    For band noise this is a closure, good where the band covers the system's own frequencies (about 0 to 3) and to be
-    judged by simulation elsewhere; for white noise it is the diffusion itself.
+    For band noise and filtered noise this is a closure, good where their spectra cover the system's own frequencies
+    (about 0 to 3) evenly and the block hardly rests, and to be judged by simulation elsewhere; for white noise it is
+    the diffusion itself.
 
     Parameters
     ----------
-    noise : BandNoise, WhiteNoise or NoNoise
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
 
     Returns
     -------
@@ -76,11 +82,13 @@ def equivalent_diffusion(noise):
 
 
 def cover(noise):
-    """Part of the Melnikov variance of equally strong white noise that a band takes in, (1/π) ∫ 4/(1+ω²)² dω over it.
+    """Part of the Melnikov variance of equally strong white noise that a noise takes in: σ_M²/(π G), G its largest.
+
+    For a band it is (1/π) ∫ 4/(1+ω²)² dω over it. That of filtered noise is largest at its resonance, if any.
 
     Parameters
     ----------
-    noise : BandNoise
+    noise : BandNoise or FilteredNoise
 
     Returns
     -------
@@ -90,8 +98,10 @@ def cover(noise):
     Raises
     ------
     ValueError
-        The noise has no band, or no strength.
+        The noise has another kind, or no strength.
     """
+    if noise.kind == "filtered" and noise.variance > 0.0:
+        return noise_variance(noise) / (math.pi * filters.peak_density(noise))
     _band(noise)
     low, high = noise.band
     return noise_variance(noise) * (high - low) / (math.pi * noise.variance)

@@ -6,6 +6,8 @@ from fpk_rocking.physics import equivalence
 
 __all__ = ["closure_of", "noise_text", "remarks"]
 
+_FILTERS = {"exponential": "exponential", "low-pass": "low-pass", "kanai-tajimi": "Kanai-Tajimi"}
+
 SLENDER = 0.05
 """Error of the linearized moments up to which a block counts as slender."""
 
@@ -15,7 +17,7 @@ def noise_text(noise) -> str:
 
     Parameters
     ----------
-    noise : BandNoise, WhiteNoise or NoNoise
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         The noise of a scene.
 
     Returns
@@ -28,6 +30,10 @@ def noise_text(noise) -> str:
         return f"band noise, variance {noise.variance:g} on [{low:g}, {high:g}], {noise.harmonics} harmonics"
     if noise.kind == "white":
         return f"white noise, diffusion {noise.diffusion:.6g}"
+    if noise.kind == "filtered":
+        damping = "" if noise.damping is None else f", damping {noise.damping:g}"
+        name = _FILTERS[noise.filter]
+        return f"{name} noise, variance {noise.variance:g}, frequency {noise.frequency:g}{damping}"
     return "no noise"
 
 
@@ -81,9 +87,9 @@ def _squat(size):
 
 
 def _stands_for(results, result) -> bool:
-    """Whether the band noise of a result is held against its equivalent white noise, within itself or in another."""
+    """Whether the noise of a result is held against its equivalent white noise, within itself or in another."""
     noise = result.scene.noise
-    if noise.kind != "band" or noise.variance == 0.0:
+    if noise.kind not in {"band", "filtered"} or noise.variance == 0.0:
         return False
     diffusion = equivalence.equivalent_diffusion(noise)
     whites = (other.scene.noise.diffusion for other in results if other.scene.noise.kind == "white")
@@ -91,13 +97,21 @@ def _stands_for(results, result) -> bool:
 
 
 def _doubts(scene, averaged):
-    """Yield what speaks against white noise for the band noise of a scene; bounds and figures are of `equivalence`.
+    """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
 
     A result that is averaged over realizations has the scatter between them.
     """
     noise = scene.noise
+    part = equivalence.cover(noise)
+    if noise.kind == "filtered":
+        if part < equivalence.TRUSTED_COVER:
+            yield (
+                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise as "
+                f"strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise itself."
+            )
+        return
     low, high = noise.band
-    part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, scene.block.restitution)
+    spread = equivalence.realized_spread(noise, scene.block.restitution)
     if part < equivalence.TRUSTED_COVER:
         yield (
             f"Not to be trusted: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white "

@@ -9,6 +9,7 @@ it, and squares of 1e200 overflow. The bounds are far from anything that rocks, 
 import math
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.filters import fastest
 
 _RANGES = {
     "forcing.amplitude": (0.0, 1e4),
@@ -18,6 +19,7 @@ _RANGES = {
     "forcing.phases": (0.0, 1e6),
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),
+    "noise.frequency": (1e-3, 1e4),
     "start.angle": (1e-30, 1e4),
     "start.velocity": (1e-30, 1e4),
     "overturning.angle": (1e-2, 1e4),
@@ -25,6 +27,7 @@ _RANGES = {
 """Smallest and largest size by dotted name; noise and start may be 0 as well."""
 
 _HIGHEST, _TURNS, _HARMONICS = 1e4, 1e5, 100_000
+_DAMPING, _RATE = (1e-3, 1e3), 1e4
 _VARIANCES = 1e-24, 1e8
 SAMPLING = "Monte Carlo (simulate(), or fpk-rocking mc)"
 """What answers where the density solver cannot."""
@@ -56,6 +59,8 @@ def check(scene):
                 raise ValueError(checks.refusal(name, value, accepted))
     if scene.noise.kind == "band":
         _check_band(scene.noise, scene.forcing.frequency)
+    if scene.noise.kind == "filtered":
+        _check_filter(scene.noise, scene.forcing.frequency)
     _check_covariance(scene.start)
     if scene.noise.kind != "white":
         _check_bounces(scene)
@@ -68,6 +73,15 @@ def _check_band(noise, frequency):
         raise ValueError(checks.refusal("noise.band", noise.band, accepted))
     if noise.harmonics > _HARMONICS:
         raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"for an engine up to {_HARMONICS}"))
+
+
+def _check_filter(noise, frequency):
+    low, high = _DAMPING
+    if noise.damping is not None and not low <= noise.damping <= high:
+        raise ValueError(checks.refusal("noise.damping", noise.damping, f"for an engine from {low:g} to {high:g}"))
+    if fastest(noise) > _RATE * frequency:
+        accepted = f"for an engine a filter whose fastest rate is up to {_RATE:g} times forcing.frequency"
+        raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
 
 def _check_covariance(start):

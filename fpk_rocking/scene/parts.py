@@ -5,6 +5,7 @@ import math
 from typing import ClassVar
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.filters import FILTERS
 from fpk_rocking.scene.units import Dimensions
 
 
@@ -81,13 +82,50 @@ class WhiteNoise:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class FilteredNoise:
+    """White noise through a linear filter, stationary from τ = 0 (`fpk_rocking.physics.filters`).
+
+    Parameters
+    ----------
+    filter : str
+        "exponential": η' + ωη = w; "low-pass": η'' + 2ζωη' + ω²η = w; "kanai-tajimi": η = ω²y + 2ζωy' with
+        y'' + 2ζωy' + ω²y = w; w is white noise of the intensity that gives the variance.
+    variance : float
+        σ² of η, at least 0.
+    frequency : float
+        ω, above 0; 1/ω is the correlation time of the exponential filter.
+    damping : float, optional
+        ζ, above 0; given for all filters but the exponential one.
+    """
+
+    kind: ClassVar[str] = "filtered"
+    filter: str
+    variance: float
+    frequency: float
+    damping: float | None = None
+
+    def __post_init__(self):
+        accepted = ", ".join(map(repr, FILTERS))
+        if not isinstance(self.filter, str):
+            raise TypeError(checks.refusal("noise.filter", self.filter, accepted))
+        if self.filter not in FILTERS:
+            raise ValueError(checks.refusal("noise.filter", self.filter, accepted))
+        _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
+        _set(self, "frequency", checks.number("noise.frequency", self.frequency, above=0.0))
+        if self.filter != "exponential":
+            _set(self, "damping", checks.number("noise.damping", self.damping, above=0.0))
+        elif self.damping is not None:
+            raise ValueError(checks.refusal("noise.damping", self.damping, "nothing: filter 'exponential' has none"))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class NoNoise:
     """No noise: the motion is deterministic."""
 
     kind: ClassVar[str] = "none"
 
 
-NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, NoNoise)}
+NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, FilteredNoise, NoNoise)}
 """Noises by their kind."""
 
 

@@ -9,15 +9,17 @@ import pathlib
 import tomllib
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.equivalence import equivalent_diffusion
+from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
+from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics
-from fpk_rocking.scene.parts import NOISES, BandNoise, Block, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.units import Dimensions
 
 __all__ = [
     "BandNoise",
     "Block",
     "Dimensions",
+    "FilteredNoise",
     "Forcing",
     "Harmonics",
     "NoNoise",
@@ -37,7 +39,7 @@ class Scene:
     ----------
     block : Block
     forcing : Forcing or Harmonics
-    noise : BandNoise, WhiteNoise or NoNoise
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
     start : Start
         At rest by default.
     overturning : Overturning
@@ -52,7 +54,7 @@ class Scene:
 
     block: Block
     forcing: Forcing | Harmonics
-    noise: BandNoise | WhiteNoise | NoNoise
+    noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise
     start: Start = Start()
     overturning: Overturning = Overturning()
 
@@ -101,8 +103,8 @@ class Scene:
     def white_equivalent(self):
         """Return the same scene with white noise of the equivalent diffusion.
 
-        Band noise is replaced by a closure (see `fpk_rocking.melnikov.equivalent_diffusion`), no noise by white noise
-        of diffusion 0; a scene with white noise is returned as it is.
+        Band noise and filtered noise are replaced by a closure (see `fpk_rocking.melnikov.equivalent_diffusion`), no
+        noise by white noise of diffusion 0; a scene with white noise is returned as it is.
 
         Returns
         -------
@@ -112,6 +114,37 @@ class Scene:
         if self.noise.kind == "white":
             return self
         return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise)))
+
+    def filtered_equivalent(self):
+        """Return the same scene with filtered noise in place of band noise.
+
+        The filter is the low-pass one with ζ = 1/√2 that gives the same variance and the same Melnikov variance σ_M².
+        Unlike the white equivalent it lets a block rest. A scene with filtered noise is returned as it is.
+
+        Returns
+        -------
+        Scene
+            Its noise is a FilteredNoise.
+
+        Raises
+        ------
+        ValueError
+            The noise is not a band of a variance above 0, or no frequency from 1e-8 to 1e8 gives its σ_M².
+        """
+        noise = self.noise
+        if noise.kind == "filtered":
+            return self
+        if noise.kind != "band" or noise.variance == 0.0:
+            raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
+        ratio = noise_variance(noise) / noise.variance
+        frequency = low_pass_frequency(ratio)
+        if frequency is None:
+            accepted = (
+                "frequencies between which low-pass noise of the same variance has the same Melnikov variance, here "
+                f"{ratio!r} of the variance: neither all next to 0 nor all very high"
+            )
+            raise ValueError(checks.refusal("noise.band", noise.band, accepted))
+        return dataclasses.replace(self, noise=FilteredNoise("low-pass", noise.variance, frequency, BUTTERWORTH))
 
     @classmethod
     def from_block(
@@ -188,7 +221,7 @@ class Scene:
         ----------
         text : str
             Tables ``[block]``, ``[forcing]`` and ``[noise]``, and optionally ``[start]`` and ``[overturning]``; the
-            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white" or "none" and
+            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white", "filtered" or "none" and
             ``forcing.kind`` = "harmonic" (where left out) or "harmonics".
 
         Returns

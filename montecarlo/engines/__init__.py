@@ -1,4 +1,4 @@
-"""The Monte Carlo engines, which integrate the realizations of a scene: `exact`, `rk4` and `white`.
+"""The Monte Carlo engines, which integrate the realizations of a scene: `exact`, `rk4`, `white` and `filtered`.
 
 An engine is a module with what `Engine` lists. `running` checks the parameters of a run, finds the engine that fits the
 noise, and yields batches of realizations; `random`, `start` and `shinozuka` draw what they need; `events` is a part of
@@ -43,8 +43,8 @@ class Engine(Protocol):
         first : int
             Number of the first realization.
         cycle : int
-            Number of the cycle at which the run begins, from the scene's start. A realization's band noise is the same
-            function of time for all of them; white noise is independent.
+            Number of the cycle at which the run begins, from the scene's start. A realization's band noise
+            or filtered noise is the same function of time for all of them; white noise is independent.
         problem : tuple
             From `problem_of`.
         angle, velocity : ndarray, shape (count, cycles * samples + 1)

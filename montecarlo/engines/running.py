@@ -10,10 +10,10 @@ from fpk_rocking.base import ahead, checks
 from fpk_rocking.physics.transition import Impacts
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import exact, rk4, white
+from montecarlo.engines import exact, filtered, rk4, white
 from montecarlo.engines.random import stream_keys
 
-ENGINES = {"exact": exact, "rk4": rk4, "white": white}
+ENGINES = {"exact": exact, "rk4": rk4, "white": white, "filtered": filtered}
 """Engines by their method's name; of those that fit a noise the first is the default."""
 
 _BATCH_S, _SMALLEST_BATCH, _FIRST_STATES = 0.3, 64, 4096
@@ -86,8 +86,8 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     capacity : int
         Impacts of a realization that are kept; all are counted.
     cycle : int
-        Number of the cycle at which the run begins, from the scene's start; times count from τ = 0. Band noise is the
-        same function of time for every such run, white noise is independent.
+        Number of the cycle at which the run begins, from the scene's start; times count from τ = 0. Band noise
+        and filtered noise are the same function of time for every such run, white noise is independent.
     progress : callable, optional
         Called as ``progress(done, total)`` after each batch; may raise.
 
@@ -161,6 +161,6 @@ def _method(method, kind):
         accepted = ", ".join(map(repr, ENGINES)) + " or None (what fits the noise)"
         raise ValueError(checks.refusal("method", method, accepted))
     accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"
-    if method == "white":
-        accepted += "; 'white' takes a scene with white noise, which scene.white_equivalent() makes"
+    if method in {"white", "filtered"}:
+        accepted += f"; {method!r} takes a scene with {method} noise, which scene.{method}_equivalent() makes"
     raise ValueError(checks.refusal("method", method, accepted))

@@ -26,6 +26,7 @@ _STATES = 2**26
 _INTERVALS = 2000
 _UNBRANCHED = {
     "band": "a Shinozuka path is fixed at τ = 0 and cannot branch; scene.white_equivalent() has white noise instead",
+    "filtered": "branches would need the filter's states; scene.white_equivalent() has white noise instead",
     "none": "without noise there is one path alone and nothing to branch",
 }
 

@@ -26,7 +26,7 @@ class Ensemble(Sample):
     scene : Scene
         As it was asked for.
     method : str
-        "rk4", "exact" or "white".
+        "rk4", "exact", "white" or "filtered".
     seed : int
         With a realization's number, all that its random numbers depend on.
     steps_per_cycle : int

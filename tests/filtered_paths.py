@@ -1,0 +1,90 @@
+"""Paths under filtered noise on two grids at once: the same noise, so that their difference has little scatter."""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from montecarlo.engines.filtered import begin_noise, draw_noise, interval, make_room, side_of, with_intervals
+from montecarlo.engines.random import open_stream, stream_keys
+from montecarlo.engines.start import draw_start
+
+
+@kernel
+def _gather(fine, part, factor, problem, room):
+    """Add part number `part` of `factor` of a coarse interval's noise, drawn on the fine grid: states and flight."""
+    n, units = fine.drawn.size // 2 - 1, float(factor)
+    keep, swap = problem.hyperbolic
+    if part == 0:
+        for i in range(n):
+            room.drawn[i] = fine.drawn[i] * units**i
+        room.drawn[2 * n], room.drawn[2 * n + 1] = 0.0, 0.0
+    x, v = room.drawn[2 * n], room.drawn[2 * n + 1]
+    room.drawn[2 * n] = keep * x + swap * v + fine.drawn[2 * n]
+    room.drawn[2 * n + 1] = swap * x + keep * v + fine.drawn[2 * n + 1]
+    for i in range(n):
+        room.drawn[n + i] = fine.drawn[n + i] * units**i
+
+
+@kernel
+def _pair(stream, fine, coarse, factor, cycles):
+    """Follow one path on both grids; return both times of overturning (inf: none) and both last angles."""
+    rooms = make_room(fine), make_room(coarse)
+    x, v = draw_start(stream, fine.start)
+    states = [(x, v, side_of(x, v)), (x, v, side_of(x, v))]
+    times = [math.inf, math.inf]
+    begin_noise(stream, fine, rooms[0])
+    intervals = fine.low.size
+    for number in range(cycles * intervals):
+        draw_noise(stream, fine, rooms[0])
+        _gather(rooms[0], number % factor, factor, fine, rooms[1])
+        if times[0] == math.inf:
+            x, v, side = states[0]
+            origin = number * fine.span
+            x, v, side, time = interval(x, v, side, number % intervals, fine, rooms[0], None, origin)
+            states[0] = x, v, side
+            if abs(x) >= fine.cutoff:
+                times[0] = origin + time
+        if times[1] == math.inf and number % factor == factor - 1:
+            x, v, side = states[1]
+            origin = (number + 1 - factor) * fine.span
+            j = number % intervals // factor
+            x, v, side, time = interval(x, v, side, j, coarse, rooms[1], None, origin)
+            states[1] = x, v, side
+            if abs(x) >= fine.cutoff:
+                times[1] = origin + time
+    return times[0], times[1], states[0][0], states[1][0]
+
+
+@kernel(parallel=True)
+def _pairs(keys, fine, coarse, factor, cycles, out, angle):
+    for r in prange(out.shape[0]):
+        out[r, 0], out[r, 1], angle[r, 0], angle[r, 1] = _pair(open_stream(keys, r), fine, coarse, factor, cycles)
+
+
+def coupled(scene, intervals, factor, cycles, paths, seed=1):
+    """Return times of overturning and last angles, (paths, 2) each: `intervals` in a cycle, `factor` times fewer."""
+    out, angle = np.empty((2, paths, 2))
+    problems = with_intervals(scene, intervals), with_intervals(scene, intervals // factor)
+    _pairs(stream_keys(seed), *problems, factor, cycles, out, angle)
+    return out, angle
+
+
+@kernel
+def _noise(keys, problem, states, flights):
+    n = problem.stationary.size
+    for r in range(states.shape[0]):
+        stream, room = open_stream(keys, r), make_room(problem)
+        begin_noise(stream, problem, room)
+        for k in range(states.shape[1]):
+            states[r, k] = room.drawn[n : 2 * n]
+            draw_noise(stream, problem, room)
+            flights[r, k] = room.drawn[2 * n :]
+
+
+def noise_of(problem, count, paths, seed=1):
+    """Return states (paths, count, n) of the filter of noise of variance 1, and flights (paths, count, 2) between."""
+    states, flights = np.empty((paths, count, problem.stationary.size)), np.empty((paths, count, 2))
+    _noise(stream_keys(seed), problem, states, flights)
+    return states, flights

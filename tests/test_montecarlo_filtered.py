@@ -1,0 +1,291 @@
+"""Paths under filtered noise: the law of the noise, the limits, rest and lift-off, and independent survival."""
+
+import dataclasses
+import math
+
+import numba
+import numpy as np
+import pytest
+from filtered_paths import coupled, noise_of
+from scipy.stats import kstest
+
+from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, load_scene, solve_fpk
+from fpk_rocking.physics import filters
+from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.scene.scene import BandNoise, Block, Forcing, Overturning, Scene
+from montecarlo import histories, simulate, split, tally
+from montecarlo.engines import filtered, running
+from montecarlo.engines.random import open_stream, stream_keys
+from montecarlo.results.statistics import survival_test
+
+LOW_PASS = FilteredNoise("low-pass", 0.04, 9.0, math.sqrt(0.5))
+NOISES = [
+    LOW_PASS,
+    FilteredNoise("exponential", 0.04, 5.0),
+    FilteredNoise("kanai-tajimi", 0.04, 9.0, 0.6),
+    FilteredNoise("kanai-tajimi", 0.04, 3.0, 2.0),
+]
+each = pytest.mark.parametrize("noise", NOISES, ids=lambda one: f"{one.filter}-{one.damping}")
+
+
+def scene_of(noise, amplitude=4.6, frequency=2.7, restitution=0.5, start=None):
+    return Scene(Block(restitution), Forcing(amplitude, frequency, math.pi), noise, start or Start())
+
+
+def blocks(amplitude, frequency, restitution, variance, highest):
+    noise = BandNoise(variance, (0.0, highest), 100)
+    return Scene(Block(restitution), Forcing(amplitude, frequency), noise).filtered_equivalent()
+
+
+@each
+def test_sampled_noise_has_the_autocovariance(noise):
+    """The noise at four grid times and the flights between them, 100,000 paths; false alarm 4 x 6e-4.
+
+    Of n paths a sample covariance has the variance (c_ii c_jj + c_ij²)/n. The largest of 55 entries is below 4.5
+    standard errors but for a probability of 4e-4.
+    """
+    scene, n, grid = scene_of(noise), 100_000, 4
+    problem = filtered.with_intervals(scene, 24)
+    values, flights = noise_of(problem, grid, n)
+    h, nodes = problem.span, np.polynomial.legendre.leggauss(48)
+    time, weight = 0.5 * h * (1.0 + nodes[0]), 0.5 * h * nodes[1]
+    output = filters.state_space(noise).output / h ** np.arange(problem.stationary.size) * math.sqrt(noise.variance)
+    times, kernels = [], []
+    for k in range(grid):
+        times.append(np.array([k * h]))
+        kernels.append(np.ones((1, 1)))
+        if k < grid - 1:
+            times.append(k * h + time)
+            kernels.append(weight * np.stack([np.sinh(h - time), np.cosh(h - time)]))
+    parts = [[a @ _mean(noise, s, t) @ b.T for t, b in zip(times, kernels, strict=True)]
+             for s, a in zip(times, kernels, strict=True)]  # fmt: skip
+    truth = np.block(parts)
+    eta = values @ output
+    sampled = [
+        column for k in range(grid) for column in (eta[:, k : k + 1], *([flights[:, k]] if k < grid - 1 else []))
+    ]
+    data = np.concatenate(sampled, axis=1)
+    error = np.sqrt((np.outer(np.diag(truth), np.diag(truth)) + truth**2) / n)
+    assert np.abs((data.T @ data / n - truth) / error).max() < 4.5
+
+
+def _mean(noise, first, second):
+    """Autocovariance between times, shape (first, second); its kink at lag 0 is within the quadrature's error."""
+    return filters.autocovariance(noise, first[:, None] - second)
+
+
+@each
+@pytest.mark.parametrize("intervals", [24, 400])
+def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
+    """A flight by the polynomial ends where the drawn one does, to rounding, and the polynomial has the drawn noise."""
+    problem = filtered.with_intervals(scene_of(noise), intervals)
+    room, stream = filtered.make_room(problem), open_stream(stream_keys(1), 0)
+    filtered.begin_noise(stream, problem, room)
+    output = filters.state_space(noise).output / problem.span ** np.arange(problem.stationary.size)
+    n, sigma = output.size, math.sqrt(noise.variance)
+    for j in range(intervals):
+        filtered.draw_noise(stream, problem, room)
+        drawn = filtered.interval(0.8, 0.1, 1, j, problem, room, None, 0.0)[:2]
+        assert filtered._look(0.8, 0.1, 1, j, problem.span, problem, room) == pytest.approx(drawn, abs=1e-13)
+        ends = [sigma * (output @ room.drawn[:n]), sigma * (output @ room.drawn[n : 2 * n])]
+        assert room.bernstein[[0, -1]] == pytest.approx(ends, abs=1e-14)
+        if noise.filter == "low-pass":
+            slopes = (room.bernstein.size - 1) * np.diff(room.bernstein)[[0, -1]]
+            assert slopes == pytest.approx(sigma * room.drawn[[1, 3]], abs=1e-12)
+
+
+@each
+@pytest.mark.parametrize("variance", [0.0, 1e-30])
+def test_without_variance_it_is_the_deterministic_path(noise, variance):
+    scene = scene_of(dataclasses.replace(noise, variance=variance), start=Start(0.1, 0.2))
+    truth = simulate(scene.varied(noise=NoNoise()), cycles=8, realizations=1)
+    found = simulate(scene, cycles=8, realizations=3)
+    assert found.method == "filtered"
+    assert np.abs(found.angle - truth.angle).max() < 1e-10
+    assert np.abs(found.velocity - truth.velocity).max() < 1e-10
+
+
+@pytest.mark.parametrize("name", ["exponential", "low-pass", "kanai-tajimi"])
+def test_a_slow_filter_is_a_constant_force(name):
+    """From rest a block stays where |η| < 1, else it is at (|η| - 1)(cosh τ - 1) on the side of η; false alarm 2e-3."""
+    damping = None if name == "exponential" else 0.5
+    # Of Kanai-Tajimi noise, whose fast part is as strong as the slow one, the limit is that of its filter.
+    variance = 2.25
+    scene = scene_of(FilteredNoise(name, variance, 1e-3, damping), 0.0, 2.0 * math.pi)
+    if name == "kanai-tajimi":
+        scene = scene.varied(noise={"damping": 1e-3})
+    scene = dataclasses.replace(scene, overturning=Overturning(100.0))
+    found = simulate(scene, cycles=1, realizations=20_000, seed=5).angle[:, 1]
+    still = found == 0.0
+    expected = math.erf(1.0 / math.sqrt(2.0 * variance))
+    # A filter as slow as this still moves η by some 0.05 in a cycle, which lifts a few more blocks off.
+    assert abs(still.mean() - expected) < 0.02
+    eta = (1.0 + np.abs(found) / (math.cosh(1.0) - 1.0)) * np.sign(found)
+    moved = eta[~still & (np.abs(eta) > 1.2)]
+    tail = math.erfc(1.2 / math.sqrt(2.0 * variance))
+
+    def law(value):
+        outer = 0.5 * np.vectorize(math.erfc)(np.maximum(np.abs(value), 1.2) / math.sqrt(2.0 * variance)) / tail
+        return np.where(value < 0.0, outer, 1.0 - outer)
+
+    assert kstest(moved, law).pvalue > 1e-3
+
+
+def test_a_block_that_the_noise_cannot_lift_rests_for_ever():
+    scene = scene_of(FilteredNoise("low-pass", 1e-4, 5.0, 0.7), 0.9)
+    run = histories(scene, cycles=20, realizations=50, samples_per_cycle=16)
+    assert not np.any(run.angle)
+    assert not np.any(run.velocity)
+    assert run.impact_time.size == 0
+
+
+def test_noise_lifts_a_block_to_the_side_of_the_force():
+    """|f| < 1 without noise, at its largest at τ = 0; a block that has left at 1/16 of a cycle went with the force."""
+    scene = scene_of(FilteredNoise("low-pass", 0.09, 3.0, 0.7), 0.8)
+    run = histories(scene, cycles=1, realizations=4000, samples_per_cycle=16)
+    bounced = np.unique(run.impact_realization[run.impact_time <= run.scene.period / 16])
+    angle = np.delete(run.angle[:, 1], bounced)
+    assert np.count_nonzero(angle > 0.0) > 500
+    assert (angle >= 0.0).all()
+
+
+@each
+def test_same_paths_for_any_threads_size_and_samples(noise):
+    scene, threads, results = scene_of(noise), numba.get_num_threads(), []
+    try:
+        for count, size in ((1, 300), (threads, 300), (threads, 500)):
+            numba.set_num_threads(count)
+            results.append(simulate(scene, cycles=4, realizations=size, seed=2**63))
+    finally:
+        numba.set_num_threads(threads)
+    sampled = histories(scene, cycles=4, realizations=300, seed=2**63, samples_per_cycle=5)
+    for name in ("angle", "velocity", "overturn_time", "overturn_side"):
+        first = getattr(results[0], name)
+        for other in results[1:]:
+            assert first.tobytes() == getattr(other, name)[:300].tobytes()
+        if name in {"angle", "velocity"}:
+            assert first.tobytes() == np.ascontiguousarray(getattr(sampled, name)[:, ::5]).tobytes()
+
+
+def test_a_run_that_begins_later_sees_the_same_noise():
+    """From where a path is after three cycles a run that begins there goes on as the path does."""
+    scene = scene_of(LOW_PASS)
+    whole = simulate(scene, cycles=4, realizations=6, seed=7)
+    for r in np.nonzero(np.isfinite(whole.angle[:, 4]))[0]:
+        begun = scene.varied(start=Start(whole.angle[r, 3], whole.velocity[r, 3]))
+        run = running.checked(begun, 1, int(r) + 1, 7, "filtered", 200)
+        (batch,) = running.batches(run, first=int(r), cycle=3)
+        assert batch.angle[0, 1] == pytest.approx(whole.angle[r, 4], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scene", "cycles", "truth"),
+    [
+        (blocks(0.867, 1.374, 0.813, 0.0406, 17.2), 10, 0.893),
+        (blocks(1.008, 2.587, 0.948, 0.0221, 35.3), 10, 0.539),
+        (load_scene("cases/scenes/main.toml").filtered_equivalent(), 10, 0.475),
+    ],
+)
+@pytest.mark.slow
+def test_survival_is_that_of_an_independent_program(scene, cycles, truth):
+    """40,000 paths against 100,000 of an independent program, whose results have three digits; false alarm 3 x 5e-4."""
+    survival = simulate(scene, cycles=cycles, realizations=40_000, seed=8).survival[cycles]
+    error = math.sqrt(truth * (1.0 - truth) * (1.0 / 40_000 + 1.0 / 100_000))
+    assert abs(survival - truth) < 3.5 * error + 5e-4
+
+
+def test_fast_filters_approach_white_noise():
+    """Exponential noise of correlation time .05 and .025 at the main scene's diffusion; white: .8627, .4697.
+
+    40,000 paths; within 4 standard errors, 6e-5 each, of a difference of first order in the correlation time.
+    """
+    for time in (0.05, 0.025):
+        noise = FilteredNoise("exponential", 0.002 * math.pi / time, 1.0 / time)
+        survival = simulate(scene_of(noise), cycles=10, realizations=40_000, seed=9).survival
+        for cycle, white in ((4, 0.8627), (10, 0.4697)):
+            assert abs(survival[cycle] - white) < 4.0 * math.sqrt(white * (1.0 - white) / 40_000) + 0.1 * time
+
+
+def test_tally_counts_the_same_paths(tmp_path):
+    scene, sampled = scene_of(LOW_PASS), {"cycles": 3, "seed": 2}
+    whole = simulate(scene, realizations=700, **sampled)
+    tally(scene, realizations=300, checkpoint=tmp_path / "kept.npz", **sampled)
+    counted = tally(scene, realizations=700, checkpoint=tmp_path / "kept.npz", **sampled)
+    assert np.array_equal(counted.survivors, whole.survivors)
+    assert counted.method == "filtered"
+    assert survival_test(counted.survivors[1:], 700, whole.survivors[1:], 700).agrees
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: simulate(load_scene("cases/scenes/main.toml"), cycles=1, realizations=1, method="filtered"),
+            r"method: got 'filtered', accepted: 'exact' or 'rk4' .*scene\.filtered_equivalent\(\)",
+        ),
+        (
+            lambda: simulate(scene_of(LOW_PASS), cycles=1, realizations=1, method="exact"),
+            "method: got 'exact', accepted: 'filtered' for noise of kind 'filtered'",
+        ),
+        (
+            lambda: simulate(
+                scene_of(FilteredNoise("exponential", 0.1, 1e3)), cycles=1, realizations=1, steps_per_cycle=10**6
+            ),
+            r"steps_per_cycle: got 1000000, accepted: up to 2252. for a filter as fast as this",
+        ),
+        (
+            lambda: simulate(scene_of(FilteredNoise("exponential", 0.1, 1e-4)), cycles=1, realizations=1),
+            r"noise\.frequency: got 0\.0001, accepted: for an engine a size from 0\.001 to 10000",
+        ),
+        (
+            lambda: simulate(scene_of(FilteredNoise("low-pass", 0.1, 9e3, 40.0)), cycles=1, realizations=1),
+            r"noise\.frequency: got 9000\.0, accepted: for an engine a filter whose fastest rate",
+        ),
+        (
+            lambda: simulate(scene_of(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)), cycles=1, realizations=1),
+            r"noise\.damping: got 0\.0001, accepted: for an engine from 0\.001 to 1000",
+        ),
+        (
+            lambda: split(scene_of(LOW_PASS), cycles=1),
+            r"noise\.kind: got 'filtered', accepted: 'white'.*scene\.white_equivalent\(\)",
+        ),
+        (
+            lambda: solve_fpk(scene_of(LOW_PASS), cycles=1),
+            r"noise\.kind: got 'filtered', accepted: .*simulate\(\).*scene\.white_equivalent\(\)",
+        ),
+        (lambda: CycleOperator(scene_of(LOW_PASS)), r"noise\.kind: got 'filtered', accepted: .*simulate\(\)"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_results_name_their_noise():
+    assert noise_text(LOW_PASS) == "low-pass noise, variance 0.04, frequency 9, damping 0.707107"
+    assert noise_text(NOISES[1]) == "exponential noise, variance 0.04, frequency 5"
+    assert noise_text(NOISES[2]).startswith("Kanai-Tajimi noise, variance 0.04")
+    scene = scene_of(FilteredNoise("exponential", 0.04, 1.0))
+    sampled = [simulate(one, cycles=1, realizations=2) for one in (scene, scene.white_equivalent())]
+    assert remarks(sampled[0]) == ()
+    assert "covers 0.75 of the Melnikov variance" in " ".join(remarks(*sampled))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("noise", "order"), [(NOISES[1], 1.65), (FilteredNoise("low-pass", 0.0406, 15.5, 0.7071), 2.4)]
+)
+def test_order_of_the_intervals(noise, order):
+    """Coupled paths of a block near |f| = 1 after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer.
+
+    The order is that of the mean angle where the noise is rough, and of the share at rest where it is smooth, whose
+    mean angle is too good to tell. 200,000 paths tell it to 0.1; false alarm below 1e-2.
+    """
+    scene = dataclasses.replace(blocks(0.867, 1.374, 0.813, 0.0406, 17.2), noise=noise)
+    errors = []
+    for factor in (4, 8, 16):
+        _, angle = coupled(scene, 256, factor, 1, 200_000)
+        size = np.abs(angle) if noise.filter == "exponential" else (angle == 0.0).astype(float)
+        errors.append(abs(np.mean(size[:, 1] - size[:, 0])))
+    steps = np.diff(errors)
+    assert math.log2(steps[1] / steps[0]) == pytest.approx(order, abs=0.3)
