@@ -63,6 +63,15 @@ def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     assert found.bins_error_estimate <= 2e-3
 
 
+def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
+    for wrong in (0.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match=r"^bins_tol: got "):
+            solve_fpk(MAIN, cycles=1, tol=1e-2, bins_tol=wrong)
+    left_out, wanted = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 1e-3))
+    assert left_out.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+    assert left_out.bins_error_estimate > 1e-3 >= wanted.bins_error_estimate
+
+
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
     monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
     monkeypatch.setattr(refinement, "USUAL", {1e-4: 2})

@@ -145,6 +145,19 @@ def test_the_error_of_survival_covers_both_of_its_reasons(operator, outlook, mon
     assert ruled[1][1]
 
 
+def test_a_map_has_the_forward_value_at_rest_and_at_the_scene_s_own_start(operator):
+    """Beside them it is the adjoint's, which differs more at rest: no mesh resolves how noise sets a block off."""
+    moving = Start(0.3, 0.4)
+    shifted = CycleOperator(MAIN.varied(start=moving), tol=1e-2)
+    passage = [operator.survival_map(cycles)(0.0, 0.0) for cycles in (3, 4)]
+    assert passage == pytest.approx(operator.survival([3, 4]), rel=1e-12)
+    assert operator.first_passage_map(4)(0.0, 0.0) == pytest.approx(passage[0] - passage[1], rel=1e-9)
+    chances = shifted.survival_map(4)
+    assert chances([0.0, 0.3], [0.0, 0.4])[1] == pytest.approx(shifted.survival([4])[0], rel=1e-12)
+    assert chances(0.0, 0.0) == pytest.approx(passage[1], abs=2e-3)
+    assert chances(0.3, 0.4) == pytest.approx(chances(0.3 + 1e-9, 0.4), abs=5e-3)
+
+
 def test_the_error_of_a_map_is_its_difference_from_the_coarser_mesh(operator):
     """L1 over the integral, by values on a grid of 300 x 600 points, which is good to some percent."""
     level, chances = operator._coarse, operator.survival_map(4)
