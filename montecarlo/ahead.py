@@ -1,7 +1,7 @@
 """Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
 
 from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
-from fpk_rocking.scene.parts import BandNoise
+from fpk_rocking.scene.parts import BandNoise, FilteredNoise
 from montecarlo.simulation import simulate
 
 _MOTION = {"block": Block(0.5), "forcing": Forcing(4.6, 2.7, 0.0), "start": Start(), "overturning": Overturning()}
@@ -20,6 +20,11 @@ def rk4():
 def white():
     """Paths under white noise."""
     _simulate(WhiteNoise(0.01), "white")
+
+
+def filtered():
+    """Paths under filtered noise."""
+    _simulate(FilteredNoise("low-pass", 0.04, 9.0, 0.7), "filtered")
 
 
 def _simulate(noise, method):

@@ -1,7 +1,10 @@
 """The first answer on a new machine: what is compiled, by whom, and what a command loads."""
 
+import importlib
 import json
 import os
+import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -10,7 +13,9 @@ import time
 import pytest
 
 from fpk_rocking.base import ahead, jit
+from montecarlo.engines.running import ENGINES
 
+ROOT = pathlib.Path(__file__).parents[1]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
 
 SCENE = """
@@ -83,6 +88,16 @@ def test_the_first_command_says_once_that_it_compiles(scene, tmp_path):
 
 
 WHITE = "montecarlo.ahead:white"
+
+
+def test_every_engine_and_every_call_has_its_task():
+    named = {f"montecarlo.ahead:{method}" for method in ENGINES}
+    for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
+        named.update(re.findall(r'ahead\.before\("([\w.:]+)"', path.read_text(encoding="utf-8")))
+    assert named <= set(ahead.TASKS)
+    for task in ahead.TASKS:
+        module, name = task.split(":")
+        assert callable(getattr(importlib.import_module(module), name))
 
 
 @pytest.mark.parametrize(

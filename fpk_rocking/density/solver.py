@@ -19,7 +19,7 @@ from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 
-NEGLIGIBLE = 1e-5
+NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be active."""
 
 BYTES = 2.0
