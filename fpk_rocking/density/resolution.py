@@ -25,6 +25,9 @@ _RESTS, _RESTING_STEP, _STEP = 0.5, 0.07, 2.33 / 16
 _NOISY_STEP = 0.03
 """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed^2."""
 
+_TAIL_CELLS = 32.0
+"""Cells an axis within the motion up to which those beyond grow by `TAIL`; with more they grow less, in proportion."""
+
 FEWEST = 6
 """Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
 
@@ -143,9 +146,10 @@ class Resolution:
         step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
         steps = self.steps / 16 * scene.period / step
         fewest = FEWEST * scene.period / scene.forcing.shortest_period
+        growths = [1.0 + (growth - 1.0) * min(_TAIL_CELLS / cells, 1.0) for cells in (angle_cells, velocity_cells)]
         return Grid(
-            extended_lines(angle, cutoff, growth),
-            extended_lines(extended_lines(velocity, bound, growth), beyond),
+            extended_lines(angle, cutoff, growths[0]),
+            extended_lines(extended_lines(velocity, bound, growths[1]), beyond),
             self.degree,
             self.quadrature,
             _even(max(steps, 0.5 * self.steps, fewest)),
