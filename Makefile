@@ -27,7 +27,7 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 	$(BIN)/python cases/gallery.py
 
 test: $(STAMP)  ## the test suite
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minutes
 	@set -e; for script in cold_start density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
