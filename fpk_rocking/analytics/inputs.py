@@ -3,8 +3,9 @@
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.equivalence import noise_variance
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Forcing, refuse_transient
 from fpk_rocking.scene.parts import NOISES
 
 
@@ -50,6 +51,7 @@ def amplitude_and_frequency(forcing):
     """Return A and Ω as arrays, from a harmonic Forcing or from a pair (amplitude, frequency) of arrays."""
     if isinstance(forcing, Forcing):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
+    refuse_transient(forcing, "the Melnikov process")
     if not isinstance(forcing, tuple) or len(forcing) != 2:
         raise TypeError(checks.refusal("forcing", forcing, "a harmonic Forcing, or a pair (amplitude, frequency)"))
     amplitude, frequency = forcing
@@ -64,6 +66,7 @@ def noises(noise):
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
         checks.instance("noise", entry, *NOISES.values())
+        refuse_envelope(entry, "a Melnikov variance")
     return array
 
 

@@ -55,11 +55,12 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 
 @kernel(borrows=True)
-def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
+def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     """Say where a draw that ended beyond x = 0, or was meant to end there, has led: through an impact if one is found.
 
     The impact lies on the parabola through the drawn state. Where that has none within the step, the motion since the
-    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None.
+    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None. `latest` is the
+    latest time for it: `end`, or that of a step that was to end with it.
     """
     restitution = problem.restitution
     pull = u - 1.0 + side * polynomial(segment.force, end)[0]
@@ -67,7 +68,7 @@ def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
         time = end + 2.0 * u / (speed - w)
-        if start <= time <= (problem.span if arrives else end):
+        if start <= time <= latest:
             if impacts is not None:
                 record(impacts, origin + time, -side * speed)
             return 0.0, impact(speed, restitution), -side, time
@@ -79,12 +80,15 @@ def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
 
 
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
-def near(stream, u, w, side, segment, start, problem, impacts, origin):
-    """Take one step near a barrier; return u, w, side and the time reached. u >= cutoff means overturned."""
-    cutoff, left = problem.cutoff, problem.span - start
+def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin):
+    """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
+
+    u >= cutoff means overturned.
+    """
+    cutoff, left, diffusion, reach = problem.cutoff, limit - start, problem.diffusion[j], problem.reach[j]
     low, high = (segment.force_low, segment.force_high) if side > 0 else (-segment.force_high, -segment.force_low)
-    down = safe_step(u, w, min(0.0, low - 1.0), problem.reach, left, problem.shortest)
-    up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), problem.reach, left, problem.shortest)
+    down = safe_step(u, w, min(0.0, low - 1.0), reach, left, problem.shortest)
+    up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), reach, left, problem.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
         duration = min(max(duration, problem.shortest), left)
@@ -92,15 +96,15 @@ def near(stream, u, w, side, segment, start, problem, impacts, origin):
         falls = down <= up
         needed = safe_time(u, w, -pull) if falls else safe_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0
-        if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * problem.diffusion * needed < FAST * w * w:
+        if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * diffusion * needed < FAST * w * w:
             if not falls:
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
-    end = problem.span if duration == left else start + duration
+    end = limit if duration == left else start + duration
     x, v = flight(side * u, side * w, side, segment, start, end)
-    xx, vx, vv = noise_factor(problem.diffusion, end - start)
+    xx, vx, vv = noise_factor(diffusion, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:
-        return land(u, w, side, segment, start, end, arrives, problem, impacts, origin)
+        return land(u, w, side, segment, start, end, limit if arrives else end, problem, impacts, origin)
     return u, w, side, end

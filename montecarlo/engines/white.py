@@ -22,12 +22,14 @@ from numba import prange
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.flight import Segment, flight, segment_of
+from fpk_rocking.physics.envelope import mean_squares
+from fpk_rocking.physics.flight import Segment, flight, polynomial, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.physics.transition import Impacts
+from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.approach import land, near, noise_factor
 from montecarlo.engines.bounce import bounce
+from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import keys_at, normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
 
@@ -47,19 +49,20 @@ _FEWEST, _LONGEST = 16, 0.075
 
 
 class Problem(NamedTuple):
-    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a cycle.
+    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
-    `start` (5,): see `start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
-    the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
-    side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
-    of its noise. `shortest`: duration of the shortest step. `brief`: half the duration of the longest bounce that is
-    one draw. `reach`: REACH standard deviations of the angle after a
-    time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
+    `start` (5,), `marks`: see `start` and `grid`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
+    segments of the forcing. `diffusion` (m,): D, 0 where it counts as none (`physics.envelope.QUIET`). `drift` (m, 2,
+    2): angle and velocity after an interval from (0, 0), indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh
+    and sinh of `span`, an interval's duration; `spread` (m, 3): Cholesky factor of its noise. `shortest`: duration of
+    the shortest step. `brief`: half the duration of the longest bounce that is one draw. `reach`: REACH standard
+    deviations of the angle after a time t <= span are at most reach t^1.5, and `margin` after an interval, (m,) both.
+    `repeats`: whether a lap does, and has no kinks, so that a bounce in one draw may go on into the next intervals.
     """
 
     restitution: float
     cutoff: float
-    diffusion: float
+    diffusion: np.ndarray
     start: np.ndarray
     particular: np.ndarray
     force: np.ndarray
@@ -72,9 +75,10 @@ class Problem(NamedTuple):
     span: float
     shortest: float
     brief: float
-    reach: float
-    margin: float
-    samples: int
+    reach: np.ndarray
+    margin: np.ndarray
+    marks: np.ndarray
+    repeats: bool
 
 
 @kernel
@@ -86,11 +90,27 @@ def _segments(particular, span, force, low, high, curvature, drift):
             drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
 
 
-def problem_of(scene, steps_per_cycle, samples=1):
+def _factors(diffusions, envelope, span):
+    """Return `spread` of a `Problem`, exact where the envelope is smooth."""
+    if envelope is None:
+        return np.sqrt(diffusions)[:, None] * np.array(noise_factor(1.0, span))
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    s = 0.5 * span * (1.0 + nodes)
+    strength = envelope.value(span * np.arange(len(diffusions))[:, None] + s) ** 2
+    means = strength @ weights / 2.0
+    weights = span * weights * strength * (diffusions / np.where(means > 0.0, means, 1.0))[:, None]
+    sinh, cosh = np.sinh(span - s), np.cosh(span - s)
+    xx, xv, vv = weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
+    x = np.sqrt(xx)
+    v = np.divide(xv, x, out=np.zeros_like(x), where=x > 0.0)
+    return np.stack([x, v, np.sqrt(np.maximum(vv - v * v, 0.0))], axis=-1)
+
+
+def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with white noise.
 
-    The intervals of a cycle are a multiple of `samples`, and no bounce that is one draw outlasts a sample, so other
-    samples mean other paths (of the same law).
+    No step and no bounce that is one draw outlasts a time in `times`, so other times mean other paths (of the same
+    law).
     """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
@@ -101,11 +121,10 @@ def problem_of(scene, steps_per_cycle, samples=1):
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    fewest = max(
-        math.ceil(_FEWEST * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST)
-    )
-    intervals = samples * math.ceil(fewest / samples)
-    span = scene.period / intervals
+    longest, envelope = min(scene.forcing.shortest_period / _FEWEST, _LONGEST), scene.noise.envelope
+    grid = grid_of(scene, longest if envelope is None else min(longest, envelope.spacing), times)
+    intervals, span = grid.count, grid.spacing
+    diffusions = diffusion * mean_squares(envelope, span * np.arange(intervals + 1))
     tables = (
         np.empty((intervals, TERMS)),
         np.empty(intervals),
@@ -115,53 +134,73 @@ def problem_of(scene, steps_per_cycle, samples=1):
     )
     particular = scene.forcing.pieces(np.arange(intervals) * span)
     _segments(particular, span, *tables)
-    xx, _, _ = flight_covariance(diffusion, span)
+    xx, _, _ = flight_covariance(1.0, span)
+    roots = np.sqrt(diffusions)
     return Problem(
         restitution,
         scene.overturning.angle,
-        diffusion,
+        diffusions,
         start_numbers(scene.start),
         particular,
         *tables,
         np.array([math.cosh(span), math.sinh(span)]),
-        np.array(noise_factor(diffusion, span)),
+        _factors(diffusions, envelope, span),
         span,
-        scene.period / (FINEST * steps_per_cycle),
+        scene.forcing.time_scale / (FINEST * steps_per_cycle),
         BRIEF * span,
-        REACH * math.sqrt(xx / span**3),
-        REACH * math.sqrt(xx),
-        samples,
+        REACH * math.sqrt(xx / span**3) * roots,
+        REACH * math.sqrt(xx) * roots,
+        grid.marks,
+        scene.repeats and scene.period is not None,
     )
 
 
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
-def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, until=0.0):
-    """Take the block from `start` through interval j of a cycle; return u, w, side and the time reached.
+def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
+    """Take the block from `start` to `end` of interval j of a lap; return u, w, side and the time reached.
 
-    That is less than `span` if it has overturned, and up to `until` if it bounces at the interval's end. Times count
-    from `origin`, that of the interval's begin; `impacts` records the impacts.
+    That is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`, that
+    of the interval's begin, and `end` is at most its end; `impacts` records the impacts.
     """
     span, cutoff, time = problem.span, problem.cutoff, start
+    end = min(end, span)
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
-    if start == 0.0 and is_clear(u, w, side, j, problem):
+    if start == 0.0 and end == span and is_clear(u, w, side, j, problem):
         first, second = normal(stream), normal(stream)
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
-        xx, vx, vv = problem.spread
+        xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
         x = keep * u + swap * w + side * (drift[0] + xx * first)
         w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
         if x >= 0.0:
             return x, w, side, span
-        u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem, impacts, origin)
-    until = max(until, span)
-    while time < span and u < cutoff:
+        u, w, side, time = land(x, w, side, segment, 0.0, span, span, problem, impacts, origin)
+    if problem.diffusion[j] == 0.0:
+        return _undisturbed(u, w, side, segment, time, end, problem, impacts, origin)
+    if u == 0.0 and w == 0.0:
+        # At rest the first step would begin with an impact if the force pressed the block down.
+        side = 1 if polynomial(segment.force, time)[0] > 0.0 else -1
+    until = max(until, end)
+    while time < end and u < cutoff:
         if u == 0.0 and w > 0.0:
             w, after, time = bounce(stream, w, side, j, time, until, problem, impacts, origin)
             if after != 0:
                 side = after
                 continue
-        u, w, side, time = near(stream, u, w, side, segment, time, problem, impacts, origin)
+        u, w, side, time = near(stream, u, w, side, segment, j, time, end, problem, impacts, origin)
     return u, w, side, time
+
+
+@kernel(borrows=True)
+def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
+    """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
+    side = 0 if u == 0.0 and w == 0.0 else side
+    x, v, side, time = advance(
+        side * u, side * w, side, segment, start, end, problem.restitution, problem.cutoff, impacts, origin
+    )
+    if side == 0:
+        return 0.0, 0.0, 1, time
+    return side * x, side * v, side, time
 
 
 @kernel(borrows=True)
@@ -171,7 +210,7 @@ def is_clear(u, w, side, j, problem):
     span, cutoff, half = problem.span, problem.cutoff, 0.5 * problem.span * problem.span
     above = u + span * w + half * min(0.0, low - 1.0)
     below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
-    return above >= problem.margin and below >= problem.margin
+    return above >= problem.margin[j] and below >= problem.margin[j]
 
 
 @kernel
@@ -187,22 +226,26 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     x, v = draw_start(stream, problem.start)
     side = first_side(x, v, problem)
     u, w = side * x, side * v
-    intervals, span = problem.low.size, problem.span
-    elapsed = cycle * intervals
+    intervals, span, marks = problem.low.size, problem.span, problem.marks
+    elapsed, start = cycle * intervals, 0.0
     if u >= problem.cutoff:
         return elapsed * span, side
     angle[0], velocity[0] = x, v
     for row in range(1, angle.size):
-        left, start = intervals // problem.samples, 0.0
-        while left > 0:
-            j, origin = elapsed % intervals, elapsed * span
-            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, origin, start, left * span)
-            if u >= problem.cutoff:
-                return origin + time, side
-            passed = min(left, max(1, int(time / span)))
-            start = max(0.0, time - passed * span) if passed < left else 0.0
+        mark = marks[(row - 1) % marks.size] + (cycle + (row - 1) // marks.size) * intervals
+        while elapsed < mark:
+            left, j, origin = mark - elapsed, elapsed % intervals, elapsed * span
+            end = min(left, 1.0) * span
+            if start < end:
+                until = left * span if problem.repeats else 0.0
+                u, w, side, start = interval(stream, u, w, side, j, problem, impacts, origin, start, end, until)
+                if u >= problem.cutoff:
+                    return origin + start, side
+            if left < 1.0:
+                break
+            passed = min(int(left), max(1, int(start / span)))
+            start = max(0.0, start - passed * span) if passed < left else 0.0
             elapsed += passed
-            left -= passed
         angle[row], velocity[row] = side * u, side * w
     return math.nan, 0
 
