@@ -14,7 +14,9 @@ from studies.verbs import VERBS, engine_of
 
 _ENGINES = ("exact", "rk4", "white", "filtered", "density")
 _MOST = 10_000
-_REPLACED = "The noise is replaced at every scale by {} noise of equal Melnikov variance: a closure, to be judged by Monte Carlo."
+_REPLACED = (
+    "At every scale {} noise of equal Melnikov variance stands for the scene's: a closure, to be judged by Monte Carlo."
+)
 
 
 def fragility(

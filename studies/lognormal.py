@@ -125,7 +125,7 @@ def _likelihood(z, count, trials):
 
 
 def _maximize(logs, count, trials, start=None):
-    """Maximize the likelihood of each set of counts (r, n); return curves (r, 2), b₀ and b₁, and information (r, 2, 2)."""
+    """Maximize the likelihood of sets of counts (r, n); return curves (r, 2), b₀ and b₁, and information (r, 2, 2)."""
     sets = count.shape[0]
     if start is None:
         middle, spread = logs.mean(), max(logs.std(), _SMALL)

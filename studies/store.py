@@ -73,15 +73,13 @@ class Store:
         header = self._entry(lines[0] if lines else b"", 1)
         for name in wanted | header:
             if header.get(name) != wanted.get(name):
-                accepted = f"a new file, or that of a sweep with {name} = {wanted.get(name)!r}"
-                raise ValueError(checks.refusal("store", f"{self.path} with {name} = {header.get(name)!r}", accepted))
+                raise self._of_another(f"{name} = {header.get(name)!r}", f"{name} = {wanted.get(name)!r}")
         for number, line in enumerate(lines[1:], 2):
             row = self._entry(line, number)
             if row.keys() != _ROW.keys() or not all(isinstance(row[name], cls) for name, cls in _ROW.items()):
                 raise self._damaged(number)
             if digests.get(row["cell"]) != row["digest"]:
-                accepted = "a new file, or that of a sweep whose first scenes and seed are the same"
-                raise ValueError(checks.refusal("store", f"{self.path} with another cell {row['cell']}", accepted))
+                raise self._of_another(f"another cell {row['cell']}", "the same scenes, in this order, and seed")
             self._take(row)
         return whole
 
@@ -93,6 +91,11 @@ class Store:
         if not isinstance(entry, dict):
             raise self._damaged(number)
         return entry
+
+    def _of_another(self, found, wanted):
+        return ValueError(
+            f"store: got {self.path} with {found}, accepted: a new file, or that of a sweep with {wanted}"
+        )
 
     def _damaged(self, number):
         return ValueError(
