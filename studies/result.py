@@ -153,11 +153,25 @@ class Fragility:
     @property
     def remarks(self):
         """Sentences that have to stand wherever this result is shown."""
-        found = list(remarks(*(_Shown(scene, self.closure) for scene in self.scenes)))
+        of = [sentence for scene in self.scenes for sentence in remarks(_Shown(scene, self.closure))]
+        kinds = {}
+        for sentence in dict.fromkeys(of):
+            kinds.setdefault(sentence.partition(":")[0], []).append(sentence)
+        found = [one + f" (Other scenes: {len(more)} likewise.)" * bool(more) for one, *more in kinds.values()]
         if self.reasons:
             first = next(iter(self.reasons.values()))
             found.append(f"{len(self.reasons)} of {self.probability.size} probabilities have no answer: {first}")
         return found
+
+    def describe(self, scene, which=0):
+        """Return the lognormal fit of a scene's curve as a sentence."""
+        fit, name = self.fits[scene][which], self.names[which]
+        where = f"{name}, {self.axis} {self.place[scene]:.4g}" if len(self.scenes) > 1 else name
+        if fit.reason:
+            return f"Lognormal ({where}): no fit, {fit.reason}."
+        text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
+        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
+        return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
 
     def rows(self):
         """Yield each probability as a dict: the columns of `to_csv`."""
@@ -250,6 +264,11 @@ class _Shown(NamedTuple):
     scene: Scene
     closure: str
     averaged: bool = False
+
+
+def _limits(interval):
+    """Return confidence limits as a text; of what has none an empty one."""
+    return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""
 
 
 def _plain(value):
