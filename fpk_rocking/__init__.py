@@ -15,6 +15,8 @@ _SCENE = (
     "Harmonics",
     "NoNoise",
     "Overturning",
+    "Pulse",
+    "Record",
     "Scene",
     "Start",
 )
@@ -35,6 +37,8 @@ __all__ = [
     "Harmonics",
     "NoNoise",
     "Overturning",
+    "Pulse",
+    "Record",
     "Scene",
     "Start",
     "WhiteNoise",

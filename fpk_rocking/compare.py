@@ -30,7 +30,7 @@ class Result(typing.Protocol):
     """
 
     scene: object
-    cycles: int
+    times: np.ndarray
     survival: np.ndarray
     overturned: np.ndarray
     wall_s: float
@@ -50,7 +50,9 @@ class Comparison:
     realizations : tuple of (int or None)
         Sizes of ensembles, None for a density.
     cycles : ndarray, shape (n+1,)
-        0 to the last cycle that both results have.
+        0 to the last cycle that both results have; numbers of `times` where the forcing does not repeat.
+    times : ndarray, shape (n+1,)
+        Nondimensional times.
     survival : ndarray, shape (n+1, 2)
         P(not overturned) after each cycle.
     interval : ndarray, shape (n+1, 2, 2)
@@ -71,8 +73,9 @@ class Comparison:
         Distances of the binned joint densities, and what they are expected to be for two samples of one law.
     outside : ndarray, shape (m, 2)
         P(not overturned) outside all bins.
-    melnikov_amplitude, melnikov_loss : float
-        Amplitude D_m of the harmonic part of the Melnikov process, and M, which it has to exceed without noise.
+    melnikov_amplitude, melnikov_loss : float or None
+        Amplitude D_m of the harmonic part of the Melnikov process, and M, which it has to exceed without noise. None,
+        as all of Melnikov below, where the forcing does not repeat.
     melnikov_deviation, melnikov_margin : ndarray, shape (2,)
         Of each result's noise as its scene states it: σ_M, and √(D_m² + σ_M²) - M, positive where paper eq. 14 is met.
     phase_flux : ndarray, shape (2,)
@@ -86,6 +89,7 @@ class Comparison:
     names: tuple[str, str]
     realizations: tuple[int | None, int | None]
     cycles: np.ndarray
+    times: np.ndarray
     survival: np.ndarray
     interval: np.ndarray
     error_estimate: np.ndarray
@@ -135,7 +139,8 @@ def compare(first, second, joint_cycles=None) -> Comparison:
         A cycle is not a whole number.
     """
     _same_problem(first.scene, second.scene)
-    cycles = min(first.cycles, second.cycles)
+    cycles = min(len(first.times), len(second.times)) - 1
+    _same_times(first.times, second.times)
     joint_cycles = _joint_cycles(joint_cycles, cycles)
     both, kept = (first, second), slice(0, cycles + 1)
     sizes = [float(result.realizations or math.inf) for result in both]
@@ -151,6 +156,7 @@ def compare(first, second, joint_cycles=None) -> Comparison:
         names=(first.engine, second.engine),
         realizations=tuple(result.realizations for result in both),
         cycles=np.arange(cycles + 1),
+        times=np.asarray(first.times)[kept],
         survival=survival,
         interval=np.stack([_interval(result)[kept] for result in both], axis=1),
         error_estimate=np.array([float(result.facts.get("error_estimate", math.nan)) for result in both]),
@@ -190,6 +196,13 @@ def _same_problem(first, second):
             )
 
 
+def _same_times(first, second):
+    """Refuse results at other times; of whole cycles the fewer are a part of the more."""
+    common = min(len(first), len(second))
+    if not np.allclose(first[:common], second[:common], rtol=1e-12, atol=0.0):
+        raise ValueError("times: got other times in the second result, accepted: two results at the same times")
+
+
 def _joint_cycles(asked, cycles) -> list[int]:
     if asked is None:
         return shown_cycles(cycles)
@@ -216,6 +229,9 @@ def _joint(both, sizes, cycle, edges):
 
 def _melnikov(both) -> dict:
     forcing, restitution = both[0].scene.forcing, both[0].scene.block.restitution
+    if forcing.period is None:
+        names = "melnikov_amplitude", "melnikov_loss", "melnikov_deviation", "melnikov_margin", "phase_flux"
+        return dict.fromkeys(names)
     noise = [result.scene.noise for result in both]
     return {
         "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing)),
@@ -228,7 +244,7 @@ def _melnikov(both) -> dict:
 
 def _interval(result) -> np.ndarray:
     interval = result.survival_interval(_LEVEL)
-    return np.full((result.cycles + 1, 2), math.nan) if interval is None else np.asarray(interval)
+    return np.full((len(result.times), 2), math.nan) if interval is None else np.asarray(interval)
 
 
 def _z(difference, standard_error, sizes) -> np.ndarray:

@@ -9,10 +9,20 @@ from montecarlo.engines import running
 from montecarlo.results.histories import Histories
 
 _ROOM_PER_CYCLE = 16
+_SAMPLES, _PARTS = 100, 1000
 
 
 def histories(
-    scene, *, cycles, realizations=1, seed=1, method=None, steps_per_cycle=200, samples_per_cycle=100, progress=None
+    scene,
+    *,
+    cycles=None,
+    times=None,
+    realizations=1,
+    seed=1,
+    method=None,
+    steps_per_cycle=200,
+    samples_per_cycle=None,
+    progress=None,
 ):
     """Simulate realizations and keep their time histories and every impact.
 
@@ -25,8 +35,11 @@ def histories(
         Block, forcing, noise, start and overturning.
     cycles, realizations, seed, method, steps_per_cycle, progress
         As for `montecarlo.simulate`.
-    samples_per_cycle : int
-        States that are kept of each cycle, at least 1.
+    times : array_like, optional
+        Times of the states for a forcing that does not repeat; by default 1000 parts of the time that
+        `montecarlo.simulate` follows it for.
+    samples_per_cycle : int, optional
+        States that are kept of each cycle, at least 1, by default 100; given only where there are cycles.
 
     Returns
     -------
@@ -38,8 +51,15 @@ def histories(
         A parameter is refused, as by `montecarlo.simulate`.
     """
     started = time.perf_counter()
-    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
-    samples = checks.count("samples_per_cycle", samples_per_cycle)
+    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
+    samples = checks.count("samples_per_cycle", _SAMPLES if samples_per_cycle is None else samples_per_cycle)
+    if scene.period is None:
+        if samples_per_cycle is not None:
+            accepted = f"nothing: a {scene.forcing.kind} has no cycles; `times` are those of the states"
+            raise ValueError(checks.refusal("samples_per_cycle", samples_per_cycle, accepted))
+        samples = 1
+        if times is None:
+            run = run._replace(times=np.linspace(0.0, run.times[-1], _PARTS + 1))
     running.refuse_large(run, samples + _ROOM_PER_CYCLE)
     parts = [(batch, _listed(batch)) for batch in _complete(run, samples, progress)]
     columns = [np.concatenate(column) for column in zip(*(batch[1:5] for batch, _ in parts), strict=True)]
@@ -51,7 +71,7 @@ def histories(
         run.steps_per_cycle,
         samples,
         time.perf_counter() - started,
-        scene.period * (np.arange(run.cycles * samples + 1) / samples),
+        run.times if scene.period is None else scene.period * (np.arange(run.rows * samples + 1) / samples),
         *columns,
         *impacts,
     )
@@ -59,14 +79,14 @@ def histories(
 
 def _complete(run, samples, progress):
     """Yield batches that hold all their impacts: one that has more than its room is simulated again with enough."""
-    room = _ROOM_PER_CYCLE * run.cycles
+    room = _ROOM_PER_CYCLE * run.rows
     for batch in running.batches(run, samples=samples, capacity=room, progress=progress):
         needed = int(batch.impacts.count.max())
         if needed <= room:
             yield batch
         else:
             again = run._replace(realizations=batch.first + batch.angle.shape[0])
-            running.refuse_large(again._replace(realizations=batch.angle.shape[0], cycles=1), needed)
+            running.refuse_large(again._replace(realizations=batch.angle.shape[0], times=run.times[:2]), needed)
             yield from running.batches(again, first=batch.first, samples=samples, capacity=needed)
 
 

@@ -14,7 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.scene.parts import Start
+from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.results.ensemble import Ensemble
 
@@ -55,6 +57,7 @@ def mean_poincare_map(ensemble, overturned="clamped"):
         A parameter is refused.
     """
     checks.instance("ensemble", ensemble, Ensemble)
+    refuse_transient(ensemble.scene.forcing, "a Poincaré map")
     _checked(overturned)
     cutoff = ensemble.scene.overturning.angle
     columns = zip(ensemble.angle.T, ensemble.velocity.T, strict=True)
@@ -90,9 +93,11 @@ def restarted_poincare_map(
     TypeError, ValueError
         A parameter is refused, as by `montecarlo.simulate`.
     """
+    checks.instance("scene", scene, Scene)
+    refuse_transient(scene.forcing, "a Poincaré map")
     run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
     running.refuse_large(run)
-    run = run._replace(cycles=1)
+    run = run._replace(times=run.times[:2])
     _checked(overturned)
     cutoff, rows, place = scene.overturning.angle, [], scene.start
     for cycle in range(cycles):

@@ -18,7 +18,8 @@ _BATCH_STATES = 2**22
 def tally(
     scene,
     *,
-    cycles,
+    cycles=None,
+    times=None,
     realizations,
     seed=1,
     method=None,
@@ -35,7 +36,7 @@ def tally(
 
     Parameters
     ----------
-    scene, cycles, seed, method, steps_per_cycle, progress
+    scene, cycles, times, seed, method, steps_per_cycle, progress
         As in `simulate`.
     realizations : int
         Size of the ensemble, 1 to 2**31 - 1.
@@ -58,13 +59,13 @@ def tally(
         or belongs to another run, and is then left as it is.
     """
     started = time.perf_counter()
-    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
     if run.realizations > LARGEST:
         raise ValueError(checks.refusal("realizations", run.realizations, f"a whole number from 1 to {LARGEST}"))
     angles, velocities = joint_edges(scene)
     edges = _edges("angle_edges", angle_edges, angles), _edges("velocity_edges", velocity_edges, velocities)
-    _check_size(run.cycles, edges)
-    counts, spent = empty_counts(scene, run.cycles, *edges), 0.0
+    _check_size(run, edges)
+    counts, spent = empty_counts(run.scene, run.times, *edges), 0.0
     if checkpoint is not None and checks.path("checkpoint", checkpoint).exists():
         counts, spent = resumed(checkpoint, run, counts)
 
@@ -76,7 +77,7 @@ def tally(
     keeper = Keeper(checkpoint, done)
     try:
         for batch in _batches(run, done, progress):
-            add(counts, batch, scene.period)
+            add(counts, batch)
             if keeper.is_due:
                 keeper.keep(result())
     finally:
@@ -86,7 +87,7 @@ def tally(
 
 def _batches(run, first, progress):
     """Yield the batches of a run from a realization on, none of more states than are held at once."""
-    most = max(1, _BATCH_STATES // (run.cycles + 1))
+    most = max(1, _BATCH_STATES // (run.rows + 1))
     report = None if progress is None else lambda done, _: progress(done, run.realizations)
     for begin in range(first, run.realizations, most):
         piece = run._replace(realizations=min(begin + most, run.realizations))
@@ -102,13 +103,13 @@ def _edges(name, given, default):
     return _halved(default) if given is None else ascending_edges(name, given, finite=True)
 
 
-def _check_size(cycles, edges):
+def _check_size(run, edges):
     """Refuse histograms that do not fit into little memory."""
     bins = [values.size - 1 for values in edges]
     most = _HISTOGRAM_BYTES // (4 * bins[0] * bins[1]) - 1
     if most < 1:
         accepted = f"at most {_HISTOGRAM_BYTES // 8} bins; edges of your own may make fewer than the default ones"
         raise ValueError(checks.refusal("angle_edges, velocity_edges", f"{bins[0]} x {bins[1]} bins", accepted))
-    if cycles > most:
+    if run.rows > most:
         accepted = f"1 to {most} with {bins[0]} x {bins[1]} bins; angle_edges and velocity_edges of your own make fewer"
-        raise ValueError(checks.refusal("cycles", cycles, accepted))
+        raise ValueError(checks.refusal("cycles" if run.scene.period else "number of times", run.rows, accepted))

@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 from studies.cells import Cell, seed_of
 from studies.result import Fragility
@@ -23,7 +24,8 @@ def fragility(
     scene,
     *,
     scale,
-    cycles,
+    cycles=None,
+    times=None,
     engine=None,
     levels=(),
     over=None,
@@ -49,8 +51,11 @@ def fragility(
         At scale 1; several are motions that are treated alike, say.
     scale : sequence of float
         Factors of the acceleration of the forcing and of the noise, above 0.
-    cycles : int
-        Forcing cycles within which the block overturns or not.
+    cycles : int, optional
+        Forcing cycles within which the block overturns or not; given exactly where the forcing repeats.
+    times : sequence of float, optional
+        For a motion that ends: the last one is when a block has overturned or not. By default so long after the end
+        of each motion that blocks have settled (`fpk_rocking.results.times`).
     engine : str, optional
         "exact", "rk4", "white" or "filtered": Monte Carlo by this method of `montecarlo.simulate`; band noise becomes
         white or filtered noise for the latter two. "density": `fpk_rocking.solve_fpk`. By default the Monte Carlo
@@ -90,7 +95,11 @@ def fragility(
     _check_levels(levels, scenes)
     seed = checks.count("seed", seed, at_least=0)
     engine, shaken, closure = _engine(engine, scenes)
-    options, realizations = _options(engine, shaken, checks.count("cycles", cycles), realizations, tol)
+    lasting = {} if cycles is None else {"cycles": cycles}
+    lasting |= {} if times is None else {"times": [float(time) for time in times]}
+    for one in shaken:
+        result_times(one, **lasting)
+    options, realizations = _options(engine, shaken, lasting, realizations, tol)
     shape, cells = (len(scenes), 1 + len(levels), len(factors)), []
     for m, which, n in np.ndindex(shape):
         own = seed_of(seed, n if over else m * len(factors) + n)
@@ -160,14 +169,14 @@ def _engine(engine, scenes):
     return engine, scenes, ""
 
 
-def _options(engine, scenes, cycles, realizations, tol):
+def _options(engine, scenes, lasting, realizations, tol):
     """Return the options of the verb, and the realizations of a sample, 0 of a density."""
     if engine == "density":
-        return {"cycles": cycles, "tol": tol}, 0
+        return lasting | {"tol": tol}, 0
     sure = all(scene.noise.kind == "none" and scene.start.covariance is None for scene in scenes)
     realizations = checks.count("realizations", realizations)
     realizations = 1 if sure else realizations
-    return {"cycles": cycles, "realizations": realizations, "method": engine}, realizations
+    return lasting | {"realizations": realizations, "method": engine}, realizations
 
 
 def _at(scene, factor, level, scale_noise):

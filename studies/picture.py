@@ -4,6 +4,7 @@ import numpy as np
 
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
+from fpk_rocking.results.times import SETTLING
 
 __all__ = ["curves_figure", "surface_figure"]
 
@@ -130,4 +131,8 @@ def _notes(results):
 
 
 def _duration(result):
-    return f"Within {result.options['cycles']} forcing cycles."
+    if "cycles" in result.options:
+        return f"Within {result.options['cycles']} forcing cycles."
+    if "times" in result.options:
+        return f"Until τ = {result.options['times'][-1]:g}."
+    return f"Until τ = {SETTLING:g} after the end of the motion."

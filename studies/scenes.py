@@ -114,8 +114,8 @@ def scaled(scene, factor, *, noise=True):
     Scene
     """
     factor = checks.number("factor", factor, above=0.0)
-    parts = {"forcing": scene.forcing.filtered(lambda _: factor)}
-    return dataclasses.replace(scene, **parts, **(_noise(scene, factor, 1.0) if noise else {}))
+    noise = _noise(scene.noise, factor, 1.0) if noise else scene.noise
+    return dataclasses.replace(scene, forcing=_forcing(scene.forcing, factor, 1.0), noise=noise)
 
 
 def resized(scene, *, width=None, height=None):
@@ -147,13 +147,14 @@ def resized(scene, *, width=None, height=None):
         (xx, xv), (_, vv) = start.covariance
         xv *= angle**2 * rate
         moved["covariance"] = (xx * angle**2, xv), (xv, vv * (angle * rate) ** 2)
-    forcing = scene.forcing.filtered(lambda _: angle)
+    # A record is in seconds, and takes the size of the scene's block by itself.
+    forcing = scene.forcing
     return dataclasses.replace(
         scene,
         block=dataclasses.replace(scene.block, restitution=new.restitution if housner else own, dimensions=new),
-        forcing=dataclasses.replace(forcing, frequency=forcing.frequency * rate),
+        forcing=forcing if forcing.kind == "record" else _forcing(forcing, angle, rate),
+        noise=_noise(scene.noise, angle, rate),
         start=dataclasses.replace(start, **moved),
-        **_noise(scene, angle, rate),
     )
 
 
@@ -164,9 +165,21 @@ def dimensions_of(scene, name):
     return scene.block.dimensions
 
 
-def _noise(scene, strength, rate):
-    """Return the noise of accelerations and frequencies multiplied by factors, as a part to replace."""
-    noise, changed = scene.noise, {}
+def _forcing(forcing, strength, rate):
+    """Return a forcing of accelerations and, but for a record, frequencies multiplied by factors."""
+    if forcing.kind == "record":
+        return dataclasses.replace(forcing, scale=forcing.scale * strength)
+    changed = {"frequency": forcing.frequency * rate}
+    if forcing.kind == "harmonics":
+        changed["amplitudes"] = tuple(strength * one for one in forcing.amplitudes)
+    else:
+        changed["amplitude"] = strength * forcing.amplitude
+    return dataclasses.replace(forcing, **changed)
+
+
+def _noise(noise, strength, rate):
+    """Return a noise of accelerations and frequencies multiplied by factors."""
+    changed = {}
     if noise.kind in {"band", "filtered"}:
         changed["variance"] = noise.variance * strength**2
     if noise.kind == "band":
@@ -176,4 +189,4 @@ def _noise(scene, strength, rate):
     if noise.kind == "white":
         # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
         changed["diffusion"] = noise.diffusion * strength**2 / rate
-    return {"noise": dataclasses.replace(noise, **changed)}
+    return dataclasses.replace(noise, **changed)

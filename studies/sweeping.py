@@ -116,8 +116,8 @@ def sweep(scenes, verb="mc", *, workers=1, seed=1, store=None, progress=None, **
     progress : callable, optional
         Called as ``progress(done, total)`` after each row; may raise.
     **options
-        Of the verb: "mc" takes `cycles`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes `cycles`, `tol`
-        and `bins_tol`.
+        Of the verb: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
+        `cycles`, `tol` and `bins_tol`.
 
     Returns
     -------

@@ -92,6 +92,10 @@ class FakeEvolution(DensityResult):
     closure: str = "Band noise stands as white noise of equal Melnikov variance."
 
     @property
+    def times(self):
+        return self.scene.period * np.arange(self.cycles + 1)
+
+    @property
     def survival(self):
         return KEPT ** np.arange(self.cycles + 1)
 
@@ -136,6 +140,10 @@ class FakeEnsemble(Sample):
     method: str = "rk4"
     steps_per_cycle: int = 200
     wall_s: float = 2.5
+
+    @property
+    def times(self):
+        return self.scene.period * np.arange(self.cycles + 1)
 
     @functools.cached_property
     def _draws(self):

@@ -96,9 +96,9 @@ def test_moments_are_those_of_the_ensemble(whole, ensemble):
 def test_threads_lose_no_state():
     """Adding to one bin from several threads at once would lose some of the 3e5 states."""
     scene = dataclasses.replace(MAIN, start=Start(0.3, 0.2))
-    totals = counts.empty_counts(scene, 3, *joint_edges(scene))
+    totals = counts.empty_counts(scene, scene.period * np.arange(4), *joint_edges(scene))
     states = np.full((2, 300_000, 4), [[[0.3]], [[0.2]]])
-    counts.add(totals, batch_of(0, *states), scene.period)
+    counts.add(totals, batch_of(0, *states))
     assert totals.standing.tolist() == [300_000] * 4
     assert totals.histogram.max(axis=(1, 2)).tolist() == [300_000] * 4
 
@@ -134,13 +134,13 @@ def test_a_start_beyond_the_cut_off_is_counted_first():
 @pytest.mark.parametrize("states", [[(1, -1)], [(2**31, 2**31)], [(2**31, -(2**31)), (-(2**31), 2**31 - 1)]])
 def test_the_largest_tally_does_not_overflow(states):
     """As many copies of a state as a tally takes: the mean is exact, and so is the covariance."""
-    empty = counts.empty_counts(MAIN, 1, *joint_edges(MAIN))
+    empty = counts.empty_counts(MAIN, MAIN.period * np.arange(2), *joint_edges(MAIN))
     angle, velocity = (np.array(states) * empty.quantum).T
     batch = batch_of(0, angle[:, None], velocity[:, None])
-    counts.add(counts.Counts(*empty[:3], *(array[:1] for array in empty[3:])), batch, MAIN.period)
+    counts.add(counts.Counts(*empty[:4], *(array[:1] for array in empty[4:])), batch)
     many = counts.LARGEST // len(states)
-    grown = [array * array.dtype.type(many) for array in empty[3:]]
-    mean, covariance = counts.moments(counts.Counts(*empty[:3], *grown))
+    grown = [array * array.dtype.type(many) for array in empty[4:]]
+    mean, covariance = counts.moments(counts.Counts(*empty[:4], *grown))
     assert grown[0][0] == many * len(states)
     points = np.stack([angle, velocity])
     assert mean[0].tolist() == points.mean(axis=1).tolist()
@@ -148,13 +148,13 @@ def test_the_largest_tally_does_not_overflow(states):
 
 
 def test_a_wild_state_is_refused_before_anything_is_counted():
-    empty = counts.empty_counts(MAIN, 1, *joint_edges(MAIN))
+    empty = counts.empty_counts(MAIN, MAIN.period * np.arange(2), *joint_edges(MAIN))
     angle, velocity = np.zeros((2, 2)), np.array([[0.0, 0.0], [0.0, 33.0]])
     with pytest.raises(
         ValueError, match=r"realizations: got a state .* velocity 2 and 32 among those from number 64 on"
     ):
-        counts.add(empty, batch_of(64, angle, velocity), MAIN.period)
-    assert all(not array.any() for array in empty[3:])
+        counts.add(empty, batch_of(64, angle, velocity))
+    assert all(not array.any() for array in empty[4:])
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_what_is_not_finite_is_refused_by_name(make, name, value):
     assert str(caught.value).startswith(f"{name}: got {value!r}, ")
 
 
-@pytest.mark.parametrize("value", [True, "0.5", None, [0.5], 1j, np.array(0.5), np.bool_(True)], ids=repr)
+@pytest.mark.parametrize("value", [True, "0.5", {}, [0.5], 1j, np.array(0.5), np.bool_(True)], ids=repr)
 @pytest.mark.parametrize(
     ("make", "name"),
     [

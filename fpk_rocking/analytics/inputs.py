@@ -4,7 +4,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.physics.equivalence import noise_variance
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Forcing, refuse_transient
 from fpk_rocking.scene.parts import NOISES
 
 
@@ -50,6 +50,7 @@ def amplitude_and_frequency(forcing):
     """Return A and Ω as arrays, from a harmonic Forcing or from a pair (amplitude, frequency) of arrays."""
     if isinstance(forcing, Forcing):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
+    refuse_transient(forcing, "the Melnikov process")
     if not isinstance(forcing, tuple) or len(forcing) != 2:
         raise TypeError(checks.refusal("forcing", forcing, "a harmonic Forcing, or a pair (amplitude, frequency)"))
     amplitude, frequency = forcing

@@ -15,7 +15,7 @@ import numpy as np
 
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import FORCINGS, Harmonics
+from fpk_rocking.physics.forcing import FORCINGS, Harmonics, refuse_transient
 from fpk_rocking.scene.parts import BandNoise
 
 
@@ -133,6 +133,7 @@ def process_mean(forcing, restitution, times):
         A parameter is refused.
     """
     checks.instance("forcing", forcing, *FORCINGS.values())
+    refuse_transient(forcing, "the Melnikov process")
     tau = numbers("times", times)
     waves = (
         a * transfer(k * forcing.frequency) * np.cos(k * forcing.frequency * tau + phase)

@@ -18,6 +18,7 @@ _KIND = "evolution"
 _FLOATS = ("diffusion", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s")
 _LAYOUT = Layout(
     {
+        "times": "f8 k+1",
         "survival": "f8 k+1",
         "overturned": "f8 k+1 2",
         "lost": "f8 k+1",
@@ -43,6 +44,9 @@ class Evolution(DensityResult):
         How band noise became white noise; empty where the scene's noise is white.
     tol : float
         The tolerance asked for.
+    times : ndarray, shape (cycles + 1,)
+        Times τ from 0 on: kT, whole cycles, where the forcing repeats. Where it does not, there are no cycles, and rows
+        and what is said of a cycle count these times.
     survival : ndarray, shape (cycles + 1,)
         Probability of not having overturned by kT: the mass inside.
     overturned : ndarray, shape (cycles + 1, 2)
@@ -71,6 +75,7 @@ class Evolution(DensityResult):
     diffusion: float
     closure: str
     tol: float
+    times: np.ndarray
     survival: np.ndarray
     overturned: np.ndarray
     lost: np.ndarray
@@ -82,11 +87,6 @@ class Evolution(DensityResult):
     settings: dict
     coefficients: np.ndarray
     space: Space
-
-    @property
-    def cycles(self):
-        """Number of forcing cycles."""
-        return len(self.survival) - 1
 
     @property
     def at_rest(self):
@@ -163,12 +163,12 @@ class Evolution(DensityResult):
         return Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
 
     def _check(self, cycle):
-        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle <= self.cycles:
-            raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {self.cycles}"))
+        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
+            raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {len(self.times) - 1}"))
 
     def save(self, path):
         """Write the result to a file (.npz), whole or not at all."""
-        arrays = {name: getattr(self, name) for name in ("survival", "overturned", "lost", "coefficients")}
+        arrays = {name: getattr(self, name) for name in ("times", "survival", "overturned", "lost", "coefficients")}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
         write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _LAYOUT.attributes})
 

@@ -17,6 +17,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.physics.equivalence import equivalent_diffusion, jump_diffusion, response
+from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.result import DensityResult
 from fpk_rocking.scene.scene import Scene, WhiteNoise
 
@@ -48,6 +49,11 @@ class RealizationAverage(DensityResult):
     def cycles(self):
         """Number of forcing cycles."""
         return self.evolutions[0].cycles
+
+    @property
+    def times(self):
+        """Times τ of whole cycles, shape (cycles + 1,)."""
+        return self.evolutions[0].times
 
     @property
     def closure(self):
@@ -160,6 +166,7 @@ def solve_realizations(scene, *, cycles, tol=1e-3, nodes=5):
         The noise is not band noise of two harmonics or more, or as `solve_fpk`.
     """
     checks.instance("scene", scene, Scene)
+    refuse_transient(scene.forcing, "an average over cycles")
     nodes = checks.count("nodes", nodes)
     if not 2 <= nodes <= 12:
         raise ValueError(checks.refusal("nodes", nodes, "a whole number from 2 to 12"))

@@ -15,6 +15,7 @@ from fpk_rocking.density.refusals import refuse_broken, refuse_filtered, refuse_
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
@@ -75,6 +76,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         bins_tol = bins_tolerance(tol)
     elif bins_tol != math.inf:
         bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
+    refuse_transient(scene.forcing, "the density solver")
     refuse_filtered(scene)
     white = scene.white_equivalent()
     refuse_unsolvable(white)
@@ -100,6 +102,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         diffusion=white.noise.diffusion,
         closure=closure_of(scene, white),
         tol=tol,
+        times=white.period * np.arange(cycles + 1),
         survival=fine.inside,
         overturned=fine.gone[:, :2],
         lost=fine.gone[:, 2],

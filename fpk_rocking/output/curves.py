@@ -10,6 +10,7 @@ from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import label_of
+from fpk_rocking.results.times import shown_times, time_name
 
 __all__ = ["survival_figure"]
 
@@ -51,8 +52,8 @@ def survival_figure(path, results, title):
             _survival(panels[0, 1], result, label, colour, marker)
             _leakage(panels[1, 1], result, colour, marker)
         for place, result in enumerate(results[1:], start=1):
-            _difference(panels[1, 0], compare(result, results[0], joint_cycles=()), place)
-        _label(panels, results[0].engine)
+            _difference(panels[1, 0], compare(result, results[0], joint_cycles=()), shown_times(result), place)
+        _label(panels, results[0].engine, time_name(results[0].scene))
         handles, names = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
         figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
@@ -66,28 +67,29 @@ def _points(marker) -> dict:
 
 
 def _survival(axes, result, label, colour, marker):
-    cycles, survival = np.arange(result.cycles + 1), np.asarray(result.survival)
+    cycles, survival = shown_times(result), np.asarray(result.survival)
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
     error_bars(axes, cycles, survival, result.survival_interval(0.95), color=colour, label=label, marker=marker)
 
 
-def _difference(axes, comparison, place):
+def _difference(axes, comparison, times, place):
     bars = 1.96 * comparison.standard_error
-    beside = comparison.cycles + 0.3 * (place - 1)
+    times = times[: len(comparison.difference)]
+    beside = times + 0.3 * (place - 1) * times[1]
     axes.errorbar(beside, comparison.difference, bars, color=style.COLOURS[place], **_points(_MARKERS[place]))
 
 
 def _leakage(axes, result, colour, marker):
-    cycles = np.arange(1, result.cycles + 1)
+    cycles = shown_times(result)[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
     shape = _points(marker) if result.realizations else {}
     for values in (right, -left):
         axes.plot(cycles, values, color=colour, **shape)
 
 
-def _label(panels, reference):
+def _label(panels, reference, counted):
     survival, tail, difference, leakage = panels.ravel()
     survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
     tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")
@@ -97,5 +99,5 @@ def _label(panels, reference):
     leakage.axhline(0.0, color="black", linewidth=0.8)
     leakage.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
     for axes in panels.ravel():
-        axes.set_xlabel("forcing cycles")
+        axes.set_xlabel(counted)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -21,18 +21,23 @@ def result_summary(result) -> dict:
     Returns
     -------
     dict
-        ``noise``, ``cycles``, ``survival``, ``overturned`` [left, right], ``wall_s`` and ``remarks``; of a density also
-        ``error_estimate``, ``mass_defect``, ``negative_mass``, ``lost``, ``at_rest`` and ``diffusion``; of an ensemble
-        also ``interval`` (95 %), ``method``, ``realizations``, ``seed`` and ``steps_per_cycle``.
+        ``noise``, ``cycles`` or, where there are none, ``times``, ``survival``, ``overturned`` [left, right],
+        ``wall_s`` and ``remarks``; of a density also ``error_estimate``, ``mass_defect``, ``negative_mass``, ``lost``,
+        ``at_rest`` and ``diffusion``; of an ensemble also ``interval`` (95 %), ``method``, ``realizations``, ``seed``
+        and ``steps_per_cycle``.
     """
     common = {
         "noise": noise_text(result.scene.noise),
-        "cycles": int(result.cycles),
+        **_counted(result),
         "survival": np.asarray(result.survival).tolist(),
         "overturned": np.asarray(result.overturned).tolist(),
         "wall_s": float(result.wall_s),
     }
     return common | result.facts | {"remarks": list(remarks(result))}
+
+
+def _counted(result):
+    return {"times": np.asarray(result.times).tolist()} if result.cycles is None else {"cycles": int(result.cycles)}
 
 
 def write_summary(path, values):

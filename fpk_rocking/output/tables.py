@@ -8,6 +8,7 @@ from rich.table import Table
 
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import label_of
+from fpk_rocking.results.times import shown_times
 
 __all__ = ["comparison_table", "result_table", "show"]
 
@@ -26,18 +27,19 @@ def show(title, table, sentences):
 
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences for survival and overturned probability after each cycle."""
+    """Return title, table and closing sentences for survival and overturned probability after each cycle or time."""
     table = _table()
-    table.add_column("cycles", justify="right")
+    table.add_column("τ" if result.cycles is None else "cycles", justify="right")
     table.add_column("survival", justify="right")
     interval = result.survival_interval(0.95)
     if interval is not None:
         table.add_column("95 % interval", justify="center")
     table.add_column("overturned left", justify="right")
     table.add_column("overturned right", justify="right")
+    shown = [f"{time:g}" for time in shown_times(result)]
     for cycle, (left, right) in enumerate(result.overturned):
         limits = [] if interval is None else [_limits(interval[cycle], 5)]
-        table.add_row(str(cycle), f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
+        table.add_row(shown[cycle], f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
     return f"{label_of(result)}: {noise_text(result.scene.noise)}", table, (result.account, *remarks(result))
 
 
@@ -78,7 +80,7 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
     note = "z: difference of survival in combined standard errors. Floor: what sampling alone explains."
-    return title, table, (*_sizes(comparisons), note, _melnikov(comparisons), *sentences)
+    return title, table, (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
 
 
 def _table() -> Table:
@@ -96,8 +98,10 @@ def _sizes(comparisons) -> list[str]:
 
 
 def _melnikov(comparisons) -> str:
-    """D_m, M and, for each noise among the results, σ_M, the margin of (14) and Φ."""
+    """D_m, M and, for each noise among the results, σ_M, the margin of (14) and Φ; empty where they are not defined."""
     first = comparisons[0]
+    if first.melnikov_amplitude is None:
+        return ""
     parts = {
         (f"{deviation:.4f}", f"{margin:+.4f}", f"{flux:.5f}")
         for compared in comparisons

@@ -55,7 +55,7 @@ def write_series(folder, name, result, cycles) -> pathlib.Path:
     for cycle in cycles:
         file = folder / f"{name}_{cycle:04d}.vtu"
         _write_mesh(file, _mesh(result, cycle), _fields(result, cycle))
-        entries.append((cycle * result.scene.period, file.name))
+        entries.append((float(result.times[cycle]), file.name))
     listing = folder / f"{name}.pvd"
     write_text(listing, _collection(entries))
     return listing
@@ -202,7 +202,7 @@ def _fields(result, cycle) -> dict[str, float]:
     own = {name: value for name, value in result.facts.items() if name == "negative_mass"}
     return own | {
         "cycle": cycle,
-        "tau": cycle * result.scene.period,
+        "tau": result.times[cycle],
         "survival": result.survival[cycle],
         "overturned_left": left,
         "overturned_right": right,

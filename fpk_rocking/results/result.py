@@ -4,6 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
+from fpk_rocking.results.times import cycles_of
 from fpk_rocking.scene.scene import Scene
 
 
@@ -14,8 +15,11 @@ class Result(Protocol):
     ----------
     scene : Scene
         As it was asked for.
-    cycles : int
-        Forcing cycles.
+    times : ndarray, shape (cycles + 1,)
+        Times τ that it is for, from 0 on: whole cycles where the forcing repeats, else times of its own, which the rows
+        and what is said of a cycle then count.
+    cycles : int or None
+        Forcing cycles; None where the forcing does not repeat.
     survival : ndarray, shape (cycles + 1,)
         Probability of not having overturned by kT.
     overturned : ndarray, shape (cycles + 1, 2)
@@ -37,7 +41,8 @@ class Result(Protocol):
     """
 
     scene: Scene
-    cycles: int
+    times: np.ndarray
+    cycles: int | None
     survival: np.ndarray
     overturned: np.ndarray
     wall_s: float
@@ -59,11 +64,16 @@ class Result(Protocol):
 
 
 class DensityResult:
-    """What results of density solvers have in common; a subclass has ``error_estimate`` and the like."""
+    """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate`` and the like."""
 
     engine = "Fokker-Planck density"
     realizations = None
     averaged = False
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles; None where the forcing does not repeat."""
+        return cycles_of(self)
 
     def survival_interval(self, level=0.95):  # noqa: ARG002  (the same call as of a sample)
         """Return None: a density is no sample; see its ``error_estimate``."""

@@ -1,6 +1,6 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.forcing import Forcing, Harmonics
+from fpk_rocking.physics.forcing import Forcing, Harmonics, Pulse, Record
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene
 from fpk_rocking.scene.units import Dimensions
@@ -14,6 +14,8 @@ __all__ = [
     "Harmonics",
     "NoNoise",
     "Overturning",
+    "Pulse",
+    "Record",
     "Scene",
     "Start",
     "WhiteNoise",

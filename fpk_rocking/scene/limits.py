@@ -17,6 +17,8 @@ _RANGES = {
     "forcing.phase": (0.0, 1e6),
     "forcing.amplitudes": (0.0, 1e4),
     "forcing.phases": (0.0, 1e6),
+    "forcing.duration": (1e-5, 1e5),
+    "forcing.unit": (1e-5, 1e5),
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),
     "noise.frequency": (1e-3, 1e4),
@@ -51,16 +53,19 @@ def check(scene):
     """
     for name, (low, high) in _RANGES.items():
         part, _, field = name.partition(".")
-        values = getattr(getattr(scene, part), field, 0.0)
+        values = getattr(getattr(scene, part), field, ())
         none = low > 0.0 and part in {"noise", "start"}
         for value in values if isinstance(values, tuple) else (values,):
             if not (low <= abs(value) <= high or (none and value == 0.0)):
                 accepted = f"for an engine a size from {low:g} to {high:g}" + (", or 0" if none else "")
                 raise ValueError(checks.refusal(name, value, accepted))
+    if scene.forcing.kind == "record" and not scene.forcing.largest <= _RANGES["forcing.amplitude"][1]:
+        accepted = f"for an engine accelerations up to {_RANGES['forcing.amplitude'][1]:g} g θ_cr"
+        raise ValueError(checks.refusal("forcing.scale", scene.forcing.scale, accepted))
     if scene.noise.kind == "band":
-        _check_band(scene.noise, scene.forcing.frequency)
+        _check_band(scene.noise, 2.0 * math.pi / scene.forcing.time_scale)
     if scene.noise.kind == "filtered":
-        _check_filter(scene.noise, scene.forcing.frequency)
+        _check_filter(scene.noise, 2.0 * math.pi / scene.forcing.time_scale)
     _check_covariance(scene.start)
     if scene.noise.kind != "white":
         _check_bounces(scene)
@@ -69,7 +74,7 @@ def check(scene):
 def _check_band(noise, frequency):
     highest = min(_HIGHEST, _TURNS * frequency)
     if noise.band[1] > highest:
-        accepted = f"for an engine frequencies up to {highest:g}, and up to {_TURNS:g} times forcing.frequency"
+        accepted = f"for an engine frequencies up to {highest:g}, and up to {_TURNS:g} times that of the forcing"
         raise ValueError(checks.refusal("noise.band", noise.band, accepted))
     if noise.harmonics > _HARMONICS:
         raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"for an engine up to {_HARMONICS}"))
@@ -80,7 +85,7 @@ def _check_filter(noise, frequency):
     if noise.damping is not None and not low <= noise.damping <= high:
         raise ValueError(checks.refusal("noise.damping", noise.damping, f"for an engine from {low:g} to {high:g}"))
     if fastest(noise) > _RATE * frequency:
-        accepted = f"for an engine a filter whose fastest rate is up to {_RATE:g} times forcing.frequency"
+        accepted = f"for an engine a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency"
         raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
 

@@ -19,19 +19,24 @@ class Block:
 
     Parameters
     ----------
-    restitution : float
-        Ratio of the velocities after and before an impact, from 0 to 1 (paper eq. 3).
+    restitution : float, optional
+        Ratio of the velocities after and before an impact, from 0 to 1 (paper eq. 3). Where it is left out, Housner's
+        for the dimensions, which are then needed.
     dimensions : Dimensions, optional
         Its size, where results are wanted in metres and seconds; the motion does not depend on it.
     """
 
-    restitution: float
+    restitution: float | None = None
     dimensions: Dimensions | None = None
 
     def __post_init__(self):
-        _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
         if self.dimensions is not None:
             checks.instance("block.dimensions", self.dimensions, Dimensions)
+        if self.restitution is None:
+            if self.dimensions is None:
+                raise ValueError("block.restitution: missing, required where block.dimensions does not stand")
+            _set(self, "restitution", self.dimensions.restitution)
+        _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

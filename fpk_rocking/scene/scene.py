@@ -11,7 +11,7 @@ import tomllib
 from fpk_rocking.base import checks
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics
+from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.units import Dimensions
 
@@ -24,6 +24,8 @@ __all__ = [
     "Harmonics",
     "NoNoise",
     "Overturning",
+    "Pulse",
+    "Record",
     "Scene",
     "Start",
     "WhiteNoise",
@@ -38,7 +40,8 @@ class Scene:
     Parameters
     ----------
     block : Block
-    forcing : Forcing or Harmonics
+    forcing : Forcing, Harmonics, Pulse or Record
+        A record takes the time and the force of ``block.dimensions``, which it needs.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
     start : Start
         At rest by default.
@@ -49,11 +52,11 @@ class Scene:
     TypeError
         A part has the wrong type.
     ValueError
-        The start is at or beyond overturning.
+        The start is at or beyond overturning, or a record has no dimensions.
     """
 
     block: Block
-    forcing: Forcing | Harmonics
+    forcing: Forcing | Harmonics | Pulse | Record
     noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise
     start: Start = Start()
     overturning: Overturning = Overturning()
@@ -64,13 +67,15 @@ class Scene:
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
+        if self.forcing.kind == "record":
+            object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"a size below overturning.angle = {self.overturning.angle!r}"
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
 
     @property
     def period(self):
-        """T = 2π/Ω in nondimensional time: one cycle."""
+        """T = 2π/Ω in nondimensional time: one cycle; None where the forcing does not repeat."""
         return self.forcing.period
 
     def varied(self, **parts):
@@ -151,9 +156,12 @@ class Scene:
         cls,
         width,
         height,
-        peak_acceleration,
-        frequency_hz,
+        peak_acceleration=None,
+        frequency_hz=None,
         *,
+        record=None,
+        pulse=None,
+        pulse_cycles=None,
         restitution=None,
         phase=0.0,
         noise_rms_acceleration=0.0,
@@ -169,10 +177,16 @@ class Scene:
         ----------
         width, height : float
             Full width and height, metres. Angles are linearized for a slender block (see `fpk_rocking.scene.units`).
-        peak_acceleration : float
-            Amplitude of the harmonic base acceleration, m/s².
-        frequency_hz : float
+        peak_acceleration : float, optional
+            Amplitude of the harmonic base acceleration, or the peak of a pulse, m/s²; not of a record.
+        frequency_hz : float, optional
             Its frequency, Hz.
+        record : Record, optional
+            A recorded base acceleration, as of `Record.from_file`, in place of peak and frequency.
+        pulse : str, optional
+            Shape of a pulse in place of harmonic acceleration; see `Pulse`.
+        pulse_cycles : int, optional
+            Cycles of the pulse "n-sine".
         restitution : float, optional
             Velocity ratio of an impact; by default Housner's 1 - (3/2) sin²θ_cr.
         phase : float
@@ -195,8 +209,7 @@ class Scene:
             and band is given.
         """
         size = Dimensions(width, height, gravity)
-        peak = checks.number("peak_acceleration", peak_acceleration, at_least=0.0)
-        hertz = checks.number("frequency_hz", frequency_hz, above=0.0)
+        forcing = _shaking(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
         rms = checks.number("noise_rms_acceleration", noise_rms_acceleration, at_least=0.0)
         if (rms > 0.0) != (noise_band_hz is not None):
             accepted = "a number > 0 together with noise_band_hz = [lowest, highest], or neither of them"
@@ -206,15 +219,15 @@ class Scene:
             low, high = checks.interval("noise_band_hz", noise_band_hz)
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
         return cls(
-            block=Block(size.restitution if restitution is None else restitution, size),
-            forcing=Forcing(size.amplitude(peak), size.frequency(hertz), phase),
+            block=Block(restitution, size),
+            forcing=forcing,
             noise=noise,
             start=start,
             overturning=overturning,
         )
 
     @classmethod
-    def from_toml(cls, text):
+    def from_toml(cls, text, folder="."):
         """Read a scene from TOML text.
 
         Parameters
@@ -222,7 +235,11 @@ class Scene:
         text : str
             Tables ``[block]``, ``[forcing]`` and ``[noise]``, and optionally ``[start]`` and ``[overturning]``; the
             keys are the parameters of the classes, beside ``noise.kind`` = "band", "white", "filtered" or "none" and
-            ``forcing.kind`` = "harmonic" (where left out) or "harmonics".
+            ``forcing.kind`` = "harmonic" (where left out), "harmonics", "pulse" or "record". A record may have ``file``
+            in place of ``interval`` and ``samples``, and ``block.restitution`` may be left out where there are
+            ``block.dimensions``.
+        folder : str or pathlib.Path
+            That the file of a record is relative to.
 
         Returns
         -------
@@ -238,10 +255,10 @@ class Scene:
         except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
             raise ValueError(f"not valid TOML: {error}") from None
         tables = checks.arguments("", document, cls)
-        return cls(**{name: _READERS[name](name, table) for name, table in tables.items()})
+        return cls(**{name: _READERS[name](name, table, folder) for name, table in tables.items()})
 
     def to_toml(self):
-        """Return the TOML text that `from_toml` reads back as an equal scene."""
+        """Return the TOML text that `from_toml` reads back as an equal scene; it holds the samples of a record."""
         tables = _fields(self)
         if self.block.dimensions is not None:
             tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
@@ -275,8 +292,8 @@ def load_scene(path):
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a text file in UTF-8 ({error})") from None
     try:
-        return Scene.from_toml(text)
-    except (TypeError, ValueError) as error:
+        return Scene.from_toml(text, path.parent)
+    except (TypeError, ValueError, OSError) as error:
         raise type(error)(f"{path}: {error}") from None
 
 
@@ -285,29 +302,57 @@ def _fields(value):
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
+def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
+    """Return the forcing that `Scene.from_block` describes."""
+    if record is not None:
+        checks.instance("record", record, Record)
+        for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):
+            if value is not None:
+                raise ValueError(checks.refusal(name, value, "nothing beside a record"))
+        return record
+    amplitude = size.amplitude(checks.number("peak_acceleration", peak, at_least=0.0))
+    frequency = size.frequency(checks.number("frequency_hz", hertz, above=0.0))
+    if pulse is not None:
+        return Pulse(pulse, amplitude, frequency, pulse_cycles)
+    return Forcing(amplitude, frequency, phase)
+
+
 def _read(cls):
     """Return the reader of a table with the parameters of a class."""
-    return lambda name, table: cls(**checks.arguments(name, table, cls))
+    return lambda name, table, _: cls(**checks.arguments(name, table, cls))
 
 
-def _block(name, table):
+def _block(name, table, folder):
     values = checks.arguments(name, table, Block)
     if "dimensions" in values:
-        values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"])
+        values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"], folder)
     return Block(**values)
+
+
+def _record(name, table, folder):
+    """Read a record from its file, or from a table that holds its samples."""
+    if "file" not in table:
+        return _read(Record)(name, table, folder)
+    keys = ("file", "units", "scale")
+    for key in table:
+        if key not in keys:
+            raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
+    values = dict(table)
+    return Record.from_file(pathlib.Path(folder, checks.path(f"{name}.file", values.pop("file"))), **values)
 
 
 def _of_kind(classes, default=None):
     """Return the reader of a table whose key "kind" names one of several classes."""
 
-    def read(name, table):
+    def read(name, table, folder):
         values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
         kind = values.pop("kind", default)
         if kind is None:
             raise ValueError(f"{name}.kind: missing, accepted: {accepted}")
         if not isinstance(kind, str) or kind not in classes:
             raise ValueError(checks.refusal(f"{name}.kind", kind, accepted))
-        return _read(classes[kind])(name, values)
+        reader = _record if kind == Record.kind else _read(classes[kind])
+        return reader(name, values, folder)
 
     return read
 

@@ -2,7 +2,7 @@
 
 An engine is a module with what `Engine` lists. `running` checks the parameters of a run, finds the engine that fits the
 noise, and yields batches of realizations; `random`, `start` and `shinozuka` draw what they need; `events` is a part of
-`exact`, `approach` of `white`.
+`exact`, `approach` and `bounce` of `white`; `grid` divides time for all of them.
 """
 
 from typing import Protocol
@@ -19,7 +19,7 @@ class Engine(Protocol):
 
     NOISES: tuple[str, ...]
 
-    def problem_of(self, scene, steps_per_cycle, samples):
+    def problem_of(self, scene, steps_per_cycle, times):
         """Return what its kernels have to know, as a tuple of numbers and arrays.
 
         Parameters
@@ -27,8 +27,9 @@ class Engine(Protocol):
         scene : Scene
         steps_per_cycle : int
             As it was asked for; an engine may take no steps.
-        samples : int
-            States wanted in each cycle.
+        times : ndarray, shape (rows,)
+            Times since its begin at which states are wanted in each lap (`grid`): a cycle, or all of a time that does
+            not repeat.
         """
 
     def realize(self, keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
@@ -43,12 +44,12 @@ class Engine(Protocol):
         first : int
             Number of the first realization.
         cycle : int
-            Number of the cycle at which the run begins, from the scene's start. A realization's band noise
+            Number of the lap at which the run begins, from the scene's start. A realization's band noise
             or filtered noise is the same function of time for all of them; white noise is independent.
         problem : tuple
             From `problem_of`.
-        angle, velocity : ndarray, shape (count, cycles * samples + 1)
-            Filled with the states at equal times, up to overturning; nan before the call.
+        angle, velocity : ndarray, shape (count, laps * rows + 1)
+            Filled with the states at the begin and at the times wanted, up to overturning; nan before the call.
         overturn_time, overturn_side : ndarray, shape (count,)
             Filled with the time (nan: never) and the side (0: never).
         impacts : Impacts of ndarray, shapes (count,), (count, capacity) and (count, capacity)

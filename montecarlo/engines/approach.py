@@ -55,11 +55,12 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 
 @kernel(borrows=True)
-def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
+def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     """Say where a draw that ended beyond x = 0, or was meant to end there, has led: through an impact if one is found.
 
     The impact lies on the parabola through the drawn state. Where that has none within the step, the motion since the
-    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None.
+    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None. `latest` is the
+    latest time for it: `end`, or that of a step that was to end with it.
     """
     restitution = problem.restitution
     pull = u - 1.0 + side * polynomial(segment.force, end)[0]
@@ -67,7 +68,7 @@ def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
         time = end + 2.0 * u / (speed - w)
-        if start <= time <= (problem.span if arrives else end):
+        if start <= time <= latest:
             if impacts is not None:
                 record(impacts, origin + time, -side * speed)
             return 0.0, impact(speed, restitution), -side, time
@@ -79,9 +80,12 @@ def land(u, w, side, segment, start, end, arrives, problem, impacts, origin):
 
 
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
-def near(stream, u, w, side, segment, start, problem, impacts, origin):
-    """Take one step near a barrier; return u, w, side and the time reached. u >= cutoff means overturned."""
-    cutoff, left = problem.cutoff, problem.span - start
+def near(stream, u, w, side, segment, start, limit, problem, impacts, origin):
+    """Take one step near a barrier, up to a time; return u, w, side and the time reached.
+
+    u >= cutoff means overturned.
+    """
+    cutoff, left = problem.cutoff, limit - start
     low, high = (segment.force_low, segment.force_high) if side > 0 else (-segment.force_high, -segment.force_low)
     down = safe_step(u, w, min(0.0, low - 1.0), problem.reach, left, problem.shortest)
     up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), problem.reach, left, problem.shortest)
@@ -96,11 +100,11 @@ def near(stream, u, w, side, segment, start, problem, impacts, origin):
             if not falls:
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
-    end = problem.span if duration == left else start + duration
+    end = limit if duration == left else start + duration
     x, v = flight(side * u, side * w, side, segment, start, end)
     xx, vx, vv = noise_factor(problem.diffusion, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:
-        return land(u, w, side, segment, start, end, arrives, problem, impacts, origin)
+        return land(u, w, side, segment, start, end, limit if arrives else end, problem, impacts, origin)
     return u, w, side, end

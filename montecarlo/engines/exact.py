@@ -15,10 +15,11 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import noise
 from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.flight import polynomial
+from fpk_rocking.physics.flight import polynomial, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.engines.events import Interval, cross, interval_tables, state_at
+from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import open_stream
 from montecarlo.engines.shinozuka import band_numbers, draw
 from montecarlo.engines.start import start_numbers
@@ -41,10 +42,11 @@ _FEWEST, _LONGEST = 12, 0.2
 
 
 class Problem(NamedTuple):
-    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a cycle.
+    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
-    `start` (5,), `band_low`, `band_width`, `weight`, `harmonics`, `samples`: as in `rk4`. `spacing`: an
-    interval's duration. `pieces` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise, and `ends`
+    `lap`, `marks`, `spacing`: duration of a lap, and see `montecarlo.engines.grid`. `start` (5,), `band_low`,
+    `band_width`, `weight`, `harmonics`: as in `rk4`.
+    `pieces` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise, and `ends`
     (2, WIDTH): it and its derivative at an interval's end. `forced` (m, TERMS): P of the forcing in the time
     since the interval's middle; `node` (m, 2): it and its derivative at the interval's end. `least`, `most` (m, 2),
     indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a flight has no event in it.
@@ -53,13 +55,13 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
-    period: float
+    lap: float
     start: np.ndarray
     band_low: float
     band_width: float
     weight: float
     harmonics: int
-    samples: int
+    marks: np.ndarray
     spacing: float
     pieces: np.ndarray
     compensation: np.ndarray
@@ -73,30 +75,30 @@ class Problem(NamedTuple):
     ends: np.ndarray
 
 
-def problem_of(scene, steps_per_cycle, samples):  # noqa: ARG001  (this engine takes no steps)
-    """Return the `Problem` of a scene with band noise or none; states do not depend on `samples`."""
-    forcing, period = scene.forcing, scene.period
-    fewest = math.ceil(_FEWEST * period / forcing.shortest_period - 1e-9)
-    low, width, weight, harmonics = band_numbers(scene)
-    intervals = max(fewest, math.ceil(period / _LONGEST), math.ceil(2.0 * OVERSAMPLING * (low + width)))
-    spacing = period / intervals
+def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
+    """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
+    forcing, noisy = scene.forcing, scene.noise.kind == "band"
+    longest = min(_LONGEST, forcing.shortest_period / _FEWEST)
+    grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
+    intervals, spacing = grid.count, grid.spacing
+    low, width, weight, harmonics = band_numbers(scene, grid.duration)
     forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
     powers = (0.5 * spacing) ** np.arange(TERMS)
     order = np.arange(TERMS)
     shapes = pieces(spacing)
     ends = np.stack([shapes @ powers, shapes[:, 1:] @ (order[1:] * powers[:-1])])
     node = np.stack([forced @ powers, forced[:, 1:] @ (order[1:] * powers[:-1])], axis=-1)
-    least, most = _clearance(scene, intervals, weight * harmonics)
+    least, most = _clearance(scene.overturning.angle, forced, spacing, weight * harmonics)
     return Problem(
         scene.block.restitution,
         scene.overturning.angle,
-        period,
+        grid.duration,
         start_numbers(scene.start),
         low,
         width,
         weight,
         harmonics,
-        samples,
+        grid.marks,
         spacing,
         shapes,
         compensation(),
@@ -110,17 +112,25 @@ def problem_of(scene, steps_per_cycle, samples):  # noqa: ARG001  (this engine t
     )
 
 
-def _clearance(scene, intervals, noise_bound):
+@kernel
+def _force_bounds(forced, half, low, high):
+    """Write bounds (m,) of the force over intervals, from P in the time since their middles."""
+    scratch = np.empty(TERMS)
+    for i in range(low.size):
+        segment = segment_of(forced[i], scratch, half)
+        low[i], high[i] = segment.force_low, segment.force_high
+
+
+def _clearance(cutoff, forced, spacing, noise_bound):
     """Angles (m, 2) that a flight at an interval's both ends must exceed, and not reach, to have no event within.
 
     Between its ends a path lies within |u''| d^2 / 8 of the chord, and u'' = u - 1 + s f.
     """
-    forcing, cutoff, spacing = scene.forcing, scene.overturning.angle, scene.period / intervals
-    middle = forcing.values_in_cycle(np.arange(intervals) + 0.5, intervals)
-    spread = forcing.variation(spacing) + noise_bound
-    force = np.stack([-middle, middle], axis=-1)
-    least = np.maximum(cutoff - 1.0 + force + spread, 0.0) * spacing**2 / 8.0
-    most = cutoff - np.maximum(1.0 - force + spread, 0.0) * spacing**2 / 8.0
+    low, high = np.empty((2, len(forced)))
+    _force_bounds(forced, 0.5 * spacing, low, high)
+    rise, fall = np.stack([-low, high], axis=-1) + noise_bound, np.stack([high, -low], axis=-1) + noise_bound
+    least = np.maximum(cutoff - 1.0 + rise, 0.0) * spacing**2 / 8.0
+    most = cutoff - np.maximum(1.0 + fall, 0.0) * spacing**2 / 8.0
     return least, most
 
 
@@ -128,11 +138,11 @@ def _clearance(scene, intervals, noise_bound):
 def _prepare(harmonics, problem):
     """Turn drawn harmonics of the noise into those of the interpolant of P, and tabulate their rotations."""
     ratios, weights = harmonics.ratios, harmonics.weights
-    frequency = 2.0 * math.pi / problem.period
+    frequency = 2.0 * math.pi / problem.lap
     for n in range(ratios.size):
         nu = frequency * ratios[n]
         weights[n] *= -compensate(problem.compensation, ratios[n] * problem.ratio_scale) / (1.0 + nu * nu)
-    spacing = problem.spacing / problem.period
+    spacing = problem.spacing / problem.lap
     noise.prepare(harmonics, HALF, spacing)
     noise.set_rotation(ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
 
@@ -230,10 +240,10 @@ def _realize(x, v, cycle, problem, room, angle, velocity, impacts):
     """Simulate one realization from (x, v): fill its states, return time (nan: never) and side of overturning."""
     samples, node, interval = room.samples, room.node, room.interval
     forced, shapes, forced_node, least, most = problem.forced, problem.pieces, problem.node, problem.least, problem.most
-    intervals, rows, u = forced.shape[0], problem.samples, abs(x)
+    intervals, marks, rows, u = forced.shape[0], problem.marks, problem.marks.size, abs(x)
     side, grow, decay = _begin(x, v, cycle, problem, room)
     stretch, shrink = interval.factor * interval.factor, 1.0 / (interval.factor * interval.factor)
-    anchored, k, i, row = 0, 0, 0, 1
+    anchored, k, i, row, mark = 0, 0, 0, 1, marks[0]
     for j in range((angle.size - 1) // rows * intervals):
         if k == CHUNK:
             anchored, k = _continue(j, anchored, cycle, problem, room), 0
@@ -241,28 +251,32 @@ def _realize(x, v, cycle, problem, room, angle, velocity, impacts):
         particular = forced_node[i, 0] + node[k]
         end, s = 1.0 + side * (particular + next_grow + next_decay), 1 if side > 0 else 0
         quiet = side != 0 and min(u, end) > least[i, s] and max(u, end) < most[i, s]
-        if not quiet or row * intervals < (j + 1) * rows:
+        if not quiet or mark < j + 1:
             _open(interval.particular, forced, i, shapes, samples, k)
-            while row * intervals < (j + 1) * rows:
-                time = (row * intervals / rows - j - 0.5) * problem.spacing
+            while mark < j + 1:
+                time = (mark - j - 0.5) * problem.spacing
                 angle[row], velocity[row] = state_at(
                     interval, grow, decay, side, time, problem.restitution, problem.cutoff
                 )
                 row += 1
+                mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
         if quiet:
             grow, decay, u = next_grow, next_decay, end
         else:
-            middle = cycle * problem.period + (j + 0.5) * problem.spacing
+            middle = cycle * problem.lap + (j + 0.5) * problem.spacing
             grow, decay, u, side, time = cross(
                 interval, particular, grow, decay, u, end, side, problem, impacts, middle
             )
             if time < math.inf:
                 return time, side
-        if row * intervals == (j + 1) * rows:
+        if mark == j + 1:
             angle[row], velocity[row] = side * u, 0.0
             if side != 0:
                 velocity[row] = forced_node[i, 1] + _slope(samples, k, problem.ends[1]) + grow - decay
             row += 1
+            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
+        if row == angle.size:
+            break
         k += 1
         i = i + 1 if i + 1 < intervals else 0
     return math.nan, 0
@@ -277,7 +291,7 @@ def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overtur
         for r in range(block * _BLOCK, min((block + 1) * _BLOCK, count)):
             x, v = draw(open_stream(keys, first + r), problem, room.harmonics)
             if abs(x) >= problem.cutoff:
-                overturn_time[r], overturn_side[r] = cycle * problem.period, (1 if x > 0.0 else -1)
+                overturn_time[r], overturn_side[r] = cycle * problem.lap, (1 if x > 0.0 else -1)
                 continue
             angle[r, 0], velocity[r, 0] = x, v
             own = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])

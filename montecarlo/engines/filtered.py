@@ -26,6 +26,7 @@ from fpk_rocking.physics import filters
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
+from montecarlo.engines.grid import Grid, grid_of
 from montecarlo.engines.random import normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
 
@@ -46,16 +47,15 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 
 
 class Problem(NamedTuple):
-    """What the kernel has to know: a scene in numbers, nondimensional, and tables; m intervals in a cycle, n states.
+    """What the kernel has to know: a scene in numbers, nondimensional, and tables; m intervals in a lap, n states.
 
-    `start` (5,): see `montecarlo.engines.start`. `span`: an interval's duration; `hyperbolic` (2,): its cosh and sinh.
-    `samples`: states wanted in a cycle. `stationary` (n,): standard deviations of the states at τ = 0, of noise of
-    variance 1, derivatives in units of the interval. `move` (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky
-    factor of states, angle and velocity at an interval's end. `shape` (d + 1, 2n + 2): Bernstein coefficients of the
-    polynomial from the states at both ends and the flight; `powers` (d + 1, d + 1): its coefficients in the time from
-    them.
-    `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the
-    forcing; `drift` (m, 2): angle and velocity that it adds to a flight.
+    `start` (5,), `marks`: see `montecarlo.engines.start` and `grid`. `span`: an interval's duration; `hyperbolic` (2,):
+    its cosh and sinh. `stationary` (n,): standard deviations of the states at τ = 0, of noise of variance 1,
+    derivatives in units of the interval. `move` (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky factor of
+    states, angle and velocity at an interval's end. `shape` (d + 1, 2n + 2): Bernstein coefficients of the polynomial
+    from the states at both ends and the flight; `powers` (d + 1, d + 1): its coefficients in the time from them.
+    `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the forcing; `drift`
+    (m, 2): angle and velocity that it adds to a flight.
     """
 
     restitution: float
@@ -63,7 +63,7 @@ class Problem(NamedTuple):
     start: np.ndarray
     span: float
     hyperbolic: np.ndarray
-    samples: int
+    marks: np.ndarray
     stationary: np.ndarray
     move: np.ndarray
     spread: np.ndarray
@@ -89,31 +89,26 @@ class Room(NamedTuple):
     force: np.ndarray
 
 
-def intervals_of(scene, steps_per_cycle):
-    """Return the number of intervals in a cycle."""
-    fewest = (
-        scene.period * filters.fastest(scene.noise) * steps_per_cycle / COARSEST[scene.noise.filter],
-        _FEWEST * scene.period / scene.forcing.shortest_period - 1e-9,
-        scene.period / _LONGEST,
-    )
-    intervals = math.ceil(max(fewest))
-    if intervals > _MOST:
-        most = int(steps_per_cycle * _MOST / intervals)
+def problem_of(scene, steps_per_cycle, times=None):
+    """Return the `Problem` of a scene with filtered noise; a realization does not depend on `times`."""
+    longest = COARSEST[scene.noise.filter] / (filters.fastest(scene.noise) * steps_per_cycle)
+    if longest * _MOST < scene.forcing.time_scale:
+        most = int(steps_per_cycle * longest * _MOST / scene.forcing.time_scale)
         raise ValueError(
             checks.refusal("steps_per_cycle", steps_per_cycle, f"up to {most} for a filter as fast as this")
         )
-    return intervals
+    return on_grid(scene, grid_of(scene, min(longest, scene.forcing.shortest_period / _FEWEST, _LONGEST), times))
 
 
-def problem_of(scene, steps_per_cycle, samples=1):
-    """Return the `Problem` of a scene with filtered noise; states do not depend on `samples`."""
-    return with_intervals(scene, intervals_of(scene, steps_per_cycle), samples)
-
-
-def with_intervals(scene, intervals, samples=1):
+def with_intervals(scene, intervals):
     """Return the `Problem` of a scene for a number of intervals in a cycle."""
-    span = scene.period / intervals
-    forced = scene.forcing.pieces(np.arange(intervals) * span)
+    return on_grid(scene, Grid(intervals, scene.period / intervals, np.array([float(intervals)])))
+
+
+def on_grid(scene, grid):
+    """Return the `Problem` of a scene for the intervals of a grid."""
+    span = grid.spacing
+    forced = scene.forcing.pieces(np.arange(grid.count) * span)
     low, high, drift = _forcing_tables(forced, span)
     return Problem(
         scene.block.restitution,
@@ -121,7 +116,7 @@ def with_intervals(scene, intervals, samples=1):
         start_numbers(scene.start),
         span,
         np.array([math.cosh(span), math.sinh(span)]),
-        samples,
+        grid.marks,
         *_noise_tables(scene.noise, span),
         forced,
         low,
@@ -312,7 +307,8 @@ def side_of(x, v):
 @kernel
 def _realize(stream, cycle, problem, angle, velocity, impacts):
     """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
-    intervals, rows, span, room = problem.low.size, problem.samples, problem.span, make_room(problem)
+    intervals, marks, span, room = problem.low.size, problem.marks, problem.span, make_room(problem)
+    rows = marks.size
     x, v = draw_start(stream, problem.start)
     side = side_of(x, v)
     if abs(x) >= problem.cutoff:
@@ -321,20 +317,23 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     begin_noise(stream, problem, room)
     for _ in range(cycle * intervals):
         draw_noise(stream, problem, room)
-    row, j = 1, 0
+    row, j, mark = 1, 0, marks[0]
     for number in range((angle.size - 1) // rows * intervals):
         draw_noise(stream, problem, room)
-        while row * intervals < (number + 1) * rows:
-            time = (row * intervals / rows - number) * span
-            angle[row], velocity[row] = _look(x, v, side, j, time, problem, room)
+        while mark < number + 1:
+            angle[row], velocity[row] = _look(x, v, side, j, (mark - number) * span, problem, room)
             row += 1
+            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
         origin = (cycle * intervals + number) * span
         x, v, side, time = interval(x, v, side, j, problem, room, impacts, origin)
         if abs(x) >= problem.cutoff:
             return origin + time, side
-        if row * intervals == (number + 1) * rows:
+        if mark == number + 1:
             angle[row], velocity[row] = x, v
             row += 1
+            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
+        if row == angle.size:
+            break
         j = j + 1 if j + 1 < intervals else 0
     return math.nan, 0
 

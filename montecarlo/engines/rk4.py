@@ -18,6 +18,7 @@ from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
+from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import open_stream
 from montecarlo.engines.shinozuka import band_numbers, draw
 from montecarlo.engines.start import start_numbers
@@ -31,31 +32,32 @@ CHUNK_STEPS = 20
 class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional.
 
-    `start` (5,): see `montecarlo.engines.start`. `forcing` (2 n + 1,): its value at the half steps of one cycle.
-    `band_low`, `band_width`: the noise's frequencies in turns per cycle. `weight`: amplitude of each of its harmonics.
-    `samples`: states wanted in a cycle.
+    `lap`, `marks`: duration of a lap of n steps, and see `montecarlo.engines.grid`. `start` (5,): see
+    `montecarlo.engines.start`. `forcing` (n, 3): its values at the begin, the middle and the end of the steps of a lap.
+    `band_low`, `band_width`: the noise's frequencies in turns per lap. `weight`: amplitude of each of its harmonics.
     """
 
     restitution: float
     cutoff: float
-    period: float
+    lap: float
     start: np.ndarray
     forcing: np.ndarray
     band_low: float
     band_width: float
     weight: float
     harmonics: int
-    samples: int
+    marks: np.ndarray
 
 
 class Chunk(NamedTuple):
     """Forcing of a chunk of steps and what RK4 makes of it; m steps.
 
-    `force` (2 m + 1,) at the half steps; `low`, `high` (m,) bound the parabola through the three values of a step;
-    `push` (m, 2) is the forcing's contribution to angle and velocity over a step. `particular`, `scratch` (TERMS,) are
-    room for a `Segment`.
+    `noise` (2 m + 1,) at the half steps; `force` (m, 3) with it at begin, middle and end of the steps; `low`, `high`
+    (m,) bound the parabola through the three values of a step; `push` (m, 2) is the forcing's contribution to angle and
+    velocity over a step. `particular`, `scratch` (TERMS,) are room for a `Segment`.
     """
 
+    noise: np.ndarray
     force: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -64,25 +66,35 @@ class Chunk(NamedTuple):
     scratch: np.ndarray
 
 
-def problem_of(scene, steps_per_cycle, samples=1):
-    """Return the `Problem` of a scene with band noise or none; `samples` states a cycle change no realization."""
-    count = 2 * steps_per_cycle
+def problem_of(scene, steps_per_cycle, times=None):
+    """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
+    grid = grid_of(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Problem(
         scene.block.restitution,
         scene.overturning.angle,
-        scene.period,
+        grid.duration,
         start_numbers(scene.start),
-        scene.forcing.values_in_cycle(np.arange(count + 1), count),
-        *band_numbers(scene),
-        samples,
+        _forces(scene.forcing, grid),
+        *band_numbers(scene, grid.duration),
+        grid.marks,
     )
+
+
+def _forces(forcing, grid):
+    """Return the force (n, 3) at the begin, the middle and the end of every step; a jump is between two steps."""
+    if forcing.period is not None:
+        values = forcing.values_in_cycle(np.arange(2 * grid.count + 1), 2 * grid.count)
+        return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
+    parts = (grid.spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
+    return forcing.series(np.arange(grid.count) * grid.spacing) @ parts.T
 
 
 @kernel
 def _room(length):
     """Make room for a chunk of at most `length` steps."""
     return Chunk(
-        np.zeros(2 * length + 1),
+        np.empty(2 * length + 1),
+        np.empty((length, 3)),
         np.empty(length),
         np.empty(length),
         np.empty((length, 2)),
@@ -94,9 +106,8 @@ def _room(length):
 @kernel(fastmath={"contract"})
 def _tabulate(chunk, steps, h):
     """Work out what the forcing of a chunk does in each step, and its bounds."""
-    force = chunk.force
     for j in range(steps):
-        begin, middle, end = force[2 * j], force[2 * j + 1], force[2 * j + 2]
+        begin, middle, end = chunk.force[j, 0], chunk.force[j, 1], chunk.force[j, 2]
         bend = 0.125 * abs(begin - 2.0 * middle + end)
         chunk.low[j] = min(begin, middle, end) - bend
         chunk.high[j] = max(begin, middle, end) + bend
@@ -107,7 +118,7 @@ def _tabulate(chunk, steps, h):
 @kernel
 def _resolve(x, v, side, chunk, j, until, h, problem, impacts=None, origin=0.0):
     """Follow the block to time `until` of step j, whose forcing is the parabola through its three values."""
-    begin, middle, end = chunk.force[2 * j], chunk.force[2 * j + 1], chunk.force[2 * j + 2]
+    begin, middle, end = chunk.force[j, 0], chunk.force[j, 1], chunk.force[j, 2]
     slope = (4.0 * middle - 3.0 * begin - end) / h
     curvature = 4.0 * (begin - 2.0 * middle + end) / (h * h)
     # With f a parabola, P = -f - f'' solves P'' = P + f.
@@ -153,32 +164,32 @@ def _run_chunk(x, v, side, chunk, first, steps, row, h, problem, angle, velocity
     Return x, v, side, the time since the chunk's begin, and the number of the next sample. A sample within a step is
     a look aside: the step itself is taken whole.
     """
-    n = problem.forcing.size // 2
-    done = 0
+    done, rows = 0, problem.marks.size
     while True:
-        place = (row - 1) % problem.samples + 1
-        whole, rest = place * n // problem.samples - first, place * n % problem.samples
+        place = (row - 1) % rows
+        whole = int(problem.marks[place]) - first
+        rest = problem.marks[place] - first - whole
         last = min(whole, steps)
         x, v, side, time = _steps(x, v, side, chunk, done, last, h, problem, impacts, origin)
-        if abs(x) >= problem.cutoff or whole > steps or (whole == steps and rest > 0):
+        if abs(x) >= problem.cutoff or whole > steps or (whole == steps and rest > 0.0):
             return x, v, side, time, row
         done = last
-        if rest == 0:
+        if rest == 0.0:
             angle[row], velocity[row] = x, v
         else:
-            seen, speed, _, _ = _resolve(x, v, side, chunk, done, h * rest / problem.samples, h, problem)
+            seen, speed, _, _ = _resolve(x, v, side, chunk, done, h * rest, h, problem)
             if abs(seen) < problem.cutoff:
                 angle[row], velocity[row] = seen, speed
         row += 1
-        if place == problem.samples:
+        if place == rows - 1:
             return x, v, side, time, row
 
 
 @kernel
 def _realize(stream, cycle, problem, angle, velocity, impacts):
     """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
-    n = problem.forcing.size // 2
-    h = problem.period / n
+    n = problem.forcing.shape[0]
+    h = problem.lap / n
     chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
     length = (n + chunks - 1) // chunks
     harmonics = noise.allocate(problem.harmonics, length)
@@ -188,11 +199,11 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     noise.set_rotation(harmonics.ratios, 1.0 - length * (chunks - 1) / n, harmonics.wrap[0], harmonics.wrap[1])
     chunk = _room(length)
     if abs(x) >= problem.cutoff:
-        return cycle * problem.period, (1 if x > 0.0 else -1)
+        return cycle * problem.lap, (1 if x > 0.0 else -1)
     angle[0], velocity[0] = x, v
     side = 1 if x > 0.0 else -1
     if x == 0.0:
-        side = side_at_zero(v, problem.forcing[0] + noise.noise_at(harmonics, cycle, 0.0))
+        side = side_at_zero(v, problem.forcing[0, 0] + noise.noise_at(harmonics, cycle, 0.0))
     row, fresh = 1, True
     while row < angle.size:
         for part in range(chunks):
@@ -203,16 +214,20 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
                 noise.rotate(harmonics, harmonics.wrap if part == 0 else harmonics.hop)
             first = part * length
             steps = min(length, n - first)
-            for i in range(2 * steps + 1):
-                chunk.force[i] = problem.forcing[2 * first + i]
-            noise.add_chunk(harmonics, length, chunk.force)
+            chunk.noise[:] = 0.0
+            noise.add_chunk(harmonics, length, chunk.noise)
+            for j in range(steps):
+                for i in range(3):
+                    chunk.force[j, i] = problem.forcing[first + j, i] + chunk.noise[2 * j + i]
             _tabulate(chunk, steps, h)
-            origin = cycle * problem.period + first * h
+            origin = cycle * problem.lap + first * h
             x, v, side, time, row = _run_chunk(
                 x, v, side, chunk, first, steps, row, h, problem, angle, velocity, impacts, origin
             )
             if abs(x) >= problem.cutoff:
                 return origin + time, side
+            if row == angle.size:
+                break
         cycle += 1
     return math.nan, 0
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.physics.transition import Impacts
+from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import exact, filtered, rk4, white
@@ -24,20 +25,25 @@ _STATES = 2**28
 
 
 class Run(NamedTuple):
-    """Checked parameters of a run, as `montecarlo.simulate` describes them."""
+    """Checked parameters of a run, as `montecarlo.simulate` describes them; `times` (rows + 1,) from 0 on."""
 
     scene: Scene
-    cycles: int
+    times: np.ndarray
     realizations: int
     seed: int
     method: str
     steps_per_cycle: int
 
+    @property
+    def rows(self):
+        """Number of times beside 0: of cycles where the forcing repeats."""
+        return len(self.times) - 1
+
 
 class Batch(NamedTuple):
     """Realizations `first`, `first` + 1, ... of a run, `count` of them; nondimensional.
 
-    `angle`, `velocity` (count, cycles * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
+    `angle`, `velocity` (count, rows * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
     as in `montecarlo.Ensemble`. `impacts`: `Impacts` of arrays (count,), (count, capacity) and (count, capacity), times
     and velocities just before; nan beyond the count.
     """
@@ -50,14 +56,14 @@ class Batch(NamedTuple):
     impacts: Impacts
 
 
-def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None):
+def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
     """Return the `Run` of the given parameters, or raise TypeError or ValueError naming the one that is refused."""
     checks.instance("scene", scene, Scene)
     limits.check(scene)
     checks.report(progress)
     return Run(
         scene,
-        checks.count("cycles", cycles),
+        result_times(scene, cycles, times),
         checks.count("realizations", realizations),
         _whole("seed", seed, 0, 2**64 - 1),
         _method(method, scene.noise.kind),
@@ -67,8 +73,9 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress
 
 def refuse_large(run, per_cycle=1, instead=""):
     """Refuse a run whose states, `per_cycle` in a cycle, do not fit into 4 GiB; `instead` is what takes more."""
-    if run.realizations * (run.cycles * per_cycle + 1) > _STATES:
-        rows = "cycles" if per_cycle == 1 else f"cycles x {per_cycle}"
+    if run.realizations * (run.rows * per_cycle + 1) > _STATES:
+        rows = "times" if run.scene.period is None else "cycles"
+        rows += "" if per_cycle == 1 else f" x {per_cycle}"
         accepted = f"realizations x ({rows} + 1) <= {_STATES}, 4 GiB of states{instead}"
         raise ValueError(checks.refusal("realizations", run.realizations, accepted))
 
@@ -82,7 +89,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     first : int
         Number of the first realization that is wanted.
     samples : int
-        States wanted in each cycle, at equal times; with 1 these are the Poincaré points.
+        States wanted in each cycle, at equal times; with 1 these are the Poincaré points. 1 where there are no cycles.
     capacity : int
         Impacts of a realization that are kept; all are counted.
     cycle : int
@@ -97,15 +104,19 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
         Each of its own arrays.
     """
     ahead.before(f"montecarlo.ahead:{run.method}")
-    engine = ENGINES[run.method]
-    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, samples), stream_keys(run.seed)
-    size = max(_SMALLEST_BATCH, _FIRST_STATES // run.cycles)
+    engine, period = ENGINES[run.method], run.scene.period
+    lap = run.times[1:] if period is None else period * np.arange(1, samples + 1) / samples
+    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)
+    times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
+    size = max(_SMALLEST_BATCH, _FIRST_STATES // run.rows)
     while first < run.realizations:
         began = time.perf_counter()
         count = min(size, run.realizations - first)
-        batch = _room(first, count, run.cycles * samples + 1, capacity)
+        batch = _room(first, count, len(times), capacity)
         engine.realize(keys, first, cycle, problem, *batch[1:])
-        _refuse_broken(batch, run, cycle * samples, samples / run.scene.period)
+        if period is None:
+            _leave_out_later(batch, times[-1])
+        _refuse_broken(batch, run, times)
         yield batch
         first += count
         if progress is not None:
@@ -115,16 +126,19 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
         size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
 
 
-def _refuse_broken(batch, run, begin, per_time):
-    """Raise where a state is missing or is no number: every one up to overturning, and none after it, has to be one.
+def _leave_out_later(batch, end):
+    """Take back what an engine saw of the interval in which the last time is, after it."""
+    later = batch.overturn_time > end
+    batch.overturn_time[later], batch.overturn_side[later] = math.nan, 0
 
-    `begin` is the number of the first sample, counted from τ = 0, and `per_time` the samples per unit time.
-    """
-    standing = batch.overturn_side == 0
-    ends = np.where(standing, batch.angle.shape[1] - 1.0, batch.overturn_time * per_time - begin)
+
+def _refuse_broken(batch, run, times):
+    """Raise where a state is missing or is no number: every one up to overturning, and none after it, has to be one."""
+    standing, last = batch.overturn_side == 0, len(times) - 1.0
+    ends = np.where(standing, last, np.interp(batch.overturn_time, times, np.arange(len(times))))
     counts = np.count_nonzero(np.isfinite(batch.angle) & np.isfinite(batch.velocity), axis=1)
     # What overturns between two samples, or within rounding of one, has those before it.
-    near = 1e-9 * (1.0 + begin + batch.angle.shape[1])
+    near = 1e-9 * (1.0 + times[-1] / np.diff(times).min())
     right = np.where(standing, counts == ends + 1.0, (counts >= ends - near) & (counts <= ends + 1.0 + near))
     if not right.all():
         number = batch.first + int(np.argmin(right))

@@ -7,11 +7,11 @@ from montecarlo.engines.random import uniform_pairs
 from montecarlo.engines.start import draw_start
 
 
-def band_numbers(scene):
-    """Return lowest frequency and width of the band in turns per cycle, amplitude and number of the harmonics."""
+def band_numbers(scene, lap):
+    """Return lowest frequency and width of the band in turns per lap, amplitude and number of the harmonics."""
     if scene.noise.kind != "band":
         return 0.0, 0.0, 0.0, 0
-    low, high = (frequency / scene.forcing.frequency for frequency in scene.noise.band)
+    low, high = (frequency * lap / (2.0 * math.pi) for frequency in scene.noise.band)
     return low, high - low, math.sqrt(2.0 * scene.noise.variance / scene.noise.harmonics), scene.noise.harmonics
 
 

@@ -28,6 +28,7 @@ from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.engines.approach import land, near, noise_factor
 from montecarlo.engines.bounce import bounce
+from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import keys_at, normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
 
@@ -47,14 +48,15 @@ _FEWEST, _LONGEST = 16, 0.075
 
 
 class Problem(NamedTuple):
-    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a cycle.
+    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
-    `start` (5,): see `start`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
-    the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
+    `start` (5,), `marks`: see `start` and `grid`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
+    segments of the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
     side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
     of its noise. `shortest`: duration of the shortest step. `brief`: half the duration of the longest bounce that is
-    one draw. `reach`: REACH standard deviations of the angle after a
-    time t <= span are at most reach t^1.5, and `margin` after an interval. `samples`: states wanted in a cycle.
+    one draw. `reach`: REACH standard deviations of the angle after a time t <= span are at most reach t^1.5, and
+    `margin` after an interval. `repeats`: whether the forcing does, and has no kinks, so that a bounce in one draw may
+    go on into the next intervals.
     """
 
     restitution: float
@@ -74,7 +76,8 @@ class Problem(NamedTuple):
     brief: float
     reach: float
     margin: float
-    samples: int
+    marks: np.ndarray
+    repeats: bool
 
 
 @kernel
@@ -86,11 +89,11 @@ def _segments(particular, span, force, low, high, curvature, drift):
             drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
 
 
-def problem_of(scene, steps_per_cycle, samples=1):
+def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with white noise.
 
-    The intervals of a cycle are a multiple of `samples`, and no bounce that is one draw outlasts a sample, so other
-    samples mean other paths (of the same law).
+    No step and no bounce that is one draw outlasts a time in `times`, so other times mean other paths (of the same
+    law).
     """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
@@ -101,11 +104,8 @@ def problem_of(scene, steps_per_cycle, samples=1):
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    fewest = max(
-        math.ceil(_FEWEST * scene.period / scene.forcing.shortest_period - 1e-9), math.ceil(scene.period / _LONGEST)
-    )
-    intervals = samples * math.ceil(fewest / samples)
-    span = scene.period / intervals
+    grid = grid_of(scene, min(scene.forcing.shortest_period / _FEWEST, _LONGEST), times)
+    intervals, span = grid.count, grid.spacing
     tables = (
         np.empty((intervals, TERMS)),
         np.empty(intervals),
@@ -126,24 +126,26 @@ def problem_of(scene, steps_per_cycle, samples=1):
         np.array([math.cosh(span), math.sinh(span)]),
         np.array(noise_factor(diffusion, span)),
         span,
-        scene.period / (FINEST * steps_per_cycle),
+        scene.forcing.time_scale / (FINEST * steps_per_cycle),
         BRIEF * span,
         REACH * math.sqrt(xx / span**3),
         REACH * math.sqrt(xx),
-        samples,
+        grid.marks,
+        scene.period is not None,
     )
 
 
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
-def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, until=0.0):
-    """Take the block from `start` through interval j of a cycle; return u, w, side and the time reached.
+def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
+    """Take the block from `start` to `end` of interval j of a lap; return u, w, side and the time reached.
 
-    That is less than `span` if it has overturned, and up to `until` if it bounces at the interval's end. Times count
-    from `origin`, that of the interval's begin; `impacts` records the impacts.
+    That is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`, that
+    of the interval's begin, and `end` is at most its end; `impacts` records the impacts.
     """
     span, cutoff, time = problem.span, problem.cutoff, start
+    end = min(end, span)
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
-    if start == 0.0 and is_clear(u, w, side, j, problem):
+    if start == 0.0 and end == span and is_clear(u, w, side, j, problem):
         first, second = normal(stream), normal(stream)
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
@@ -152,15 +154,15 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
         w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
         if x >= 0.0:
             return x, w, side, span
-        u, w, side, time = land(x, w, side, segment, 0.0, span, False, problem, impacts, origin)
-    until = max(until, span)
-    while time < span and u < cutoff:
+        u, w, side, time = land(x, w, side, segment, 0.0, span, span, problem, impacts, origin)
+    until = max(until, end)
+    while time < end and u < cutoff:
         if u == 0.0 and w > 0.0:
             w, after, time = bounce(stream, w, side, j, time, until, problem, impacts, origin)
             if after != 0:
                 side = after
                 continue
-        u, w, side, time = near(stream, u, w, side, segment, time, problem, impacts, origin)
+        u, w, side, time = near(stream, u, w, side, segment, time, end, problem, impacts, origin)
     return u, w, side, time
 
 
@@ -187,22 +189,26 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     x, v = draw_start(stream, problem.start)
     side = first_side(x, v, problem)
     u, w = side * x, side * v
-    intervals, span = problem.low.size, problem.span
-    elapsed = cycle * intervals
+    intervals, span, marks = problem.low.size, problem.span, problem.marks
+    elapsed, start = cycle * intervals, 0.0
     if u >= problem.cutoff:
         return elapsed * span, side
     angle[0], velocity[0] = x, v
     for row in range(1, angle.size):
-        left, start = intervals // problem.samples, 0.0
-        while left > 0:
-            j, origin = elapsed % intervals, elapsed * span
-            u, w, side, time = interval(stream, u, w, side, j, problem, impacts, origin, start, left * span)
-            if u >= problem.cutoff:
-                return origin + time, side
-            passed = min(left, max(1, int(time / span)))
-            start = max(0.0, time - passed * span) if passed < left else 0.0
+        mark = marks[(row - 1) % marks.size] + (cycle + (row - 1) // marks.size) * intervals
+        while elapsed < mark:
+            left, j, origin = mark - elapsed, elapsed % intervals, elapsed * span
+            end = min(left, 1.0) * span
+            if start < end:
+                until = left * span if problem.repeats else 0.0
+                u, w, side, start = interval(stream, u, w, side, j, problem, impacts, origin, start, end, until)
+                if u >= problem.cutoff:
+                    return origin + start, side
+            if left < 1.0:
+                break
+            passed = min(int(left), max(1, int(start / span)))
+            start = max(0.0, start - passed * span) if passed < left else 0.0
             elapsed += passed
-            left -= passed
         angle[row], velocity[row] = side * u, side * w
     return math.nan, 0
 

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.engines.random import stream_keys
@@ -165,6 +166,7 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
     checks.instance("scene", scene, Scene)
     if scene.noise.kind in _UNBRANCHED:
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
+    refuse_transient(scene.forcing, "splitting")
     walkers = _at_least("walkers", walkers, _FEWEST_WALKERS)
     repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
     run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
@@ -172,10 +174,10 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
     if problem.low.size > _INTERVALS:
         accepted = f"a cycle of {_INTERVALS} intervals or fewer for `split`, {problem.span:.2g} each"
         raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
-    _refuse_large("walkers", walkers, run.cycles * problem.low.size)
-    _refuse_large("repeats", repeats, run.cycles)
+    _refuse_large("walkers", walkers, run.rows * problem.low.size)
+    _refuse_large("repeats", repeats, run.rows)
     prospects = prospects_of(scene, problem.low.size)
-    overturned = np.zeros((repeats, run.cycles + 1, 2))
+    overturned = np.zeros((repeats, run.rows + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
     pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())
     try:

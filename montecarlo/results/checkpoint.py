@@ -68,7 +68,9 @@ def resumed(path, run, empty):
         raise ValueError(f"checkpoint: {error}") from error
     counts = Counts(**arrays)
     found = Tally(scene=scene, counts=counts, **attributes)
-    for name in ("scene", "cycles", "seed", "method", "steps_per_cycle"):
+    if not np.array_equal(found.times, run.times):
+        raise _foreign(path, _counted(found), _counted(run))
+    for name in ("scene", "seed", "method", "steps_per_cycle"):
         if getattr(found, name) != getattr(run, name):
             raise _foreign(path, f"{name} {getattr(found, name)}", f"{name} {getattr(run, name)}")
     for name in ("angle_edges", "velocity_edges"):
@@ -77,6 +79,12 @@ def resumed(path, run, empty):
     if found.realizations > run.realizations:
         raise _foreign(path, f"realizations {found.realizations}", f"at most the {run.realizations} that are asked for")
     return counts, found.wall_s
+
+
+def _counted(run):
+    if run.scene.period is None:
+        return f"{len(run.times) - 1} times up to {run.times[-1]:g}"
+    return f"cycles {len(run.times) - 1}"
 
 
 def _foreign(path, got, accepted):

@@ -26,15 +26,18 @@ _HALF = 32
 
 
 class Counts(NamedTuple):
-    """State of a tally, `rows` = cycles + 1 whole cycles; all but the edges and the quanta grow as batches are added.
+    """State of a tally at its times, `rows` of them; all but times, edges and quanta grow as batches are added.
 
-    `angle_edges`, `velocity_edges`: edges of the bins. `quantum` (2,): of angle and velocity, powers of two. `standing`
-    (rows,): realizations that have not overturned. `passages` (cycles PARTS + 1, 2): realizations overturned to the
-    left and right in each part of a cycle, those that start beyond the cut-off in row 0. `histogram` (rows, n_angle,
+    `times` (rows,): from 0 on, whole cycles where there are such. `angle_edges`, `velocity_edges`: edges of the bins.
+    `quantum` (2,): of angle and velocity, powers of two. `standing`
+    (rows,): realizations that have not overturned. `passages` ((rows - 1) PARTS + 1, 2): realizations
+    overturned to the left and right in each part of the time between two times, those that start beyond the cut-off in
+    row 0. `histogram` (rows, n_angle,
     n_velocity) int32: standing realizations in each bin. `sums` (rows, 2): angles and velocities of the standing in
     quanta. `products` (rows, 3, 2): their products xx, xv, vv, high and low halves.
     """
 
+    times: np.ndarray
     angle_edges: np.ndarray
     velocity_edges: np.ndarray
     quantum: np.ndarray
@@ -45,29 +48,30 @@ class Counts(NamedTuple):
     products: np.ndarray
 
 
-def empty_counts(scene, cycles, angle_edges, velocity_edges):
+def empty_counts(scene, times, angle_edges, velocity_edges):
     """Return `Counts` of no realization.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
     `fpk_rocking.results.binning.joint_edges`, which holds four standard deviations of the noise.
     """
     bounds = scene.overturning.angle, 8.0 * joint_edges(scene)[1][-1]
-    rows = cycles + 1
+    rows = len(times)
     return Counts(
+        times,
         angle_edges,
         velocity_edges,
         np.array([2.0 ** math.ceil(math.log2(bound)) / _RANGE for bound in bounds]),
         np.zeros(rows, np.int64),
-        np.zeros((cycles * PARTS + 1, 2), np.int64),
+        np.zeros(((rows - 1) * PARTS + 1, 2), np.int64),
         np.zeros((rows, angle_edges.size - 1, velocity_edges.size - 1), np.int32),
         np.zeros((rows, 2), np.int64),
         np.zeros((rows, 3, 2), np.int64),
     )
 
 
-def add(counts, batch, period):
+def add(counts, batch):
     """Add a batch of realizations to the counts, whole or, with the ValueError of a wild state, not at all."""
-    if not _add(counts, batch.angle, batch.velocity, batch.overturn_time, batch.overturn_side, period):
+    if not _add(counts, batch.angle, batch.velocity, _in_rows(batch.overturn_time, counts.times), batch.overturn_side):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
         raise ValueError(
             f"realizations: got a state of a standing block beyond angle and velocity {limits} among those from number "
@@ -75,8 +79,13 @@ def add(counts, batch, period):
         )
 
 
+def _in_rows(time, times):
+    """Return a time as a number of rows and a part of one."""
+    return np.interp(time, times, np.arange(float(len(times))))
+
+
 @kernel(parallel=True)
-def _add(counts, angle, velocity, overturn_time, overturn_side, period):
+def _add(counts, angle, velocity, overturn_row, overturn_side):
     """Add a batch in one call, which no interrupt from the keyboard can cut in two; return whether it was added."""
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
@@ -89,7 +98,7 @@ def _add(counts, angle, velocity, overturn_time, overturn_side, period):
         return False
     for r in range(count):
         if stands[r] < rows:
-            row = _passage(stands[r], overturn_time[r] / period)
+            row = _passage(stands[r], overturn_row[r])
             counts.passages[row, 1 if overturn_side[r] > 0 else 0] += 1
     for k in prange(rows):
         for r in range(count):
@@ -100,7 +109,7 @@ def _add(counts, angle, velocity, overturn_time, overturn_side, period):
 
 @kernel
 def _cycles_standing(angle, velocity, to_quanta):
-    """Return the number of whole cycles at which a block stands, -1 if it has a state without a number of quanta."""
+    """Return the number of times at which a block stands, -1 if it has a state without a number of quanta."""
     k = 0
     while k < angle.size and not math.isnan(angle[k]):
         if not (abs(angle[k] * to_quanta[0]) <= _RANGE and abs(velocity[k] * to_quanta[1]) <= _RANGE):
@@ -111,9 +120,9 @@ def _cycles_standing(angle, velocity, to_quanta):
 
 @kernel
 def _passage(standing, time):
-    """Return the row in which an overturning is counted: what is gone at kT has passed in the cycle before.
+    """Return the row in which an overturning is counted: what is gone at a time has passed since the one before.
 
-    That holds whatever rounding makes of a time, here in cycles, near the ends of that cycle; time 0 gives row 0.
+    That holds whatever rounding makes of a time, here in rows, near the ends; time 0 gives row 0.
     """
     part = math.ceil((time - (standing - 1)) * PARTS)
     return (standing - 1) * PARTS + min(max(part, 1), PARTS)

@@ -12,7 +12,7 @@ from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import Sample
 
 _LAYOUT = Layout(
-    {"angle": "f8 n k+1", "velocity": "f8 n k+1", "overturn_time": "f8 n", "overturn_side": "i1 n"},
+    {"times": "f8 k+1", "angle": "f8 n k+1", "velocity": "f8 n k+1", "overturn_time": "f8 n", "overturn_side": "i1 n"},
     {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
 )
 
@@ -33,8 +33,11 @@ class Ensemble(Sample):
         As it was asked for.
     wall_s : float
         Seconds that the simulation took, compilation included.
+    times : ndarray, shape (cycles + 1,)
+        Times τ of the states, from 0 on: kT, the whole cycles, where the forcing repeats. Where it does not, there are
+        no cycles, and rows and what is said of a cycle count these times.
     angle, velocity : ndarray, shape (realizations, cycles + 1)
-        Poincaré points, states at τ = kT; nan after overturning.
+        States at the times, Poincaré points where the forcing repeats; nan after overturning.
     overturn_time : ndarray, shape (realizations,)
         Time τ of overturning, nan where it never came.
     overturn_side : ndarray of int8, shape (realizations,)
@@ -46,6 +49,7 @@ class Ensemble(Sample):
     seed: int
     steps_per_cycle: int
     wall_s: float
+    times: np.ndarray
     angle: np.ndarray
     velocity: np.ndarray
     overturn_time: np.ndarray
@@ -60,11 +64,6 @@ class Ensemble(Sample):
         """Number of realizations."""
         return self.angle.shape[0]
 
-    @property
-    def cycles(self):
-        """Number of forcing cycles."""
-        return self.angle.shape[1] - 1
-
     @functools.cached_property
     def _gone(self):
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
@@ -76,7 +75,7 @@ class Ensemble(Sample):
         Parameters
         ----------
         cycle : int
-            0 to `cycles`.
+            0 to `cycles`, or the number of one of the `times`.
         angle_edges, velocity_edges : array_like
             Two or more ascending edges; the bins are those of `numpy.histogram2d`.
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.scene.scene import Scene
@@ -40,7 +41,7 @@ class Histories:
     wall_s : float
         Seconds that the simulation took, compilation included.
     time : ndarray, shape (n,)
-        Times τ of the states, equally spaced from 0.
+        Times τ of the states, equally spaced from 0 where the forcing repeats.
     angle, velocity : ndarray, shape (realizations, n)
         States; nan after overturning.
     overturn_time : ndarray, shape (realizations,)
@@ -79,8 +80,8 @@ class Histories:
 
     @property
     def cycles(self):
-        """Number of forcing cycles."""
-        return (self.time.size - 1) // self.samples_per_cycle
+        """Number of forcing cycles; None where the forcing does not repeat."""
+        return None if self.scene.period is None else (self.time.size - 1) // self.samples_per_cycle
 
     @property
     def impacts(self):
@@ -89,6 +90,7 @@ class Histories:
 
     def poincare(self):
         """Return angle and velocity at τ = kT, each of shape (realizations, cycles + 1); nan after overturning."""
+        refuse_transient(self.scene.forcing, "a Poincaré map")
         return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]
 
     def save(self, path):

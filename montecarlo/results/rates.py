@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing import refuse_transient
 from montecarlo.results.ensemble import Ensemble
 
 
@@ -43,6 +44,7 @@ def overturning_rate(ensemble, after, level=0.95, side=None):
         A parameter is refused, or no block stands after these cycles.
     """
     checks.instance("ensemble", ensemble, Ensemble)
+    refuse_transient(ensemble.scene.forcing, "a rate of overturning per cycle")
     after, level = checks.count("after", after), checks.number("level", level, above=0.0)
     if level >= 1.0:
         raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))

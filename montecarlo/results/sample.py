@@ -3,18 +3,24 @@
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.results.times import cycles_of
 from montecarlo.results.statistics import wilson_interval
 
 
 class Sample:
     """What an ensemble and a tally have in common.
 
-    A subclass has ``realizations``, ``cycles``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
+    A subclass has ``realizations``, ``times``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
     the count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2).
     """
 
     closure = ""
     averaged = False
+
+    @property
+    def cycles(self):
+        """Number of forcing cycles; None where the forcing does not repeat."""
+        return cycles_of(self)
 
     @property
     def engine(self):
@@ -62,9 +68,9 @@ class Sample:
         return wilson_interval(self.survivors, self.realizations, level)
 
     def _checked_cycle(self, cycle):
-        accepted = f"a whole number from 0 to {self.cycles}"
+        accepted = f"a whole number from 0 to {len(self.times) - 1}"
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer):
             raise TypeError(checks.refusal("cycle", cycle, accepted))
-        if not 0 <= cycle <= self.cycles:
+        if not 0 <= cycle < len(self.times):
             raise ValueError(checks.refusal("cycle", cycle, accepted))
         return int(cycle)

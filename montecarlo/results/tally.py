@@ -15,6 +15,7 @@ from montecarlo.results.sample import Sample
 
 LAYOUT = Layout(
     {
+        "times": "f8 k+1",
         "angle_edges": "f8 a+1",
         "velocity_edges": "f8 v+1",
         "quantum": "f8 2",
@@ -69,9 +70,9 @@ class Tally(Sample):
         return int(self.counts.standing[-1] + self.counts.passages.sum())
 
     @property
-    def cycles(self):
-        """Number of forcing cycles."""
-        return self.counts.standing.size - 1
+    def times(self):
+        """Times τ from 0 on, shape (cycles + 1,): whole cycles where the forcing repeats, else times of their own."""
+        return self.counts.times
 
     @functools.cached_property
     def _gone(self):
@@ -81,7 +82,7 @@ class Tally(Sample):
     def first_passage(self):
         """P(overturned in a 20th of a cycle) to the left and to the right, shape (20 cycles + 1, 2).
 
-        Row j stands for τ from (j - 1) T/20 to j T/20, row 0 for a start beyond the cut-off.
+        Row j stands for τ from (j - 1) T/20 to j T/20, or a 20th of the time between two of the `times`; row 0 for a start beyond the cut-off.
         """
         return self.counts.passages / self.realizations
 
@@ -116,7 +117,7 @@ class Tally(Sample):
         Parameters
         ----------
         cycle : int
-            0 to `cycles`.
+            0 to `cycles`, or the number of one of the `times`.
         angle_edges, velocity_edges : array_like
             Ascending edges, all among those kept, to rounding. A state on a common edge of two bins is in the upper
             one; one on the last edge kept is in the last bin.

@@ -1,13 +1,4 @@
-"""Forcing: the base acceleration f(τ) that drives a block, in polynomial pieces, and its properties as a whole.
-
-The engines do not depend on what a forcing is made of. On an interval that is short enough it is a polynomial piece,
-given by the coefficients of the bounded particular solution P of P'' = P + f in the time since some instant; from those
-follow the force f = P'' - P itself, its slope, and the flight of a block under it (`fpk_rocking.physics.flight`). The
-rest are properties of the forcing as a whole: its period, its symmetry, how large it gets, and when it lifts a block
-off.
-
-All quantities are nondimensional. This module makes values; it is not compiled.
-"""
+"""Periodic forcing: one harmonic or several, in polynomial pieces (see the package)."""
 
 import dataclasses
 import functools
@@ -58,6 +49,18 @@ class PeriodicForcing:
         """Time from its instant for which a piece of `pieces` is right to 1e-14."""
         return 0.8 * self.shortest_period / (2.0 * math.pi)
 
+    @property
+    def time_scale(self):
+        """Time that an engine's `steps_per_cycle` count in: a cycle."""
+        return self.period
+
+    def spacing(self, longest):
+        """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece.
+
+        The grid divides the cycle.
+        """
+        return self.period / math.ceil(self.period / longest - 1e-9)
+
     def pieces(self, instants):
         """Coefficients of the particular solution P in the time since given instants.
 
@@ -94,10 +97,6 @@ class PeriodicForcing:
     def values_in_cycle(self, places, count):
         """Force at places (n,) of a cycle divided into equal parts, `count` of them: periodic to the last digit."""
         return -sum(a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
-
-    def variation(self, duration):
-        """Bound of the change of the force within half a duration to either side of any instant."""
-        return sum(min(0.5 * k * self.frequency * duration, 2.0) * a for k, a, _ in self.components)
 
     @property
     def steepest(self):
@@ -245,9 +244,6 @@ class Harmonics(PeriodicForcing):
         lists = (", ".join(f"{one:g}" for one in values) for values in (self.amplitudes, self.phases))
         return "A_k = {}, Ω = {:g}, Ψ_k = {}".format(*(next(lists), self.frequency, next(lists)))
 
-
-FORCINGS = {cls.kind: cls for cls in (Forcing, Harmonics)}
-"""Forcings by their kind; the first is the default of a scene file."""
 
 _MOST = 32
 _TINY = 1e-300

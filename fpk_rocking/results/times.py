@@ -1,0 +1,79 @@
+"""The times that results are for: whole forcing cycles, or times of their own where the forcing does not repeat."""
+
+import numpy as np
+
+from fpk_rocking.base import checks
+
+SETTLING = 10.0
+"""Time for which a block is followed after a motion unless `times` tell otherwise.
+
+A free block whose unstable coordinate is off the separatrix by δ has decided after log(1/δ): of blocks that are spread
+over the plane a part exp(-10) has not.
+"""
+
+PARTS = 20
+"""Parts of a motion's duration after each of which a result is for, unless `times` tell otherwise."""
+
+_MOST, _MOST_CYCLES = 100_000, 2**24
+
+
+def result_times(scene, cycles=None, times=None):
+    """Return the times (n + 1,) of a result, the first 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    cycles : int, optional
+        Forcing cycles, at least 1; given exactly where the forcing repeats.
+    times : array_like, optional
+        Ascending times τ, 0 or later, for a forcing that does not repeat. By default `PARTS` equal parts of its
+        duration and, `SETTLING` later, when free blocks have settled or overturned.
+
+    Returns
+    -------
+    ndarray, shape (n + 1,)
+
+    Raises
+    ------
+    TypeError, ValueError
+        Cycles where there are none, times where there are cycles, or one that is refused.
+    """
+    if scene.period is not None:
+        if times is not None:
+            accepted = "nothing: this forcing repeats, and results are after whole cycles"
+            raise ValueError(checks.refusal("times", times, accepted))
+        if checks.count("cycles", cycles) > _MOST_CYCLES:
+            raise ValueError(checks.refusal("cycles", cycles, f"a whole number from 1 to {_MOST_CYCLES}"))
+        return scene.period * np.arange(cycles + 1)
+    if cycles is not None:
+        raise ValueError(checks.refusal("cycles", cycles, f"times in place of cycles: a {scene.forcing.kind} has none"))
+    duration = scene.forcing.duration
+    if times is None:
+        return np.append(duration * np.arange(PARTS + 1) / PARTS, duration + SETTLING)
+    accepted = f"1 to {_MOST} finite numbers from 0 on, ascending, the last above 0"
+    try:
+        found = np.asarray(times)
+    except ValueError:
+        raise TypeError(checks.refusal("times", times, accepted)) from None
+    if found.dtype.kind not in "fiu":
+        raise TypeError(checks.refusal("times", times, accepted))
+    found = found.astype(float)
+    rising = found.ndim == 1 and 1 <= found.size <= _MOST and (found[1:] > found[:-1]).all()
+    if not rising or not found[0] >= 0.0 or not 0.0 < found[-1] < np.inf:
+        raise ValueError(checks.refusal("times", times, accepted))
+    return found if found[0] == 0.0 else np.append(0.0, found)
+
+
+def cycles_of(result):
+    """Return the number of forcing cycles of a result with ``scene`` and ``times``; None where there are none."""
+    return None if result.scene.period is None else len(result.times) - 1
+
+
+def time_name(scene):
+    """Return what the rows of a result are counted in, for axes and tables."""
+    return "forcing cycles" if scene.period is not None else "time τ"
+
+
+def shown_times(result):
+    """Return the rows as a reader counts them: whole cycles, or times τ."""
+    return np.asarray(result.times) if result.scene.period is None else np.arange(len(result.times))
