@@ -236,7 +236,9 @@ def _fragility(options):
 
     scenes, over = [_scene(path) for path in options.scenes], None
     if options.over is not None:
-        name, _, values = options.over.partition("=")
+        name, equals, values = options.over.partition("=")
+        if not equals:
+            raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: _numbers("--over", values)}
     own = {"realizations": options.realizations, "tol": options.tol, "seed": options.seed}
     with reporting("fragility") as progress:
