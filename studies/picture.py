@@ -6,7 +6,15 @@ from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.times import SETTLING
 
-__all__ = ["curves_figure", "surface_figure"]
+__all__ = ["curves_figure", "draw_map", "draw_surface", "surface_figure"]
+
+NAMES = {
+    "size": "half diagonal R, m",
+    "slenderness": "height over width",
+    "width": "width, m",
+    "height": "height, m",
+}
+"""What the parameters of a block are called on an axis."""
 
 _MARKERS = "osD^"
 _SIZE, _ROW = 8.5, 4.6
@@ -65,28 +73,31 @@ def surface_figure(path, result, title, which=0):
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
         axes = figure.subplots()
-        levels = np.linspace(0.0, 1.0, 11)
-        values = np.clip(result.probability[:, which], 0.0, 1.0)
-        filled = axes.contourf(result.scale, result.place, values, levels=levels, cmap=style.SURFACE)
-        lines = axes.contour(result.scale, result.place, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
-        axes.clabel(lines, fmt="%g")
-        medians = np.array([fits[which].median for fits in result.fits])
-        axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
-        axes.set(xlabel="scale of the shaking", ylabel=_AXES.get(result.axis, result.axis))
-        _logarithmic(axes.set_xscale, axes.xaxis)
-        _logarithmic(axes.set_yscale, axes.yaxis)
-        axes.set(xlim=(result.scale[0], result.scale[-1]), ylim=(result.place[0], result.place[-1]))
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
+        filled = draw_surface(axes, result, which)
         figure.colorbar(filled, ax=axes, label=_event(result, which))
     return path
 
 
-_AXES = {
-    "size": "half diagonal R, m",
-    "slenderness": "height over width",
-    "width": "width, m",
-    "height": "height, m",
-}
+def draw_surface(axes, result, which=0):
+    """Draw what `surface_figure` draws on axes, and return the filled contours."""
+    filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
+    medians = np.array([fits[which].median for fits in result.fits])
+    axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
+    axes.set(xlabel="scale of the shaking", ylabel=NAMES.get(result.axis, result.axis))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    return filled
+
+
+def draw_map(axes, across, up, probability):
+    """Draw probabilities (up, across) over two positive parameters as contours, and return the filled ones."""
+    values = np.clip(probability, 0.0, 1.0)
+    filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
+    lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
+    axes.clabel(lines, fmt="%g")
+    _logarithmic(axes.set_xscale, axes.xaxis)
+    _logarithmic(axes.set_yscale, axes.yaxis)
+    axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
+    return filled
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
@@ -115,7 +126,7 @@ def _event(result, which):
 
 def _name(result, m):
     if result.axis != "scene":
-        return f"{_AXES.get(result.axis, result.axis)}: {result.place[m]:g}"
+        return f"{NAMES.get(result.axis, result.axis)}: {result.place[m]:g}"
     size = result.scenes[m].block.dimensions
     return f"block of {size.width:.2f} m × {size.height:.2f} m" if size else f"scene {m + 1}" * (len(result.scenes) > 1)
 
