@@ -55,10 +55,10 @@ def curves_figure(path, results, title, which=0):
             for one in shown:
                 _curve(axes, first, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
             for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
-                _curve(axes, other, m, shown[0], colour, ".", fit=False)
+                _curve(axes, other, m, shown[0], colour, "x", fit=False)
             axes.set(ylim=(-0.03, 1.03), xlabel="scale of the shaking")
             _logarithmic(axes.set_xscale, axes.xaxis)
-            axes.set_title(_name(first, m))
+            axes.set_title(first.label(m) if count > 1 else "")
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
             axes.legend(loc="upper left")
@@ -106,7 +106,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     found, label = result.fits[m][which], f"{result.engine}, {result.names[which]}"
     if fit and not found.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
-        axes.plot(fine, found(fine), color=colour, linewidth=1.0)
+        axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
     error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
@@ -122,13 +122,6 @@ def _logarithmic(set_scale, axis):
 
 def _event(result, which):
     return "P(overturned)" if which == 0 else f"P(max {result.names[which]})"
-
-
-def _name(result, m):
-    if result.axis != "scene":
-        return f"{NAMES.get(result.axis, result.axis)}: {result.place[m]:g}"
-    size = result.scenes[m].block.dimensions
-    return f"block of {size.width:.2f} m × {size.height:.2f} m" if size else f"scene {m + 1}" * (len(result.scenes) > 1)
 
 
 def _notes(results):
