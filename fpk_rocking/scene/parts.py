@@ -57,19 +57,19 @@ class BandNoise:
         Lowest and highest angular frequency, 0 <= lowest < highest.
     harmonics : int
         Number of harmonics, at least 1.
-    envelope : Trapezoid, Exponential or Table, optional
-        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
     remark : str
         What a reader of results has to know of these values, where they were assumed, say: shown with every result.
         Noises that differ in it alone are equal.
+    envelope : Trapezoid, Exponential or Table, optional
+        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
     """
 
     kind: ClassVar[str] = "band"
     variance: float
     band: tuple[float, float]
     harmonics: int
-    envelope: Trapezoid | Exponential | Table | None = None
     remark: str = dataclasses.field(default="", compare=False)
+    envelope: Trapezoid | Exponential | Table | None = None
 
     def __post_init__(self):
         _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
