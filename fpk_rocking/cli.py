@@ -1,4 +1,4 @@
-"""The command line: ``fpk-rocking fpk|mc|compare|warmup``.
+"""The command line: ``fpk-rocking fpk|mc|compare|fragility|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
 what the machine refuses, 130 when interrupted, 143 when terminated. Files are whole or not there.
@@ -27,6 +27,8 @@ examples:
       both, side by side; keeps results, a figure and a summary
   fpk-rocking compare results/main/density.npz results/main/ensemble.npz
       two saved results
+  fpk-rocking fragility cases/scenes/main.toml --scales 0.2:2:20 --cycles 10 --out results/fragility
+      probability of overturning against the scale of the shaking, with a lognormal fit
   fpk-rocking fpk cases/scenes/main.toml --json > survival.json
       one JSON object instead of a table
 
@@ -76,7 +78,8 @@ def main(arguments=None) -> int:
             options.run(options)
             sys.stdout.flush()
     except KeyboardInterrupt as stop:
-        resume = "; the same command goes on from the checkpoint" if getattr(options, "checkpoint", None) else ""
+        file = next((name for name in ("checkpoint", "store") if getattr(options, name, None)), None)
+        resume = f"; the same command goes on from the {file}" if file else ""
         word = "terminated" if isinstance(stop, console.Terminated) else "interrupted"
         sys.stderr.write(f"fpk-rocking: {word}; files written so far are whole{resume}\n")
         return 143 if isinstance(stop, console.Terminated) else 130
@@ -116,10 +119,36 @@ def _parser() -> argparse.ArgumentParser:
     _add_ensemble(both)
     both.set_defaults(run=_compare)
 
+    _add_fragility(commands)
     does = "make the machine code of all engines now, so that no first answer has to wait for it"
     warmup = commands.add_parser("warmup", help=does, description=f"{does[0].upper()}{does[1:]}.")
     warmup.set_defaults(run=_warmup)
     return parser
+
+
+def _add_fragility(commands):
+    does = "probability of overturning against the scale of the shaking, with a lognormal fit"
+    parser = commands.add_parser("fragility", help=does, description=f"{does[0].upper()}{does[1:]}.")
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help="scene file (TOML); several are motions, say")
+    scales = "factors of the shaking: LOW:HIGH:COUNT, spaced evenly in their logarithm, or a list A,B,C"
+    parser.add_argument("--scales", metavar="LIST", required=True, help=scales)
+    _add_common(parser, "result.npz, summary.json, fragility.csv and fragility.png")
+    engine = "exact, rk4, white, filtered or density (default: Monte Carlo, as the noise of the scene asks for)"
+    parser.add_argument("--engine", metavar="NAME", help=engine)
+    levels = "angles A,B,C below the cut-off, in units of the critical angle, whose reaching is wanted too"
+    parser.add_argument("--levels", metavar="LIST", help=levels)
+    over = "NAME=A,B,C or NAME=LOW:HIGH:COUNT: a parameter for a surface, as size=0.5,1,2 or noise.variance=0.01,0.04"
+    parser.add_argument("--over", metavar="NAME=LIST", help=over)
+    kept = "scale the forcing alone and keep the noise as it is"
+    parser.add_argument("--keep-noise", action="store_true", help=kept)
+    parser.add_argument("--realizations", type=int, metavar="N", help=f"a point (default {_REALIZATIONS:,})")
+    parser.add_argument("--tol", type=float, metavar="X", help="error that the density aims at (default 0.01)")
+    parser.add_argument("--seed", type=int, metavar="N", help=f"seed of the random numbers (default {_SEED})")
+    workers = "processes, one processor each (default 1: this one, on all processors)"
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help=workers)
+    store = "file that keeps the points as they come; where it exists, the run goes on from it"
+    parser.add_argument("--store", type=pathlib.Path, metavar="FILE", help=store)
+    parser.set_defaults(run=_fragility)
 
 
 def _add_common(parser, files):
@@ -196,6 +225,61 @@ def _compare(options):
         curves.survival_figure(options.out / "survival.png", [second, first], "Survival and leakage")
         summary.write_summary(options.out / "summary.json", compared.to_dict())
     _print(options, compared.to_dict(), lambda: tables.comparison_table([compared]))
+
+
+def _fragility(options):
+    from fpk_rocking.output import summary
+    from fpk_rocking.output.progress import reporting
+    from studies import fragility
+    from studies.picture import curves_figure, surface_figure
+    from studies.tables import fragility_table
+
+    scenes, over = [_scene(path) for path in options.scenes], None
+    if options.over is not None:
+        name, equals, values = options.over.partition("=")
+        if not equals:
+            raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
+        over = {name: _numbers("--over", values)}
+    own = {"realizations": options.realizations, "tol": options.tol, "seed": options.seed}
+    with reporting("fragility") as progress:
+        result = fragility(
+            scenes[0] if len(scenes) == 1 else scenes,
+            scale=_numbers("--scales", options.scales),
+            cycles=_CYCLES if options.cycles is None and scenes[0].period is not None else options.cycles,
+            engine=options.engine,
+            levels=_numbers("--levels", options.levels) if options.levels else (),
+            over=over,
+            scale_noise=not options.keep_noise,
+            workers=options.workers,
+            store=options.store,
+            progress=progress,
+            **{name: value for name, value in own.items() if value is not None},
+        )
+    values = result.summary()
+    if options.out:
+        result.save(options.out / "result.npz")
+        result.to_csv(options.out / "fragility.csv")
+        summary.write_summary(options.out / "summary.json", values)
+        if over is None:
+            curves_figure(options.out / "fragility.png", [result], "Fragility", which=None)
+        else:
+            surface_figure(options.out / "fragility.png", result, "Fragility")
+    _print(options, values, lambda: fragility_table(result))
+
+
+def _numbers(name, text):
+    """Return the numbers of a list A,B,C or of LOW:HIGH:COUNT, which are spaced evenly in their logarithm."""
+    parts = text.split(":")
+    try:
+        if len(parts) == 1:
+            return [float(one) for one in text.split(",")]
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        if len(parts) == 3 and 0.0 < low < high < float("inf") and 2 <= count <= 10_000:
+            return [low * (high / low) ** (k / (count - 1)) for k in range(count)]
+    except (ValueError, IndexError):
+        pass
+    accepted = "numbers A,B,C, or LOW:HIGH:COUNT with 0 < LOW < HIGH and COUNT from 2 to 10,000"
+    raise ValueError(f"{name}: got {text!r}, accepted: {accepted}")
 
 
 def _warmup(_):

@@ -25,6 +25,7 @@ LAYERS = [
     {"fpk_rocking.density.start", "montecarlo"},
     {"fpk_rocking.density"},
     {"fpk_rocking.output", "fpk_rocking.horizon"},
+    {"studies"},
     {"fpk_rocking.cli"},
 ]
 HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}
@@ -35,9 +36,8 @@ def module_name(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {
-    module_name(path): path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")
-}
+PACKAGES = "fpk_rocking", "montecarlo", "studies"
+MODULES = {module_name(path): path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
 
 
 def imported(source, package="", known=MODULES):
@@ -51,7 +51,7 @@ def imported(source, package="", known=MODULES):
             base = ".".join(filter(None, (base, node.module)))
             # `from package import module` imports the module, `from package import name` the package.
             found |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base for alias in node.names}
-    return {name for name in found if name.split(".")[0] in {"fpk_rocking", "montecarlo"}}
+    return {name for name in found if name.split(".")[0] in PACKAGES}
 
 
 def imports_of(name):
@@ -85,9 +85,9 @@ def test_no_module_imports_itself_through_others():
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) >= len(graph)
 
 
-def test_only_the_command_line_imports_montecarlo():
+def test_only_studies_and_the_command_line_import_montecarlo():
     users = {name for name in MODULES if any(other.startswith("montecarlo") for other in imports_of(name))}
-    assert {name for name in users if not name.startswith("montecarlo")} <= {"fpk_rocking.cli"}
+    assert {name for name in users if not name.startswith(("montecarlo", "studies"))} <= {"fpk_rocking.cli"}
 
 
 def test_montecarlo_never_imports_the_density_solver():
@@ -139,7 +139,7 @@ def names_asked_of_the_project(path):
     """Module and name of all that a script imports from the project or from a script beside it."""
     nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)]
     beside = {other.stem for other in path.parent.glob("*.py")}
-    ours = [node for node in nodes if node.module.split(".")[0] in {"fpk_rocking", "montecarlo"} | beside]
+    ours = [node for node in nodes if node.module.split(".")[0] in {*PACKAGES} | beside]
     return [(node.module, alias.name) for node in ours for alias in node.names]
 
 

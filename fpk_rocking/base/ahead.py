@@ -68,6 +68,13 @@ def before(task, *helping):
     _note(task)
 
 
+def ready(task):
+    """Run a task here unless it has been run on this machine: before workers start, which need what it compiles."""
+    if not _done(task):
+        before(task)
+        perform(task)
+
+
 def start(task):
     """Start a process that runs a task; it ends when its standard input is closed."""
     code = _RUN.format(path=sys.path, task=task)

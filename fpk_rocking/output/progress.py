@@ -44,12 +44,17 @@ def _bar(label):
 
 def _lines(label):
     started = last = time.monotonic()
+    first = None  # time and work done at the first report: work may go on from a file
 
     def report(done, total):
-        nonlocal last
+        nonlocal last, first
         now = time.monotonic()
+        first = first or (now, done)
         if now - last >= _SECONDS_BETWEEN_LINES and done < total:
             last = now
-            sys.stderr.write(f"{label}: {100.0 * done / total:.0f} % after {now - started:.0f} s\n")
+            text = f"{label}: {100.0 * done / total:.0f} % after {now - started:.0f} s"
+            if done > first[1]:
+                text += f", about {(now - first[0]) * (total - done) / (done - first[1]):.0f} s left"
+            sys.stderr.write(text + "\n")
 
     return report

@@ -28,7 +28,7 @@ class Layout(NamedTuple):
                 raise ValueError(f"{kind}: got {', '.join(sorted(found))}, accepted: {', '.join(sorted(wanted))}")
         for name, cls in self.attributes.items():
             value = attributes[name]
-            if isinstance(value, bool) or not isinstance(value, (int, float) if cls is float else cls):
+            if isinstance(value, bool) != (cls is bool) or not isinstance(value, (int, float) if cls is float else cls):
                 raise ValueError(f"{name}: got {value!r}, accepted: {cls.__name__}")
         lengths = {}
         for name, form in self.arrays.items():

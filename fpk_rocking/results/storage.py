@@ -17,7 +17,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.scene.scene import Scene
 
-KINDS = ("evolution", "ensemble", "tally", "histories")
+KINDS = ("evolution", "ensemble", "tally", "histories", "fragility")
 _FORMAT = 3
 _HEADER = "header"
 _HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
@@ -67,7 +67,7 @@ def write_result(path, kind, scene, arrays, attributes):
     path : str or pathlib.Path
         File to write, by custom with the suffix .npz.
     kind : str
-        "evolution" (density solver), "ensemble", "tally" or "histories" (Monte Carlo).
+        "evolution" (density solver), "ensemble", "tally" or "histories" (Monte Carlo), "fragility" (either).
     scene : Scene
         The scene as it was asked for.
     arrays : dict of str to array_like

@@ -1,0 +1,194 @@
+"""`fragility`: the probability of overturning as a function of the scale of the shaking."""
+
+import time
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.results.times import result_times
+from fpk_rocking.scene.scene import Scene
+from studies.cells import Cell, seed_of
+from studies.result import Fragility
+from studies.scenes import grid, scaled
+from studies.sweeping import checked_scenes, run
+from studies.verbs import VERBS, engine_of
+
+_ENGINES = ("exact", "rk4", "white", "filtered", "density")
+_MOST = 10_000
+_REPLACED = (
+    "At every scale {} noise of equal Melnikov variance stands for the scene's: a closure, to be judged by Monte Carlo."
+)
+
+
+def fragility(
+    scene,
+    *,
+    scale,
+    cycles=None,
+    times=None,
+    engine=None,
+    levels=(),
+    over=None,
+    scale_noise=True,
+    realizations=10_000,
+    tol=1e-2,
+    seed=1,
+    workers=1,
+    store=None,
+    progress=None,
+):
+    """Compute a fragility curve, a surface, or a curve for each of several motions.
+
+    P(max |Θ| ≥ x) is the probability of a first passage of |Θ| = x, which every engine locates as it does overturning:
+    each level is a run of its own with the cut-off there. Samples at different scales are independent of each other,
+    as the likelihood of the fit wants it, and so are those of scenes given one by one. Levels share their random
+    numbers, and so do the values of a parameter: their differences have less noise than they have themselves, and
+    under band noise or none the curves of two levels never cross.
+
+    Parameters
+    ----------
+    scene : Scene, or sequence of Scene
+        At scale 1; several are motions that are treated alike, say.
+    scale : sequence of float
+        Factors of the acceleration of the forcing and of the noise, above 0.
+    cycles : int, optional
+        Forcing cycles within which the block overturns or not; given exactly where the forcing repeats.
+    times : sequence of float, optional
+        For a motion that ends: the last one is when a block has overturned or not. By default so long after the end
+        of each motion that blocks have settled (`fpk_rocking.results.times`).
+    engine : str, optional
+        "exact", "rk4", "white" or "filtered": Monte Carlo by this method of `montecarlo.simulate`; band noise becomes
+        white or filtered noise for the latter two. "density": `fpk_rocking.solve_fpk`. By default the Monte Carlo
+        method that fits the noise.
+    levels : sequence of float
+        Angles x below the cut-off, in units of θ_cr, for P(max |Θ| ≥ x).
+    over : dict of str to sequence of float, optional
+        One parameter with its values, for a surface over it and the scale; names as `studies.grid` takes them:
+        ``{"size": [0.5, 1.0, 2.0]}``. For a single scene.
+    scale_noise : bool
+        Whether the noise is scaled with the forcing.
+    realizations : int
+        Size of each sample. Without noise, and from a point, there is one.
+    tol : float
+        Of a density, the wanted error.
+    seed : int
+        At least 0.
+    workers, store, progress
+        As for `studies.sweep`.
+
+    Returns
+    -------
+    Fragility
+        Where an engine refuses a scale, its reason stands there and the probability is nan.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, or the store belongs to another study.
+    """
+    started = time.perf_counter()
+    scenes, axis, places = _scenes(scene, over)
+    factors = tuple(sorted(checks.several("scale", scale, most=_MOST, above=0.0)))
+    if len(set(factors)) != len(factors):
+        raise ValueError(checks.refusal("scale", scale, "numbers that differ from each other"))
+    levels = checks.several("levels", levels, most=_MOST, above=0.0) if len(levels) else ()
+    _check_levels(levels, scenes)
+    seed = checks.count("seed", seed, at_least=0)
+    engine, shaken, closure = _engine(engine, scenes)
+    lasting = {} if cycles is None else {"cycles": cycles}
+    lasting |= {} if times is None else {"times": [float(time) for time in times]}
+    for one in shaken:
+        result_times(one, **lasting)
+    options, realizations = _options(engine, shaken, lasting, realizations, tol)
+    shape, cells = (len(scenes), 1 + len(levels), len(factors)), []
+    for m, which, n in np.ndindex(shape):
+        own = seed_of(seed, n if over else m * len(factors) + n)
+        level = levels[which - 1] if which else None
+        cells.append(Cell(len(cells), _at(shaken[m], factors[n], level, scale_noise), own))
+    verb = VERBS["fpk" if engine == "density" else "mc"]
+    rows = run(verb, cells, options, workers=workers, store=store, progress=progress)
+    values = [row["values"] for row in rows]
+    if any(one.get("closure") for one in values):
+        closure = _REPLACED.format("white")
+    return Fragility(
+        scenes=scenes,
+        axis=axis,
+        place=np.array(places, float),
+        level=np.array(levels, float),
+        scale=np.array(factors),
+        probability=np.array([_overturned(one) for one in values]).reshape(shape),
+        error_estimate=np.array([one.get("error_estimate", np.nan) for one in values]).reshape(shape),
+        engine=engine,
+        realizations=realizations,
+        noise_scaled=bool(scale_noise),
+        options=options | {"seed": seed},
+        closure=closure,
+        reasons={
+            ",".join(map(str, np.unravel_index(row["cell"], shape))): row["reason"] for row in rows if row["reason"]
+        },
+        wall_s=time.perf_counter() - started,
+    )
+
+
+def _scenes(scene, over):
+    """Return the scenes at scale 1, the name of what they differ in, and its values."""
+    if over is None:
+        scenes = (scene,) if isinstance(scene, Scene) else checked_scenes("scene", scene)
+        return scenes, "scene", range(len(scenes))
+    made = grid(scene, over)
+    if len(made.axes) != 1 or "scale" in made.axes:
+        raise ValueError(checks.refusal("over", over, 'one parameter other than the scale, {"size": [0.5, 1.0]}'))
+    ((axis, places),) = made.axes.items()
+    return made.scenes, axis, places
+
+
+def _check_levels(levels, scenes):
+    """Refuse a level at which a block starts, or that only an overturned one reaches."""
+    least = max(abs(scene.start.angle) for scene in scenes)
+    most = min(scene.overturning.angle for scene in scenes)
+    for number, level in enumerate(levels):
+        if not least < level < most:
+            accepted = f"an angle above that of the start, {least:g}, and below overturning.angle, {most:g}"
+            raise ValueError(checks.refusal(f"levels[{number}]", level, accepted))
+
+
+def _engine(engine, scenes):
+    """Return the name of the engine, the scenes with the noise that it takes, and what was done to the noise."""
+    if engine is not None and engine not in _ENGINES:
+        accepted = ", ".join(map(repr, _ENGINES)) + " or None (Monte Carlo, as the noise asks for)"
+        raise ValueError(checks.refusal("engine", engine, accepted))
+    if engine is None:
+        kinds = {engine_of(scene) for scene in scenes}
+        if len(kinds) != 1:
+            raise ValueError(checks.refusal("scene", sorted(kinds), "scenes whose noises one engine takes"))
+        return kinds.pop(), scenes, ""
+    if engine in {"white", "filtered"}:
+        made = tuple(getattr(scene, f"{engine}_equivalent")() for scene in scenes)
+        replaced = made != tuple(scenes)
+        return engine, made, _REPLACED.format(engine) if replaced else ""
+    return engine, scenes, ""
+
+
+def _options(engine, scenes, lasting, realizations, tol):
+    """Return the options of the verb, and the realizations of a sample, 0 of a density."""
+    if engine == "density":
+        return lasting | {"tol": tol}, 0
+    sure = all(scene.noise.kind == "none" and scene.start.covariance is None for scene in scenes)
+    realizations = checks.count("realizations", realizations)
+    realizations = 1 if sure else realizations
+    return lasting | {"realizations": realizations, "method": engine}, realizations
+
+
+def _at(scene, factor, level, scale_noise):
+    """Return the scene at a scale, with the cut-off at a level or where it is."""
+    shaken = scaled(scene, factor, noise=scale_noise)
+    return shaken if level is None else shaken.varied(overturning={"angle": level})
+
+
+def _overturned(values):
+    """Probability of having overturned, of a row's values: as a share of whole numbers, where these are known."""
+    if not values:
+        return np.nan
+    if "survivors" in values:
+        return (values["realizations"] - values["survivors"]) / values["realizations"]
+    return 1.0 - values["survival"][-1]

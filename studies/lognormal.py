@@ -1,0 +1,169 @@
+"""The lognormal fragility curve Φ(ln(s/m)/β) by maximum likelihood, its uncertainty, and whether it fits at all.
+
+With z = b₀ + b₁ ln s the curve is Φ(z), m = exp(-b₀/b₁) its median and β = 1/b₁ its dispersion. The log-likelihood of
+independent binomial counts is concave in (b₀, b₁) (probit regression), so that Newton's iteration finds its maximum,
+and the maximum exists unless some scale separates the failures from the successes. Binomial likelihood in place of
+least squares: J. W. Baker, "Efficient analytical fragility function fitting using dynamic structural analysis",
+Earthquake Spectra 31(1), 579-599, 2015.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from fpk_rocking.base import checks
+
+_ROUNDS, _SMALL = 100, 1e-9
+_LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
+_STEEPEST = 1e6
+
+
+class LognormalFit(NamedTuple):
+    """A fitted lognormal curve.
+
+    `median` m, in units of the scale, and `dispersion` β, the standard deviation of the logarithm; nan where `reason`
+    says why there is no fit. `median_interval`, `dispersion_interval` (2,): confidence limits of `level`, from the
+    observed information, symmetric in ln m and ln β; nan of probabilities that are no counts. `misfit`: largest
+    difference from the data. `deviance`: twice the log-likelihood that the data lose by the curve, and `p_value`: the
+    probability that counts drawn from the fitted curve lose as much; small where lognormal does not fit. Both are nan
+    of probabilities that are no counts.
+    """
+
+    median: float
+    dispersion: float
+    median_interval: tuple[float, float]
+    dispersion_interval: tuple[float, float]
+    misfit: float
+    deviance: float
+    p_value: float
+    level: float
+    reason: str
+
+    def __call__(self, scale):
+        """Probability at a scale; scalars or arrays."""
+        return special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
+
+
+def fit_lognormal(scale, probability, realizations=None, *, level=0.95, samples=999, seed=1):
+    """Fit a lognormal curve.
+
+    Parameters
+    ----------
+    scale : array_like, shape (n,)
+        Above 0.
+    probability : array_like, shape (n,)
+        Shares of a sample at each scale, or probabilities; those that are nan are left out.
+    realizations : int or array_like, optional
+        Sizes of the samples, which are independent of each other. None for probabilities that are no shares: they
+        are weighted as if each were of one realization, clipped to [0, 1], and have no interval and no test.
+    level : float
+        Of the confidence intervals.
+    samples : int
+        Sets of counts drawn from the fitted curve for the test (a parametric bootstrap); `seed` is theirs.
+
+    Returns
+    -------
+    LognormalFit
+    """
+    level = checks.number("level", level, above=0.0)
+    if level >= 1.0:
+        raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    scale, probability = np.asarray(scale, float), np.asarray(probability, float)
+    known = np.isfinite(probability)
+    trials = np.broadcast_to(np.asarray(1.0 if realizations is None else realizations, float), scale.shape)[known]
+    logs, share = np.log(scale[known]), np.clip(probability[known], 0.0, 1.0)
+    count = share * trials if realizations is None else np.round(share * trials)
+    reason = _undetermined(logs, count, trials)
+    if reason:
+        return _without(level, reason)
+    curve, information = _maximize(logs, count[None], trials)
+    if not 0.0 < curve[0, 1] < _STEEPEST:
+        return _without(level, "the probability does not rise with the scale")
+    intercept, slope = curve[0]
+    fitted = special.ndtr(intercept + slope * logs)
+    median, dispersion = math.exp(-intercept / slope), 1.0 / float(slope)
+    middles, spreads = (math.nan, math.nan), (math.nan, math.nan)
+    deviance = p_value = math.nan
+    if realizations is not None:
+        # Errors of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
+        change = np.array([[-1.0 / slope, intercept / slope**2], [0.0, -1.0 / slope]])
+        errors = np.sqrt(np.diag(change @ np.linalg.inv(information[0]) @ change.T))
+        reach = np.exp(special.ndtri(0.5 + 0.5 * level) * errors)
+        middles = float(median / reach[0]), float(median * reach[0])
+        spreads = float(dispersion / reach[1]), float(dispersion * reach[1])
+        deviance = float(_deviance(logs, count[None], trials, curve)[0])
+        drawn = np.random.default_rng(seed).binomial(trials.astype(int), fitted, (samples, logs.size)).astype(float)
+        lost = _deviance(logs, drawn, trials, _maximize(logs, drawn, trials, curve)[0])
+        # What rounding leaves of two equal deviances is no difference.
+        p_value = float((1 + np.count_nonzero(lost >= deviance - _SMALL * (1.0 + deviance))) / (samples + 1))
+    misfit = float(np.abs(fitted - share).max())
+    return LognormalFit(median, dispersion, middles, spreads, misfit, deviance, p_value, level, "")
+
+
+def _without(level, reason):
+    nothing = math.nan, math.nan
+    return LognormalFit(math.nan, math.nan, nothing, nothing, math.nan, math.nan, math.nan, level, reason)
+
+
+def _undetermined(logs, count, trials):
+    """Say why a likelihood has no maximum, or return an empty text."""
+    happened, missed = logs[count > 0.0], logs[count < trials]
+    if not happened.size or not missed.size:
+        return f"the probability is {'0' if not happened.size else '1'} at all scales"
+    if happened.min() >= missed.max():
+        return "fewer than two scales have a probability between 0 and 1: put scales closer together"
+    if np.ptp(logs) == 0.0:
+        return "a curve takes two scales"
+    return ""
+
+
+def _likelihood(z, count, trials):
+    """Log-likelihood (r,) of counts (r, n) under probits z (r, n)."""
+    return (count * special.log_ndtr(z) + (trials - count) * special.log_ndtr(-z)).sum(axis=-1)
+
+
+def _maximize(logs, count, trials, start=None):
+    """Maximize the likelihood of sets of counts (r, n); return curves (r, 2), b₀ and b₁, and information (r, 2, 2)."""
+    sets = count.shape[0]
+    if start is None:
+        middle, spread = logs.mean(), max(logs.std(), _SMALL)
+        start = np.array([[-middle / spread, 1.0 / spread]])
+    curve = np.broadcast_to(start, (sets, 2)).copy()
+    design = np.stack([np.ones_like(logs), logs])
+    reached = _likelihood(curve @ design, count, trials)
+    for _ in range(_ROUNDS):
+        gradient, information = _derivatives(curve @ design, count, trials, design)
+        # Sets that a scale separates have no maximum: their information vanishes, and their steps are held back.
+        ridge = 1e-12 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(2) + 1e-300 * np.eye(2)
+        step = np.linalg.solve(information + ridge, gradient[..., None])[..., 0]
+        step *= np.minimum(1.0, 0.5 * _STEEPEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1.0))
+        for _ in range(_ROUNDS):
+            tried = _likelihood((curve + step) @ design, count, trials)
+            worse = tried < reached - _SMALL * np.abs(reached)
+            if not worse.any():
+                break
+            step[worse] *= 0.5
+        curve += step
+        gained, reached = tried - reached, tried
+        if np.all(np.abs(gained) <= _SMALL * (1.0 + np.abs(reached))) or np.abs(curve).max() > _STEEPEST:
+            break
+    return curve, _derivatives(curve @ design, count, trials, design)[1]
+
+
+def _derivatives(z, count, trials, design):
+    """Gradient (r, 2) of the log-likelihood, and its observed information (r, 2, 2)."""
+    density = -0.5 * z * z - _LOG_ROOT
+    rise, fall = np.exp(density - special.log_ndtr(z)), np.exp(density - special.log_ndtr(-z))
+    gradient = (count * rise - (trials - count) * fall) @ design.T
+    weight = count * rise * (rise + z) + (trials - count) * fall * (fall - z)
+    return gradient, np.einsum("rn,in,jn->rij", weight, design, design)
+
+
+def _deviance(logs, count, trials, curve):
+    """Twice the log-likelihood (r,) that counts (r, n) lose by curves (r, 2)."""
+    missed = trials - count
+    best = special.xlogy(count, count / trials) + special.xlogy(missed, missed / trials)
+    z = curve[:, :1] + curve[:, 1:] * logs
+    return 2.0 * (best.sum(axis=-1) - _likelihood(z, count, trials))

@@ -1,0 +1,291 @@
+"""The result of `fragility`: probabilities against the scale of the shaking, with their errors and fits."""
+
+import csv
+import dataclasses
+import functools
+import io
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.results import storage
+from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.remarks import remarks
+from fpk_rocking.scene.scene import Scene
+from montecarlo.results.statistics import wilson_interval
+from studies.lognormal import fit_lognormal
+from studies.measures import intensities
+
+_LAYOUT = Layout(
+    {
+        "place": "f8 m",
+        "level": "f8 l",
+        "scale": "f8 n",
+        "probability": "f8 m l+1 n",
+        "error_estimate": "f8 m l+1 n",
+    },
+    {
+        "engine": str,
+        "axis": str,
+        "realizations": int,
+        "noise_scaled": bool,
+        "options": dict,
+        "closure": str,
+        "reasons": dict,
+        "wall_s": float,
+    },
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Fragility:
+    """Probabilities of overturning, and of reaching smaller angles, against the scale of the shaking.
+
+    Parameters
+    ----------
+    scenes : tuple of Scene, (m,)
+        At scale 1.
+    axis : str
+        Name of the parameter in which the scenes differ, as `studies.scenes.varied` takes it; "scene" where they are
+        given one by one, motions say.
+    place : ndarray, shape (m,)
+        Its values; numbers from 0 for "scene".
+    level : ndarray, shape (l,)
+        Levels of the largest |Θ|, below the cut-off; nondimensional, in units of θ_cr.
+    scale : ndarray, shape (n,)
+        Factors of the shaking, ascending.
+    probability : ndarray, shape (m, l + 1, n)
+        [:, 0] that the block overturns, [:, 1:] that |Θ| reaches each level, within the time of the study; nan where
+        an engine gave no answer (see `reasons`).
+    error_estimate : ndarray, shape (m, l + 1, n)
+        Of a density, its own; nan for a sample.
+    engine : str
+        "exact", "rk4", "white", "filtered" or "density".
+    realizations : int
+        Size of each sample; 0 for a density.
+    noise_scaled : bool
+        Whether the scale multiplies the noise as well.
+    options : dict
+        Cycles, seed and settings of the engine, as they were asked for.
+    closure : str
+        How the noise of the scenes was replaced by another; empty where it was not.
+    reasons : dict of str to str
+        Why an engine gave no answer, by the indices "scene,level,scale" in `probability`.
+    wall_s : float
+        Seconds that it took.
+    """
+
+    scenes: tuple[Scene, ...]
+    axis: str
+    place: np.ndarray
+    level: np.ndarray
+    scale: np.ndarray
+    probability: np.ndarray
+    error_estimate: np.ndarray
+    engine: str
+    realizations: int
+    noise_scaled: bool
+    options: dict
+    closure: str
+    reasons: dict
+    wall_s: float
+
+    def __post_init__(self):
+        for name in _LAYOUT.arrays:
+            getattr(self, name).flags.writeable = False
+
+    @property
+    def overturned(self):
+        """Probability that the block overturns, shape (m, n)."""
+        return self.probability[:, 0]
+
+    @property
+    def reached(self):
+        """Probability that |Θ| reaches each level, shape (m, l, n)."""
+        return self.probability[:, 1:]
+
+    def interval(self, level=0.95):
+        """Limits of the probabilities, shape (m, l + 1, n, 2).
+
+        Wilson's confidence limits of a sample, each of the given level; of a density its error estimate to either side,
+        within 0 and 1.
+        """
+        if self.realizations:
+            return wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
+        limits = np.stack([self.probability - self.error_estimate, self.probability + self.error_estimate], axis=-1)
+        return np.clip(limits, 0.0, 1.0)
+
+    @functools.cached_property
+    def fits(self):
+        """`LognormalFit` of each curve with intervals of 95 %, a list (m) of lists (l + 1)."""
+        trials = self.realizations or None
+        return [[fit_lognormal(self.scale, curve, trials) for curve in curves] for curves in self.probability]
+
+    @functools.cached_property
+    def intensities(self):
+        """`Intensities` of the motion of each scene at scale 1, a list (m); all are proportional to the scale."""
+        return [intensities(scene) for scene in self.scenes]
+
+    @functools.cached_property
+    def pooled(self):
+        """The same over all scenes alike, as of a motion drawn from them: one scene of m times the realizations.
+
+        Its intervals and fits are for a motion drawn from these, not for others of their kind.
+        """
+        mean = self.probability.mean(axis=0, keepdims=True)
+        error = self.error_estimate.mean(axis=0, keepdims=True)
+        return dataclasses.replace(
+            self,
+            scenes=self.scenes[:1],
+            axis="scene",
+            place=np.zeros(1),
+            probability=mean,
+            error_estimate=error,
+            realizations=self.realizations * len(self.scenes),
+            reasons={},
+        )
+
+    @property
+    def names(self):
+        """Labels of the l + 1 probabilities."""
+        return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
+
+    def label(self, scene):
+        """Return what tells a scene from the others: its parameter, the size of its block, or its number from 0."""
+        sizes = [one.block.dimensions for one in self.scenes]
+        if self.axis != "scene":
+            return f"{self.axis} {self.place[scene]:.4g}"
+        if None not in sizes and len(set(sizes)) == len(sizes):
+            return f"{sizes[scene].width:.3g} m × {sizes[scene].height:.3g} m"
+        return f"scene {scene}"
+
+    @property
+    def remarks(self):
+        """Sentences that have to stand wherever this result is shown."""
+        of = [sentence for scene in self.scenes for sentence in remarks(_Shown(scene, self.closure))]
+        kinds = {}
+        for sentence in dict.fromkeys(of):
+            kinds.setdefault(sentence.partition(":")[0], []).append(sentence)
+        found = [one + f" (Other scenes: {len(more)} likewise.)" * bool(more) for one, *more in kinds.values()]
+        if self.reasons:
+            first = next(iter(self.reasons.values()))
+            found.append(f"{len(self.reasons)} of {self.probability.size} probabilities have no answer: {first}")
+        return found
+
+    def describe(self, scene, which=0):
+        """Return the lognormal fit of a scene's curve as a sentence."""
+        fit, name = self.fits[scene][which], self.names[which]
+        where = f"{name}, {self.label(scene)}" if len(self.scenes) > 1 else name
+        if fit.reason:
+            return f"Lognormal ({where}): no fit, {fit.reason}."
+        text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
+        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
+        return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
+
+    def rows(self):
+        """Yield each probability as a dict: the columns of `to_csv`."""
+        limits = self.interval()
+        for m, measure in enumerate(self.intensities):
+            for n, scale in enumerate(self.scale):
+                for which, level in enumerate([self.scenes[m].overturning.angle, *self.level]):
+                    low, high = limits[m, which, n]
+                    yield {
+                        self.axis: self.place[m],
+                        "scale": scale,
+                        "level": level,
+                        "event": "overturned" if which == 0 else "reached",
+                        "probability": self.probability[m, which, n],
+                        "low": low,
+                        "high": high,
+                        **{name: scale * value for name, value in measure._asdict().items()},
+                        "reason": self.reasons.get(f"{m},{which},{n}", ""),
+                    }
+
+    def to_csv(self, path):
+        """Write all probabilities, with 95 % limits and the intensities of the motion, as a table."""
+        rows, text = list(self.rows()), io.StringIO()
+        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+        storage.write_text(path, text.getvalue())
+
+    def to_xarray(self):
+        """Return an `xarray.Dataset`: "probability", "low" and "high" over the axis, "level" and "scale".
+
+        The level of overturning is called inf. xarray is an optional dependency (``pip install fpk-rocking[xarray]``).
+        """
+        import xarray
+
+        limits, dims = self.interval(), (self.axis, "level", "scale")
+        values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
+        return xarray.Dataset(
+            {name: (dims, np.array(one)) for name, one in values.items()},
+            {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale},
+            {"engine": self.engine, "realizations": self.realizations},
+        )
+
+    def summary(self):
+        """Return what JSON holds: all of it but the scenes."""
+        return {
+            "engine": self.engine,
+            "realizations": self.realizations,
+            "noise_scaled": self.noise_scaled,
+            "options": self.options,
+            "axis": self.axis,
+            "place": self.place.tolist(),
+            "scale": self.scale.tolist(),
+            "level": self.level.tolist(),
+            "overturned": _plain(self.overturned),
+            "reached": _plain(self.reached),
+            "interval": _plain(self.interval()),
+            "error_estimate": _plain(self.error_estimate),
+            "fits": [[_plain(fit._asdict()) for fit in row] for row in self.fits],
+            "intensities": [_plain(one._asdict()) for one in self.intensities],
+            "reasons": self.reasons,
+            "remarks": self.remarks,
+            "wall_s": self.wall_s,
+        }
+
+    def save(self, path):
+        """Save the result, whole or not at all; `path` by custom ends in .npz."""
+        arrays, attributes = _LAYOUT.of(self)
+        scenes = [scene.to_toml() for scene in self.scenes]
+        storage.write_result(path, "fragility", self.scenes[0], arrays, attributes | {"scenes": scenes})
+
+    @classmethod
+    def load(cls, path):
+        """Load a saved result; raises as `fpk_rocking.results.storage.read_result`."""
+        layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
+        _, arrays, attributes = storage.read_result(path, "fragility", layout)
+        scenes = attributes.pop("scenes")
+        if len(scenes) != len(arrays["place"]):
+            raise ValueError(f"{path}: not what save() writes: {len(scenes)} scenes for {len(arrays['place'])} places")
+        try:
+            scenes = tuple(Scene.from_toml(text) for text in scenes)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: not what save() writes: {error}") from None
+        return cls(scenes=scenes, **arrays, **attributes)
+
+
+class _Shown(NamedTuple):
+    """A scene as `remarks` takes a result."""
+
+    scene: Scene
+    closure: str
+    averaged: bool = False
+
+
+def _limits(interval):
+    """Return confidence limits as a text; of what has none an empty one."""
+    return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""
+
+
+def _plain(value):
+    """Return lists in place of arrays and tuples, and None in place of nan."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,202 @@
+"""Scenes of a study: scaled shaking, blocks of another size under the same shaking, and grids over parameters.
+
+All of it is a change of the scene's numbers. A base acceleration a enters as a/(g θ_cr) and a frequency as ω/p
+(docs/theory.md, section 1), so a block of another size has other numbers under the same shaking.
+"""
+
+import dataclasses
+import itertools
+import math
+from typing import NamedTuple
+
+from fpk_rocking.base import checks
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import Dimensions
+
+_PARTS = ("block", "forcing", "noise", "start", "overturning")
+SIZES = ("width", "height", "size", "slenderness")
+"""Names, beside the dotted ones of a scene file and "scale", that `varied` takes: of a block with dimensions."""
+
+
+class Grid(NamedTuple):
+    """Scenes over parameters: `scenes` (product of the lengths,), the last axis fastest, and `axes`, values by name."""
+
+    scenes: tuple[Scene, ...]
+    axes: dict[str, tuple[float, ...]]
+
+    @property
+    def shape(self):
+        """Lengths of the axes."""
+        return tuple(len(values) for values in self.axes.values())
+
+    def parameters(self, number):
+        """Values of the parameters of a scene, by name."""
+        values = next(itertools.islice(itertools.product(*self.axes.values()), number, None))
+        return dict(zip(self.axes, values, strict=True))
+
+
+def grid(scene, axes):
+    """Make the scenes of all combinations of some parameters.
+
+    Parameters
+    ----------
+    scene : Scene
+    axes : dict of str to sequence of float
+        Values by the name of the parameter, as `varied` takes them; set in the order given.
+
+    Returns
+    -------
+    Grid
+
+    Raises
+    ------
+    TypeError, ValueError
+        A name or a value is refused.
+    """
+    checks.instance("scene", scene, Scene)
+    if not isinstance(axes, dict) or not axes:
+        raise TypeError(checks.refusal("axes", axes, 'a dict such as {"forcing.amplitude": [3.0, 4.0]}'))
+    axes = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
+    scenes = [scene]
+    for name, values in axes.items():
+        scenes = [varied(one, name, value) for one in scenes for value in values]
+    return Grid(tuple(scenes), axes)
+
+
+def varied(scene, name, value):
+    """Return a scene with one parameter changed.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Dotted, as in a scene file ("noise.variance"); "scale", a factor of the shaking, noise included; or "width",
+        "height", "size" (all in metres; size is the half diagonal R) or "slenderness" (height over width, of the same
+        R): another block under the same shaking, as `resized` has it.
+    value : float
+
+    Returns
+    -------
+    Scene
+    """
+    part, _, field = str(name).partition(".")
+    if name == "scale":
+        return scaled(scene, value)
+    if name in SIZES:
+        size = dimensions_of(scene, name)
+        value = checks.number(name, value, above=0.0)
+        if name in {"width", "height"}:
+            return resized(scene, **{name: value})
+        radius, slenderness = size.half_diagonal, size.height / size.width
+        radius, slenderness = (value, slenderness) if name == "size" else (radius, value)
+        width = 2.0 * radius / math.hypot(1.0, slenderness)
+        return resized(scene, width=width, height=slenderness * width)
+    if part not in _PARTS or not field:
+        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {', '.join(map(repr, SIZES))}"
+        raise ValueError(checks.refusal("parameter", name, accepted))
+    whole = isinstance(getattr(getattr(scene, part), field, None), int) and float(value).is_integer()
+    return scene.varied(**{part: {field: int(value) if whole else value}})
+
+
+def scaled(scene, factor, *, noise=True):
+    """Return a scene whose shaking is as many times as strong.
+
+    Parameters
+    ----------
+    scene : Scene
+    factor : float
+        Above 0; multiplies the acceleration of the forcing.
+    noise : bool
+        Whether the noise is multiplied as well: its variance, or diffusion, by the square of the factor.
+
+    Returns
+    -------
+    Scene
+    """
+    factor = checks.number("factor", factor, above=0.0)
+    noise = _noise(scene.noise, factor, 1.0) if noise else scene.noise
+    return dataclasses.replace(scene, forcing=_forcing(scene.forcing, factor, 1.0), noise=noise)
+
+
+def resized(scene, *, width=None, height=None):
+    """Return the scene of a block of another size under the same shaking in m/s² and Hz.
+
+    The start in radians and seconds is kept, and the cut-off in units of θ_cr. The restitution becomes Housner's for
+    the new block where it was Housner's for the old one, and is kept where it was not.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    width, height : float, optional
+        Metres; what is left out is kept.
+
+    Returns
+    -------
+    Scene
+    """
+    old = dimensions_of(scene, "width" if width is not None else "height")
+    new = Dimensions(old.width if width is None else width, old.height if height is None else height, old.gravity)
+    angle = old.critical_angle / new.critical_angle
+    rate = old.frequency_parameter / new.frequency_parameter
+    own = scene.block.restitution
+    housner = old.width <= math.sqrt(2.0) * old.height and own == old.restitution
+    start = scene.start
+    moved = {"angle": start.angle * angle, "velocity": start.velocity * angle * rate}
+    if start.covariance is not None:
+        (xx, xv), (_, vv) = start.covariance
+        xv *= angle**2 * rate
+        moved["covariance"] = (xx * angle**2, xv), (xv, vv * (angle * rate) ** 2)
+    # A record is in seconds, and takes the size of the scene's block by itself.
+    forcing = scene.forcing
+    return dataclasses.replace(
+        scene,
+        block=dataclasses.replace(scene.block, restitution=new.restitution if housner else own, dimensions=new),
+        forcing=forcing if forcing.kind == "record" else _forcing(forcing, angle, rate),
+        noise=_noise(scene.noise, angle, rate),
+        start=dataclasses.replace(start, **moved),
+    )
+
+
+def dimensions_of(scene, name):
+    """Return the dimensions of a scene's block, or refuse a parameter that needs them."""
+    if scene.block.dimensions is None:
+        raise ValueError(checks.refusal("parameter", name, "for a block with [block.dimensions]; this scene has none"))
+    return scene.block.dimensions
+
+
+def _forcing(forcing, strength, rate):
+    """Return a forcing of accelerations and, but for a record, frequencies multiplied by factors."""
+    if forcing.kind == "record":
+        return dataclasses.replace(forcing, scale=forcing.scale * strength)
+    changed = {"frequency": forcing.frequency * rate}
+    if forcing.kind == "harmonics":
+        changed["amplitudes"] = tuple(strength * one for one in forcing.amplitudes)
+    else:
+        changed["amplitude"] = strength * forcing.amplitude
+    return dataclasses.replace(forcing, **changed)
+
+
+def _noise(noise, strength, rate):
+    """Return a noise of accelerations and frequencies multiplied by factors."""
+    changed = {}
+    if noise.kind in {"band", "filtered"}:
+        changed["variance"] = noise.variance * strength**2
+    if noise.kind == "band":
+        changed["band"] = tuple(rate * one for one in noise.band)
+    if noise.kind == "filtered":
+        changed["frequency"] = noise.frequency * rate
+    if noise.kind == "white":
+        # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
+        changed["diffusion"] = noise.diffusion * strength**2 / rate
+    if noise.envelope is not None:
+        changed["envelope"] = _envelope(noise.envelope, rate)
+    return dataclasses.replace(noise, **changed)
+
+
+def _envelope(envelope, rate):
+    """Return an envelope of times divided by a factor: all its parameters are times, but for the values of a table."""
+    if envelope.kind == "table":
+        return dataclasses.replace(envelope, times=tuple(time / rate for time in envelope.times))
+    times = {field.name: getattr(envelope, field.name) / rate for field in dataclasses.fields(envelope)}
+    return dataclasses.replace(envelope, **times)
