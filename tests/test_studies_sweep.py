@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import study_verbs
 
+from fpk_rocking.base import ahead
 from fpk_rocking.output import progress as progress_lines
-from fpk_rocking.scene import Block, Forcing, NoNoise, Scene
+from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
 from montecarlo import simulate
 from studies import grid, sweep
 from studies.cells import seed_of
@@ -69,6 +70,17 @@ def test_monte_carlo_and_density_by_name():
     density = sweep(noisy.scenes[1:], "fpk", cycles=2, tol=1e-2)
     near = 4.0 * np.sqrt(0.25 / 300) + density.values("error_estimate")
     assert np.all(np.abs(density.values("survival") - two.values("survival")[1:]) < near)
+
+
+def test_kernels_are_compiled_before_workers_start(monkeypatch):
+    """Those of the engines that the scenes ask for; the test has processes start after it has been told."""
+    told = []
+    monkeypatch.setattr(ahead, "ready", told.append)
+    white = SCENE.varied(noise=WhiteNoise(0.01))
+    assert sweep([SCENE, white], "mc", workers=1, cycles=1, realizations=1).failed == ()
+    assert told == []
+    assert sweep([SCENE, white], "mc", workers=2, cycles=1, realizations=1).failed == ()
+    assert told == ["montecarlo.ahead:exact", "montecarlo.ahead:white"]
 
 
 def test_grid_has_its_last_axis_fastest():
@@ -129,7 +141,7 @@ def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
         sweep(GRID, study_verbs.amplitude, seed=7, workers=workers, store=store, progress=stopping_at(2))
     kept = store.read_bytes()
     assert kept.count(b"\n") == 3
-    store.write_bytes(kept + b'{"cell": 4, "se')  # what a kill in the middle of a line leaves
+    store.write_bytes(kept + b'{"cell": 4, "se' + 9000 * b" ")  # what a kill in the middle of a line leaves
     found = sweep(GRID, study_verbs.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
     assert told(found.rows) == told(alone.rows)
     assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]
