@@ -12,7 +12,7 @@ copyright = "the fpk-rocking authors, BSD 3-Clause"  # noqa: A001
 release = version = importlib.metadata.version("fpk-rocking")
 language = "en-GB"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc", "cases", "mathml"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc", "bars", "cases", "command_help", "mathml"]
 exclude_patterns = ["_build"]
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
@@ -23,7 +23,6 @@ default_role = "py:obj"
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
-numpydoc_validation_checks = {"GL01", "GL02", "GL03"} - {"GL01", "GL02", "GL03"}
 
 html_theme = "furo"
 html_title = f"fpk-rocking {release}"

@@ -7,6 +7,8 @@ import ast
 import pathlib
 import sys
 
+from bars import escaped
+
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "cases"))
 
@@ -36,13 +38,17 @@ def _text(name):
 
 def _page(name):
     title, rest = _text(name)
-    # What a docstring indents is a command.
-    blocks = [f".. code-block:: sh\n\n{block}" if block.startswith("    ") else block for block in rest.split("\n\n")]
+    blocks = [_block(text) for text in rest.split("\n\n")]
     figures = [f".. figure:: ../gallery/{kept}\n   :alt: {title}" for kept in PICTURES[name].values()]
     numbers = f"The numbers behind the picture: :download:`{numbers_of(name)} <../gallery/{numbers_of(name)}>`."
     source = f".. literalinclude:: ../../cases/{name}.py\n   :language: python"
     parts = [_headed(title, "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
     return "\n\n".join(parts) + "\n"
+
+
+def _block(text):
+    """Return a paragraph of a docstring as reStructuredText; what it indents is a command."""
+    return f".. code-block:: sh\n\n{text}" if text.startswith("    ") else escaped(text)
 
 
 def _index():
@@ -65,8 +71,9 @@ def _headed(title, rule):
 
 
 def _linked(app, docname, source):
-    """Have links to a case lead to its page, not to its file."""
+    """Have links to cases and to the gallery lead to pages, not to files."""
     depth = "../" * docname.count("/")
+    source[0] = source[0].replace("](gallery)", "](cases/index.rst)")
     for name in PICTURES:
         source[0] = source[0].replace(f"](../{depth}cases/{name}.py)", f"]({depth}cases/{name}.rst)")
 
