@@ -7,11 +7,15 @@ from docutils.utils.math import MathError, latex2mathml
 from sphinx.util import logging
 
 _LOGGER = logging.getLogger(__name__)
-# What docutils does not read, in words that it does: fences of a given size, dots, fractions of two bare digits.
+_FUNCTION = r"\\(?:arc)?(?:cos|sin|tan|max|min|log|exp)h?(?![a-z])"
+# What docutils does not read, in words that it does: fences of a given size, dots, fractions of two bare digits. And the
+# spaces around the names of functions, which it leaves out.
 _SPELLINGS = [
     (re.compile(r"\\[bB]igg?[lr]?(?![a-zA-Z])"), ""),
     (re.compile(r"\\dots(?![a-z])"), r"\\ldots"),
     (re.compile(r"\\([td]?frac)\s*(\d)\s*(\d)"), r"\\\1{\2}{\3}"),
+    (re.compile(rf"(?<=[\w)}}])\s*({_FUNCTION})"), r"\\,\1"),
+    (re.compile(rf"({_FUNCTION})\s*(?=[\w\\])(?!\\left)"), r"\1\\,"),
 ]
 
 
