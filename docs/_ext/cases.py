@@ -78,7 +78,7 @@ def _headed(title, rule):
     return f"{title}\n{rule * 2 * len(title)}"
 
 
-def _linked(app, docname, source):
+def _linked(_app, docname, source):
     """Have links to cases and to the gallery lead to pages, not to files."""
     depth = "../" * docname.count("/")
     source[0] = source[0].replace("](gallery)", "](cases/index.rst)")

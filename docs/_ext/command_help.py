@@ -22,9 +22,9 @@ class CommandHelp(SphinxDirective):
         command = self.arguments[0]
         printed = io.StringIO()
         # argparse wraps its text to the terminal.
-        with contextlib.redirect_stdout(printed), mock.patch.dict(os.environ, {"COLUMNS": "100"}):
-            with contextlib.suppress(SystemExit):
-                cli.main([*command.split()[1:], "--help"])
+        width = mock.patch.dict(os.environ, {"COLUMNS": "100"})
+        with contextlib.redirect_stdout(printed), width, contextlib.suppress(SystemExit):
+            cli.main([*command.split()[1:], "--help"])
         text = nodes.literal_block(printed.getvalue(), printed.getvalue(), language="none")
         return [nodes.section("", nodes.title(command, command), text, ids=[nodes.make_id(command)])]
 

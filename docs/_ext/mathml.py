@@ -8,8 +8,8 @@ from sphinx.util import logging
 
 _LOGGER = logging.getLogger(__name__)
 _FUNCTION = r"\\(?:arc)?(?:cos|sin|tan|max|min|log|exp)h?(?![a-z])"
-# What docutils does not read, in words that it does: fences of a given size, dots, fractions of two bare digits. And the
-# spaces around the names of functions, which it leaves out.
+# What docutils does not read, in words that it does: fences of a given size, dots, fractions of bare digits; and the
+# spaces around names of functions, which it leaves out.
 _SPELLINGS = [
     (re.compile(r"\\[bB]igg?[lr]?(?![a-zA-Z])"), ""),
     (re.compile(r"\\dots(?![a-z])"), r"\\ldots"),
