@@ -11,7 +11,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run gallery test bench bench-full peers lint clean
+.PHONY: help install run gallery test docs wheel bench bench-full peers lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,19 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 
 test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+docs: $(STAMP)  ## the site, into build/docs; a warning is an error
+	$(BIN)/sphinx-build -q -W --keep-going -d build/doctrees docs build/docs
+	@echo "Open build/docs/index.html"
+
+wheel: $(STAMP)  ## source distribution and its wheel, into dist, and a run of the wheel in a clean environment
+	rm -rf dist build/sdist build/clean
+	$(BIN)/python -m hatchling build -t sdist -d dist
+	mkdir -p build/sdist && tar -xzf dist/*.tar.gz -C build/sdist --strip-components 1
+	cd build/sdist && ../../$(BIN)/python -m hatchling build -t wheel -d ../../dist
+	$(BIN)/python -m venv build/clean
+	$(subst $(VENV),build/clean,$(INSTALL)) dist/*.whl
+	cd build/clean && env -u PYTHONPATH bin/fpk-rocking compare main --cycles 2 --realizations 5000 --tol 1e-2 --out out
 
 bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minutes
 	@set -e; for script in cold_start density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
@@ -57,7 +70,7 @@ $(STAMP): constraints.txt pyproject.toml
 	echo "No Python >= 3.11 among: $(PYTHON). Install one, or name it: make PYTHON=/path/to/python $(MAKECMDGOALS)" >&2; exit 1
 	@echo "Installing the pinned versions into $(VENV), about half a minute"
 	$(INSTALL) hatchling
-	$(INSTALL) --no-build-isolation -e '.[cluster,dev,test,view,xarray]'
+	$(INSTALL) --no-build-isolation -e '.[cluster,dev,docs,test,view,xarray]'
 	@touch $@
 
 $(PEERS)/.installed: $(STAMP) constraints-peers.txt

@@ -14,22 +14,22 @@ from fpk_rocking import console
 
 _DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
 _EXAMPLES = """\
-a scene is a TOML file; examples are in cases/scenes
+a scene is a TOML file, or the name of a scene of the package: main, second, fig05, second_harmonic
 
 examples:
-  fpk-rocking fpk cases/scenes/main.toml
+  fpk-rocking fpk main
       probability density by finite elements, 40 forcing cycles
-  fpk-rocking mc cases/scenes/main.toml --realizations 20000 --seed 7
+  fpk-rocking mc main --realizations 20000 --seed 7
       Monte Carlo of the same scene
-  fpk-rocking mc cases/scenes/main.toml --realizations 10000000 --tally --checkpoint results/main/tally.npz
+  fpk-rocking mc main --realizations 10000000 --tally --checkpoint results/main/tally.npz
       an ensemble larger than memory; once stopped, the same command goes on from the file
-  fpk-rocking compare cases/scenes/main.toml --cycles 10 --out results/main
+  fpk-rocking compare main --cycles 10 --out results/main
       both, side by side; keeps results, a figure and a summary
   fpk-rocking compare results/main/density.npz results/main/ensemble.npz
       two saved results
-  fpk-rocking fragility cases/scenes/main.toml --scales 0.2:2:20 --cycles 10 --out results/fragility
+  fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
       probability of overturning against the scale of the shaking, with a lognormal fit
-  fpk-rocking fpk cases/scenes/main.toml --json > survival.json
+  fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
 
 fpk-rocking COMMAND --help lists the options of a command
@@ -100,13 +100,13 @@ def _parser() -> argparse.ArgumentParser:
         return commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {_PRINTED}")
 
     fpk = command("fpk", "probability density by finite elements (Fokker-Planck equation)")
-    fpk.add_argument("scene", metavar="SCENE", help="scene file (TOML)")
+    fpk.add_argument("scene", metavar="SCENE", help="scene file (TOML), or a name")
     _add_common(fpk, "result.npz, summary.json and a VTK series jpdf.pvd")
     _add_density(fpk)
     fpk.set_defaults(run=_fpk)
 
     mc = command("mc", "Monte Carlo simulation of many realizations")
-    mc.add_argument("scene", metavar="SCENE", help="scene file (TOML)")
+    mc.add_argument("scene", metavar="SCENE", help="scene file (TOML), or a name")
     _add_common(mc, "result.npz and summary.json")
     _add_ensemble(mc)
     mc.set_defaults(run=_mc)

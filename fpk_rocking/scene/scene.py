@@ -276,12 +276,13 @@ class Scene:
 
 
 def load_scene(path):
-    """Read a scene file.
+    """Read a scene file, or one of the scenes that come with the package.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        A TOML file, e.g. ``cases/scenes/main.toml``.
+        A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"`` or
+        ``"second_harmonic"``. A file of such a name is read as ``"./main"``.
 
     Returns
     -------
@@ -290,15 +291,17 @@ def load_scene(path):
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        There is no such file, nor a scene of this name.
     TypeError, ValueError
         As `Scene.from_toml`, with the path in front.
     """
-    path = checks.path("path", path)
+    shipped = {file.stem: file for file in _SHIPPED.glob("*.toml")}
+    path = shipped[path] if isinstance(path, str) and path in shipped else checks.path("path", path)
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise FileNotFoundError(f"no scene file {str(path)!r} (looked from {str(pathlib.Path.cwd())!r})") from None
+        looked = f"looked from {str(pathlib.Path.cwd())!r}; scenes of the package: {', '.join(sorted(shipped))}"
+        raise FileNotFoundError(f"no scene file {str(path)!r} ({looked})") from None
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a text file in UTF-8 ({error})") from None
     try:
@@ -374,6 +377,7 @@ def _noise(name, table, folder):
     return _of_kind(NOISES)(name, values, folder)
 
 
+_SHIPPED = pathlib.Path(__file__).parents[1] / "scenes"
 _READERS = {
     "block": _block,
     "forcing": _of_kind(FORCINGS, Forcing.kind),

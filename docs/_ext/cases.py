@@ -1,0 +1,93 @@
+"""A page for each script in cases/: its picture, what its docstring says, and its source.
+
+The pictures are those of `make gallery`, kept in docs/gallery: to draw them takes half an hour, so a build runs none.
+"""
+
+import ast
+import pathlib
+import re
+import sys
+
+from bars import escaped
+
+ROOT = pathlib.Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "cases"))
+
+from gallery import PICTURES, numbers_of  # noqa: E402 - found by the line above
+
+
+def _written(app):
+    """Write the pages, each where it is new or has changed."""
+    folder = pathlib.Path(app.srcdir) / "cases"
+    folder.mkdir(exist_ok=True)
+    pages = {f"{name}.rst": _page(name) for name in PICTURES} | {"index.rst": _index()}
+    for file in folder.iterdir():
+        if file.name not in pages:
+            file.unlink()
+    for name, text in pages.items():
+        file = folder / name
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+
+
+def _text(name):
+    """Return the title and the paragraphs of a case's docstring."""
+    source = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
+    title, _, rest = ast.get_docstring(ast.parse(source)).partition("\n\n")
+    return title.replace("\n", " ").rstrip("."), rest
+
+
+def _page(name):
+    title, rest = _text(name)
+    blocks = [_block(text) for text in rest.split("\n\n")]
+    figures = [f".. figure:: ../gallery/{kept}\n   :alt: {title}" for kept in PICTURES[name].values()]
+    numbers = f"The numbers behind the picture: :download:`{numbers_of(name)} <../gallery/{numbers_of(name)}>`."
+    source = f".. literalinclude:: ../../cases/{name}.py\n   :language: python"
+    parts = [_headed(title, "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
+    return "\n\n".join(parts) + "\n"
+
+
+def _block(text):
+    """Return a paragraph of a docstring as reStructuredText; what it indents is a command."""
+    return f".. code-block:: sh\n\n{text}" if text.startswith("    ") else escaped(text)
+
+
+def _index():
+    intro = (
+        "One script a figure or study. Each reads a scene, calls the engines and writes pictures, tables and VTK "
+        "files; ``make gallery`` runs them all, in about half an hour."
+    )
+    entries = [
+        f"   * - .. image:: ../gallery/{next(iter(PICTURES[name].values()))}\n"
+        f"          :target: {name}.html\n          :alt: {_text(name)[0]}\n     - :doc:`{name}`"
+        for name in PICTURES
+    ]
+    table = ".. list-table::\n   :widths: 40 60\n   :class: gallery\n\n" + "\n".join(entries)
+    tree = ".. toctree::\n   :hidden:\n\n" + "\n".join(f"   {_short(name)} <{name}>" for name in PICTURES)
+    return "\n\n".join([_headed("Figures and studies", "="), intro, table, tree]) + "\n"
+
+
+def _short(name):
+    """Return the name of a case in words, for the list of pages."""
+    number = re.match(r"fig0*(\d+)_", name)
+    words = name[number.end() :] if number else name
+    return f"Fig. {number[1]}: {words.replace('_', ' ')}" if number else words.replace("_", " ").capitalize()
+
+
+def _headed(title, rule):
+    return f"{title}\n{rule * 2 * len(title)}"
+
+
+def _linked(_app, docname, source):
+    """Have links to cases and to the gallery lead to pages, not to files."""
+    depth = "../" * docname.count("/")
+    source[0] = source[0].replace("](gallery)", "](cases/index.rst)")
+    for name in PICTURES:
+        source[0] = source[0].replace(f"](../{depth}cases/{name}.py)", f"]({depth}cases/{name}.rst)")
+
+
+def setup(app):
+    """Register the steps."""
+    app.connect("builder-inited", _written)
+    app.connect("source-read", _linked)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
