@@ -11,10 +11,11 @@ import pytest
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator, Solution
+from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.scene.scene import Forcing, Start, WhiteNoise
 

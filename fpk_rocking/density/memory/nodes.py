@@ -28,6 +28,10 @@ class Nodes:
 
     Attributes
     ----------
+    sigma, drift, input : float, ndarray (n, n), ndarray (n,)
+        Of the noise η = sigma y1, and of its states dy = drift y dτ + input dW.
+    states : ndarray, shape (counts[0], counts[1] or 1, 2)
+        The nodes.
     values : ndarray, shape (counts[0],)
         The noise at the nodes of y1.
     weights : ndarray, shape (counts[0], counts[1] or 1)
@@ -37,22 +41,18 @@ class Nodes:
     def __init__(self, noise, counts):
         space = filters.state_space(noise)
         self._noise = noise
-        self._drift, self._input, self._spread = space.drift, space.input, space.spread
-        first = space.output * space.spread
-        sigma = np.linalg.norm(first)
-        self._turn = np.array([first, [-first[1], first[0]]]) / sigma if first.size == 2 else np.eye(1)
-        axes = [np.polynomial.hermite_e.hermegauss(count) for count in counts[: first.size]]
-        axes += [(np.zeros(1), np.ones(1))] * (2 - first.size)
-        self.values = sigma * axes[0][0]
+        output = space.output * space.spread
+        self.sigma = float(np.linalg.norm(output))
+        turn = np.array([output, [-output[1], output[0]]]) / self.sigma if output.size == 2 else np.eye(1)
+        self.drift = turn @ (space.drift * space.spread / space.spread[:, None]) @ turn.T
+        self.input = turn @ (space.input / space.spread)
+        axes = [np.polynomial.hermite_e.hermegauss(count) for count in counts[: output.size]]
+        axes += [(np.zeros(1), np.ones(1))] * (2 - output.size)
+        self.states = np.stack(np.meshgrid(*(points for points, _ in axes), indexing="ij"), axis=-1)
+        self.values = self.sigma * axes[0][0]
         self.weights = np.outer(*(weights / weights.sum() for _, weights in axes))
-        tables = [_hermite(points, len(points)) for points, _ in axes]
-        self._table = np.kron(*tables)
-        self._degrees = [(a, b) for a in range(len(axes[0][0])) for b in range(len(axes[1][0]))]
-
-    def whitened(self, duration):
-        """Return Φ: the mean of the whitened states after a time is Φ times those before it."""
-        phi, _ = filters.transition(self._drift, self._input, duration)
-        return self._turn @ (phi * self._spread / self._spread[:, None]) @ self._turn.T
+        self._table = np.kron(*(_hermite(points, len(points)) for points, _ in axes))
+        self._degrees = list(np.ndindex(self.weights.shape))
 
     def held(self, duration):
         """Return the factor of the noise that is held over steps of a duration, for its Melnikov variance to be right.
@@ -71,13 +71,14 @@ class Nodes:
 
     def mixing(self, duration):
         """Return the matrix (nodes, nodes) that takes the masses of the nodes over a time; its columns sum to 1."""
-        gain = _on_polynomials(np.pad(self.whitened(duration), (0, 2))[:2, :2], self._degrees)
+        phi, _ = filters.transition(self.drift, self.input, duration)
+        gain = _on_polynomials(np.pad(phi, (0, 2))[:2, :2], self._degrees)
         return self.weights.reshape(-1, 1) * (self._table @ gain @ self._table.T)
 
 
 def _hermite(points, count):
     """Hermite polynomials 0 to count - 1, orthonormal for the normal distribution: (points, count)."""
-    scale = np.sqrt([math.factorial(k) for k in range(count)])
+    scale = np.array([math.sqrt(math.factorial(k)) for k in range(count)])
     return np.polynomial.hermite_e.hermevander(points, count - 1) / scale
 
 

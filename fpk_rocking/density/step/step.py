@@ -135,10 +135,12 @@ class Step:
         Where the paths end.
     buffers : ndarray, optional
         From `deposit_buffers`, to be shared by the steps of one run.
+    angle_shear : Shift, optional
+        From `free_flight.angle_shear_of`, to be shared by steps that differ in a constant force alone.
     """
 
-    def __init__(self, trace: Trace, target: Space, buffers=None):
-        self.trace, self.target = trace, target
+    def __init__(self, trace: Trace, target: Space, buffers=None, angle_shear=None):
+        self.trace, self.target, self.angle_shear = trace, target, angle_shear
         self._grids = grid_of(target.angle_lines), grid_of(target.velocity_lines)
         degree, modes = trace.source.degree, target.degree + 1
         self._weights = trace.angle_weights, trace.velocity_weights
@@ -181,7 +183,9 @@ class Step:
             affine = trace.cosh, trace.sinh, trace.shifts
             free = trace.active & ~trace.marks
             self._deposited = trace.active & trace.marks
-            self._flight = FreeFlight(self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur)
+            self._flight = FreeFlight(
+                self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur, self.angle_shear
+            )
         self._chunks = self._split()
 
     def apply(self, coefficients):
