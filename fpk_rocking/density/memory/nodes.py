@@ -46,12 +46,11 @@ class Nodes:
         turn = np.array([output, [-output[1], output[0]]]) / self.sigma if output.size == 2 else np.eye(1)
         self.drift = turn @ (space.drift * space.spread / space.spread[:, None]) @ turn.T
         self.input = turn @ (space.input / space.spread)
-        axes = [np.polynomial.hermite_e.hermegauss(count) for count in counts[: output.size]]
-        axes += [(np.zeros(1), np.ones(1))] * (2 - output.size)
-        self.states = np.stack(np.meshgrid(*(points for points, _ in axes), indexing="ij"), axis=-1)
+        axes = [axis_of(count) for count in (*counts[: output.size], 1, 1)[:2]]
+        self.states = np.stack(np.meshgrid(*(points for points, _, _ in axes), indexing="ij"), axis=-1)
         self.values = self.sigma * axes[0][0]
-        self.weights = np.outer(*(weights / weights.sum() for _, weights in axes))
-        self._table = np.kron(*(_hermite(points, len(points)) for points, _ in axes))
+        self.weights = np.outer(*(weights for _, weights, _ in axes))
+        self._table = np.kron(*(table for _, _, table in axes))
         self._degrees = list(np.ndindex(self.weights.shape))
 
     def held(self, duration):
@@ -76,10 +75,15 @@ class Nodes:
         return self.weights.reshape(-1, 1) * (self._table @ gain @ self._table.T)
 
 
-def _hermite(points, count):
-    """Hermite polynomials 0 to count - 1, orthonormal for the normal distribution: (points, count)."""
-    scale = np.array([math.sqrt(math.factorial(k)) for k in range(count)])
-    return np.polynomial.hermite_e.hermevander(points, count - 1) / scale
+def axis_of(count):
+    """Nodes and weights (count,) of Gauss-Hermite quadrature, and the Hermite polynomials at them (nodes, degrees).
+
+    By the eigenvectors of the polynomials' recurrence, orthonormal for the normal distribution (Golub and Welsch 1969).
+    """
+    beside = np.sqrt(np.arange(1.0, count))
+    nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
+    nodes, first = 0.5 * (nodes - nodes[::-1]), np.abs(vectors[0])
+    return nodes, first**2, (vectors * np.sign(vectors[0]) / first).T
 
 
 def _on_polynomials(phi, degrees):
