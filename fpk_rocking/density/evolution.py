@@ -21,6 +21,7 @@ _LAYOUT = Layout(
         "survival": "f8 k+1",
         "overturned": "f8 k+1 2",
         "lost": "f8 k+1",
+        "at_rest": "f8 k+1",
         "coefficients": "f8 k+1 x v d d",
         "angle_lines": "f8 x+1",
         "velocity_lines": "f8 v+1",
@@ -38,17 +39,22 @@ class Evolution(DensityResult):
     scene : Scene
         As it was asked for.
     diffusion : float
-        D of the white noise that was solved for.
+        D of the white noise that was solved for; of filtered noise, that of equal Melnikov variance.
     closure : str
-        How band noise became white noise; empty where the scene's noise is white.
+        How band noise was replaced; empty where it was not.
     tol : float
         The tolerance asked for.
     survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned by kT: the mass inside.
+        Probability of not having overturned by kT, at rest or not: the mass inside.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned by kT to the left and to the right, summed from what overturned.
     lost : ndarray, shape (cycles + 1,)
         Mass that left through the velocity bound by kT, or came to cells that hold next to nothing and are not active.
+    at_rest : ndarray, shape (cycles + 1,)
+        Probability of not having overturned by kT and being at rest. Under filtered noise blocks rest, at x = v = 0
+        exactly: a mass beside the density. White noise lets none rest: there it is the part of the density within
+        |x| < .005 and |v| < .1, where a block rattles. How it does is not resolved; within these bounds only the
+        probability of the whole is to be trusted, and `bins_error_estimate` counts them as one bin.
     error_estimate : float
         Estimate of the largest error in survival, from the differences of three solutions of the same scene.
     bins_error_estimate : float
@@ -62,7 +68,8 @@ class Evolution(DensityResult):
     settings : dict
         Mesh, degree, quadrature and steps used.
     coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
-        Of the density after each cycle; those at 0 are zero for a point start.
+        Of the density of angle and velocity after each cycle, of blocks that are not an atom at rest; those at 0 are
+        zero for a point start.
     space : Space
         What they are coefficients of.
     """
@@ -74,6 +81,7 @@ class Evolution(DensityResult):
     survival: np.ndarray
     overturned: np.ndarray
     lost: np.ndarray
+    at_rest: np.ndarray
     error_estimate: float
     bins_error_estimate: float
     mass_defect: float
@@ -89,18 +97,9 @@ class Evolution(DensityResult):
         return len(self.survival) - 1
 
     @property
-    def at_rest(self):
-        """Probability, (cycles + 1,), of not having overturned by kT and being at rest: |x| < .005 and |v| < .1.
-
-        Under white noise a block at rest rattles, and how it does is not resolved: within these bounds only the
-        probability of the whole is to be trusted. `bins_error_estimate` counts them as one bin.
-        """
-        edges = ([-size, size] for size in REST)
-        found = self.space.bin_integrals(self.coefficients, *edges)[:, 0, 0]
-        start = self.scene.start
-        if start.covariance is None:
-            found[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
-        return found
+    def atom(self):
+        """Whether `at_rest` is a mass beside the density: under filtered noise, where `settings` has ``nodes``."""
+        return "nodes" in self.settings
 
     @property
     def facts(self):
@@ -110,7 +109,7 @@ class Evolution(DensityResult):
         return own | lists | {"diffusion": float(self.diffusion)}
 
     def at(self, cycle):
-        """Return the density after a number of cycles.
+        """Return the density after a number of cycles, of blocks that are not an atom at rest.
 
         Parameters
         ----------
@@ -147,7 +146,7 @@ class Evolution(DensityResult):
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
-            Sums to the survival where the bins cover the plane.
+            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that has (0, 0).
 
         Raises
         ------
@@ -160,7 +159,8 @@ class Evolution(DensityResult):
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        return Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
+        found = Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
+        return found + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else found
 
     def _check(self, cycle):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle <= self.cycles:
@@ -168,7 +168,7 @@ class Evolution(DensityResult):
 
     def save(self, path):
         """Write the result to a file (.npz), whole or not at all."""
-        arrays = {name: getattr(self, name) for name in ("survival", "overturned", "lost", "coefficients")}
+        arrays = {name: getattr(self, name) for name in ("survival", "overturned", "lost", "at_rest", "coefficients")}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
         write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _LAYOUT.attributes})
 
@@ -179,3 +179,11 @@ class Evolution(DensityResult):
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
         return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)
+
+
+def near_rest(space, coefficients, start):
+    """Mass (cycles + 1,) within `REST`, of the densities after every cycle; of a point start 0 or 1 at first."""
+    found = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
+    if start.covariance is None:
+        found[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
+    return found

@@ -7,14 +7,18 @@ import time
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
-from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.evolution import Evolution, near_rest
+from fpk_rocking.density.memory.propagator import NodePropagator
+from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_filtered, refuse_large, refuse_unsolvable, warn_beyond
-from fpk_rocking.density.resolution import USUAL
+from fpk_rocking.density.refusals import LARGEST, refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.physics import filters
+from fpk_rocking.physics.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
@@ -22,26 +26,27 @@ from fpk_rocking.scene.scene import Scene
 NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be active."""
 
-BYTES = 2.0
-"""Bytes that a run holds, about, over the `work` of its grid."""
+CLOSURES = ("white", "filtered")
+"""Noises that may stand for band noise."""
 
-SOLUTION_MEMORY = 1.5e9
-"""Bytes that a finer solution may be expected to need."""
+SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
+"""Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
 
-def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
+def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progress=None):
     """Evolve the joint density of angle and velocity of a rocking block.
 
-    Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so. The solution
-    is refined until its difference from the one before is below the tolerance, or memory ends it.
+    Under filtered noise the states of the filter are carried with the density, and blocks can rest. Band noise is
+    replaced, by white noise of equal Melnikov variance unless `closure` says otherwise; the result's `closure` tells
+    how. The solution is refined until its difference from the one before is below the tolerance, or memory ends it.
 
     Parameters
     ----------
     scene : Scene
-        With white or band noise.
+        With white, filtered or band noise.
     cycles : int
         Forcing cycles to evolve.
     tol : float
@@ -64,8 +69,8 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
     Raises
     ------
     TypeError, ValueError
-        A parameter is not acceptable; no noise, and a restitution below `CRITICAL_RESTITUTION`, are refused, as is a
-        scene whose density the finest mesh does not resolve.
+        A parameter is not acceptable; no noise, and under white noise a restitution below `CRITICAL_RESTITUTION`, are
+        refused, as is a scene whose density takes too much memory, or is not resolved by the finest mesh.
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
@@ -75,33 +80,50 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         bins_tol = bins_tolerance(tol)
     elif bins_tol != math.inf:
         bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
-    refuse_filtered(scene)
-    white = scene.white_equivalent()
-    refuse_unsolvable(white)
+    if closure not in CLOSURES:
+        raise ValueError(checks.refusal("closure", closure, " or ".join(map(repr, CLOSURES))))
+    solved = scene
+    if scene.noise.kind != "filtered":
+        solved = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
+    refuse_unsolvable(solved)
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
-    bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, cycles)
-    grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
+    white = solved.white_equivalent()
+    bound, departures, motion = velocity_bound(white, _spread(solved.noise)), {}, motion_of(white, cycles)
+    resolutions = candidates_for(tol)
+    grids = [resolution.of(white, bound, motion) for resolution in resolutions]
+    memory = SOLUTION_MEMORY[solved.noise.kind]
+    if solved.noise.kind == "filtered":
+        coarsest = len(RESOLUTIONS) - len(resolutions)
+        grids = [node_grid(solved, grid, number) for number, grid in enumerate(grids, coarsest)]
     least, count = grids[2], Progress(progress, cycles, least=3)
-    refuse_large(BYTES * least.work, least.stored(cycles), cycles)
+    refuse_large(least.memory, least.stored(cycles), cycles, LARGEST[solved.noise.kind])
 
-    def solved(grid, coarser):
-        run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+    def run_of(grid, coarser):
+        guide = coarser and coarser.run
+        if solved.noise.kind == "filtered":
+            run = NodePropagator(solved, grid, NEGLIGIBLE * tol, guide)
+            return run, run.evolve(cycles, count.next())
+        run = Propagator(white, grid, NEGLIGIBLE * tol, guide)
         if grid.windows not in departures:
             departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, white.period)
-        return Solved(run, run.evolve(cycles, departures[grid.windows], count.next()), motion.edges)
+        return run, run.evolve(cycles, departures[grid.windows], count.next())
 
     def fits(level, grid):
-        return level.memory * grid.work / level.run.grid.work + grid.stored(cycles) <= SOLUTION_MEMORY
+        return level.memory * grid.memory / level.run.grid.memory + grid.stored(cycles) <= memory
 
-    found = refine(grids, solved, fits, lambda found: found.within(tol, bins_tol))
+    def made(grid, coarser):
+        return Solved(*run_of(grid, coarser), motion.edges)
+
+    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol))
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
-        closure=closure_of(scene, white),
+        closure=closure_of(scene, solved),
         tol=tol,
         survival=fine.inside,
         overturned=fine.gone[:, :2],
+        at_rest=near_rest(run.space, fine.coefficients, scene.start) if fine.at_rest is None else fine.at_rest,
         lost=fine.gone[:, 2],
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
@@ -133,6 +155,8 @@ class Solved:
     def __init__(self, run, solution, edges):
         self.run, self.solution = run, solution
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
+        if solution.at_rest is not None:
+            self.bins += solution.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]
         self._resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
 
     @functools.cached_property
@@ -160,6 +184,13 @@ class Solved:
     def release(self):
         """Let go of the densities."""
         self.solution = self.solution._replace(coefficients=None)
+
+
+def _spread(noise):
+    """Return the diffusion that bounds how far noise moves a flight: D, or more for noise of high frequencies."""
+    if noise.kind == "white":
+        return noise.diffusion
+    return max(equivalent_diffusion(noise), filters.inward_variance(noise))
 
 
 def _refuse_unresolved(result, negative):

@@ -37,14 +37,19 @@ def noise_text(noise) -> str:
     return "no noise"
 
 
-def closure_of(scene, white) -> str:
-    """Say how the band noise of a scene became white noise, that of the scene `white`; empty where it was white."""
-    if scene.noise.kind == "white":
+def closure_of(scene, solved) -> str:
+    """Say how the band noise of a scene became that of the scene `solved`; empty where it is the same."""
+    if scene.noise == solved.noise:
         return ""
     low, high = scene.noise.band
+    instead = (
+        f"white noise of equal Melnikov variance, D = {solved.noise.diffusion:.6g}"
+        if solved.noise.kind == "white"
+        else f"{noise_text(solved.noise)}, which has the same variance and Melnikov variance"
+    )
     return (
-        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as white noise of equal "
-        f"Melnikov variance, D = {white.noise.diffusion:.6g}: a closure, to be judged by Monte Carlo."
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as {instead}: a closure, to be "
+        "judged by Monte Carlo."
     )
 
 
