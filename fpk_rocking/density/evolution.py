@@ -15,7 +15,10 @@ from fpk_rocking.results.storage import read_result, write_result
 from fpk_rocking.scene.scene import Scene
 
 _KIND = "evolution"
-_FLOATS = ("diffusion", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s")
+_FLOATS = (
+    "diffusion", "tol", "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass",
+    "wall_s",
+)  # fmt: skip
 _LAYOUT = Layout(
     {
         "survival": "f8 k+1",
@@ -59,6 +62,8 @@ class Evolution(DensityResult):
         Estimate of the largest error in survival, from the differences of three solutions of the same scene.
     bins_error_estimate : float
         The same of the binned density: the largest difference of the last two, L1 over 32 x 64 bins between the bounds.
+    rest_error_estimate : float
+        The same of `at_rest` under filtered noise, the largest difference of the last two; not held to a tolerance.
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
     negative_mass : float
@@ -84,6 +89,7 @@ class Evolution(DensityResult):
     at_rest: np.ndarray
     error_estimate: float
     bins_error_estimate: float
+    rest_error_estimate: float
     mass_defect: float
     negative_mass: float
     wall_s: float

@@ -56,6 +56,13 @@ class NodePropagator:
         A cell that has never held more at any node is not active: what comes to it is lost, and counted.
     guide : NodePropagator, optional
         A run of the same scene that tells which cells to activate.
+
+    Attributes
+    ----------
+    leg : list of list of Step
+        The steps of a leg (half a cycle, or a cycle), each at every node of the noise.
+    memory : int
+        Bytes that an evolution took.
     """
 
     def __init__(self, scene, grid, negligible, guide=None):
@@ -70,7 +77,7 @@ class NodePropagator:
         factor = self.nodes.held(self.duration)
         self.dynamics = [self._dynamics(factor * value) for value in self.nodes.values]
         self.leg = [self._steps(k) for k in range(self.steps // self.legs)]
-        self.occupied = np.zeros((len(self.leg), *self.space.shape[:2]), dtype=bool)
+        self.occupied, self.memory = np.zeros((len(self.leg), *self.space.shape[:2]), dtype=bool), 0
         if guide:
             self.occupied[:] = [guide.occupied_near(k / self.steps, self.space) for k in range(len(self.leg))]
 
@@ -87,8 +94,7 @@ class NodePropagator:
             for dynamics in self.dynamics
         ]
 
-    @property
-    def memory(self):
+    def _memory(self):
         """Bytes that the run holds, marginal densities of all cycles left out."""
         densities = 3 * 8 * self.nodes.weights.size * self.space.unknowns
         shears = sum(part.nbytes for steps in self.leg for part in steps[0].angle_shear)
@@ -97,11 +103,14 @@ class NodePropagator:
     def occupied_near(self, part, space):
         """Cells of another space that meet one which was occupied about a part of the cycle, within its first leg."""
         before = int(part * self.steps + 1e-9)
-        after = min(before + (part * self.steps - before > 1e-9), len(self.leg) - 1)
+        after = min(before + (part * self.steps - before > 1e-9), len(self.occupied) - 1)
         return meeting(self.space, self.occupied[before] | self.occupied[after], space)
 
     def evolve(self, cycles, progress=None):
-        """Evolve over whole cycles; returns a `Solution` of the marginal over the filter's states."""
+        """Evolve over whole cycles, once; returns a `Solution` of the marginal over the filter's states.
+
+        The steps are let go of then, and `memory` tells what they took.
+        """
         density, rest, gone, first = self._begin()
         inside, out, at_rest = np.ones(cycles + 1), np.zeros((cycles + 1, 3)), np.zeros(cycles + 1)
         coefficients, turned = np.zeros((cycles + 1, *self.space.shape)), False
@@ -123,6 +132,7 @@ class NodePropagator:
             rest = (mixing @ rest.ravel()).reshape(rest.shape)
             sinks = self._move(k % len(self.leg), density, rest)
             gone = gone + (sinks[[1, 0, 2]] if turned else sinks)
+        self.memory, self.leg, self.buffers = self._memory(), None, None
         return Solution(inside, out, coefficients, at_rest)
 
     def _begin(self):
