@@ -133,7 +133,9 @@ def _add_density(parser):
     parser.add_argument("--tol", type=float, metavar="X", help=aim)
     aim = "error of the binned density that it aims at, L1 (default the root of --tol, over 3; inf leaves it out)"
     parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
-    stands = "what stands for band noise in the density solver: white (default), or filtered, under which blocks can rest"
+    stands = (
+        "what stands for band noise in the density solver: white (default), or filtered, under which blocks can rest"
+    )
     parser.add_argument("--closure", metavar="NAME", help=stands)
 
 

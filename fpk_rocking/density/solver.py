@@ -80,19 +80,16 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progre
         bins_tol = bins_tolerance(tol)
     elif bins_tol != math.inf:
         bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
-    if closure not in CLOSURES:
-        raise ValueError(checks.refusal("closure", closure, " or ".join(map(repr, CLOSURES))))
-    solved = scene
-    if scene.noise.kind != "filtered":
-        solved = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
-    refuse_unsolvable(solved)
+    solved = _closed(scene, closure)
+    memory = solved.noise.kind == "filtered"
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
+    if memory:
+        ahead.before("fpk_rocking.density.ahead:filtered")
     white = solved.white_equivalent()
     bound, departures, motion = velocity_bound(white, _spread(solved.noise)), {}, motion_of(white, cycles)
     resolutions = candidates_for(tol)
     grids = [resolution.of(white, bound, motion) for resolution in resolutions]
-    memory = SOLUTION_MEMORY[solved.noise.kind]
-    if solved.noise.kind == "filtered":
+    if memory:
         coarsest = len(RESOLUTIONS) - len(resolutions)
         grids = [node_grid(solved, grid, number) for number, grid in enumerate(grids, coarsest)]
     least, count = grids[2], Progress(progress, cycles, least=3)
@@ -100,7 +97,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progre
 
     def run_of(grid, coarser):
         guide = coarser and coarser.run
-        if solved.noise.kind == "filtered":
+        if memory:
             return _with_memory(solved, grid, NEGLIGIBLE * tol, guide, cycles, tol, count)
         run = Propagator(white, grid, NEGLIGIBLE * tol, guide)
         if grid.windows not in departures:
@@ -108,7 +105,8 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progre
         return run, run.evolve(cycles, departures[grid.windows], count.next())
 
     def fits(level, grid):
-        return level.memory * grid.memory / level.run.grid.memory + grid.stored(cycles) <= memory
+        held = level.memory * grid.memory / level.run.grid.memory
+        return held + grid.stored(cycles) <= SOLUTION_MEMORY[solved.noise.kind]
 
     def made(grid, coarser):
         return Solved(*run_of(grid, coarser), motion.edges)
@@ -184,6 +182,16 @@ class Solved:
     def release(self):
         """Let go of the densities."""
         self.solution = self.solution._replace(coefficients=None)
+
+
+def _closed(scene, closure):
+    """Return the scene to solve: with band noise replaced, and refused if it cannot be solved."""
+    if closure not in CLOSURES:
+        raise ValueError(checks.refusal("closure", closure, " or ".join(map(repr, CLOSURES))))
+    if scene.noise.kind != "filtered":
+        scene = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
+    refuse_unsolvable(scene)
+    return scene
 
 
 def _with_memory(scene, grid, negligible, guide, cycles, tol, count):

@@ -174,7 +174,7 @@ def melnikov_variance(noise):
 
 
 def inward_variance(noise):
-    """Variance of the stationary q' = -q - η, in which a flight forgets: ∫ R(t) exp(-t) dt over t > 0, in closed form."""
+    """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
     if noise.filter == "exponential":
         return noise.variance / (1.0 + noise.frequency)
     slope, omega = _slope(noise), noise.frequency

@@ -3,10 +3,8 @@
 import math
 from typing import NamedTuple
 
-from fpk_rocking.physics import filters
-
 _TURN = 1.2
-"""Longest step times the rate of the filter."""
+"""Longest step times the frequency at which a filter swings: held noise that swings faster would alias."""
 
 _NODES = {1: (5, 6, 8, 10, 12, 14, 16), 2: (4, 5, 6, 8, 10, 12, 14)}
 """Nodes in each state of a filter of one state, or two, by resolution from coarse to fine."""
@@ -69,6 +67,7 @@ class NodeGrid(NamedTuple):
 def node_grid(scene, plane, number):
     """Return the `NodeGrid` of a scene with filtered noise on a mesh made by resolution `number`."""
     states = 1 if scene.noise.filter == "exponential" else 2
-    steps = max(plane.steps, scene.period * filters.fastest(scene.noise) / _TURN)
+    swings = scene.noise.frequency * math.sqrt(max(1.0 - (scene.noise.damping or 1.0) ** 2, 0.0))
+    steps = max(plane.steps, scene.period * swings / _TURN)
     legs = 2 if scene.forcing.half_antisymmetric else 1
     return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, 4 * math.ceil(0.25 * steps), legs)

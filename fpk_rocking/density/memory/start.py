@@ -73,7 +73,7 @@ class Flight:
         return reach < self.side * mean[0] < self.dynamics.cutoff - reach
 
     def last_step(self, space, steps, duration):
-        """Number of steps after which the mesh takes over: resolved, or the last before anything can happen."""
+        """Return the step after which the mesh takes over: resolved there, or the last before anything can happen."""
         last = 0
         for step in range(1, steps + 1):
             if not self.undisturbed(step * duration):
@@ -90,13 +90,13 @@ class Flight:
         angle, velocity = (_cell_size(lines, point) for lines, point in zip(space.lines, mean, strict=True))
         if min(xx, vv) <= 0.0:
             return 0.0
-        return min(
-            math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity
-        )
+        return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
 
     def land(self, time, space):
         """Coefficients at every node, (nodes in y1, nodes in y2, *space.shape), and the masses (3,) that are gone."""
-        mean, covariance = self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
+        mean, covariance = (
+            self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
+        )
         slope = covariance[:2, 2:]
         rest = covariance[:2, :2] - slope @ slope.T
         points, weights = _points(rest)
@@ -131,7 +131,9 @@ def deposit_points(space, states, masses, side, out):
     cells, references = [], []
     for lines, values in zip(space.lines, states.T, strict=True):
         cell = np.searchsorted(lines, values, side="right" if side > 0 else "left") - 1
-        references.append((values - lines[np.clip(cell, 0, len(lines) - 2)]) / np.diff(lines)[np.clip(cell, 0, len(lines) - 2)])
+        references.append(
+            (values - lines[np.clip(cell, 0, len(lines) - 2)]) / np.diff(lines)[np.clip(cell, 0, len(lines) - 2)]
+        )
         cells.append(cell)
     (i, j), (limit, across) = cells, space.shape[:2]
     beyond = [i < 0, i >= limit, (i >= 0) & (i < limit) & ((j < 0) | (j >= across))]

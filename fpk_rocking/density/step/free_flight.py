@@ -139,7 +139,7 @@ class FreeFlight:
 
 
 def angle_shear_of(space, affine, diffusion, duration):
-    """Prepare the shear of the angle for all cells, for flights that differ in a constant force alone; see `FreeFlight`.
+    """Prepare the shear of the angle for all cells, for flights that differ in a constant force alone.
 
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """

@@ -177,8 +177,8 @@ def trace(
     states : ndarray, shape (n, 2)
         Receives angle and velocity at the end.
     codes : ndarray, shape (n,)
-        Receives the side at the end, +-2 where the node's path overturned there, and 0 where it rests, which is possible
-        without noise (D = 0) alone.
+        Receives the side at the end, +-2 where the node's path overturned there, and 0 where it rests, which only a
+        path without noise (D = 0) does.
     """
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, cutoff)
     if kind == NOTHING and _unreached(side * x, side * end, side, segment, duration, cutoff, margin):
