@@ -22,6 +22,10 @@ WORST = 0.26
 # Under finitely many harmonics survival is higher, by up to about EXCESS spread² within 40 cycles: 0.04 at this spread.
 TRUSTED_SPREAD = 0.3
 EXCESS = 0.4
+# Where |f| of the forcing alone is at most LIFTED a block rests under band noise; white noise lets none rest, and survival
+# differs by up to RESTLESS within 10 cycles (docs/numerics.md, "Where white noise is wrong").
+LIFTED = 1.0
+RESTLESS = 0.26
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 

@@ -76,7 +76,7 @@ def remarks(*results) -> tuple[str, ...]:
         if result.closure:
             sentences.append(result.closure)
         if _stands_for(results, result):
-            sentences += _doubts(result.scene, averaged=result.averaged)
+            sentences += _doubts(result.scene, averaged=result.averaged, filtered=getattr(result, "atom", False))
     return tuple(dict.fromkeys(sentences))
 
 
@@ -101,10 +101,11 @@ def _stands_for(results, result) -> bool:
     return bool(result.closure) or any(math.isclose(white, diffusion) for white in whites)
 
 
-def _doubts(scene, averaged):
+def _doubts(scene, averaged, filtered):
     """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
 
-    A result that is averaged over realizations has the scatter between them.
+    A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a band
+    has the rest of its blocks.
     """
     noise = scene.noise
     part = equivalence.cover(noise)
@@ -117,7 +118,18 @@ def _doubts(scene, averaged):
         return
     low, high = noise.band
     spread = equivalence.realized_spread(noise, scene.block.restitution)
-    if part < equivalence.TRUSTED_COVER:
+    if scene.forcing.largest <= equivalence.LIFTED and not filtered:
+        yield (
+            f"Not to be trusted where blocks rest: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts the block "
+            f"off, so under band noise it rests; under white noise none does, and survival was found wrong by up to "
+            f"{equivalence.RESTLESS:g}. Take Monte Carlo, or closure='filtered' (docs/numerics.md)."
+        )
+    if part < equivalence.TRUSTED_COVER and filtered:
+        yield (
+            f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; low-pass "
+            "noise was tried for bands that cover all of it. Take Monte Carlo."
+        )
+    elif part < equivalence.TRUSTED_COVER:
         yield (
             f"Not to be trusted: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white "
             f"noise ({equivalence.TRUSTED_COVER:g} is wanted); below, survival under the equivalent white noise was "

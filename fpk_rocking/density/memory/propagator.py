@@ -106,10 +106,12 @@ class NodePropagator:
         after = min(before + (part * self.steps - before > 1e-9), len(self.occupied) - 1)
         return meeting(self.space, self.occupied[before] | self.occupied[after], space)
 
-    def evolve(self, cycles, progress=None):
+    def evolve(self, cycles, progress=None, watch=None):
         """Evolve over whole cycles, once; returns a `Solution` of the marginal over the filter's states.
 
-        The steps are let go of then, and `memory` tells what they took.
+        The steps are let go of then, and `memory` tells what they took. Before each step and at the end `watch` is called
+        with the number of steps taken, the densities of the nodes, their masses at rest, and whether these are those of
+        the mirror image (turned, with the nodes in reverse).
         """
         density, rest, gone, first = self._begin()
         inside, out, at_rest = np.ones(cycles + 1), np.zeros((cycles + 1, 3)), np.zeros(cycles + 1)
@@ -123,6 +125,8 @@ class NodePropagator:
                 inside[cycle] = self.space.masses(now).sum() + at_rest[cycle]
                 if progress:
                     progress()
+            if watch:
+                watch(k, density, rest, turned)
             if k == cycles * self.steps:
                 break
             if (k % self.steps >= len(self.leg)) != turned:
