@@ -1,16 +1,16 @@
 """A block near |f| = 1 rests: survival and rest under band noise, filtered noise and white noise.
 
 The forcing alone never lifts this block off (A = .867), the noise does now and then. Under band noise the block rests
-in between. White noise of equal Melnikov variance lets it never rest, and far more blocks overturn. Low-pass noise of the
-same variance and Melnikov variance lets it rest; its density has two more dimensions, the states of the filter.
+in between. White noise of equal Melnikov variance lets it never rest, and far more blocks overturn. Low-pass noise of
+the same variance and Melnikov variance lets it rest; its density has two more dimensions, the states of the filter.
 
 Shown are survival by Monte Carlo of the band noise and of the low-pass noise, and by the density solver with low-pass
 noise (``closure="filtered"``) and with white noise; the probability of being at rest after every cycle; and, over the
-last cycle, the probability of being at rest at every value of the noise, with the density of the angle there.
+second cycle, the probability of being at rest at every value of the noise, with the density of the angle there.
 
-Noise, block and forcing are this project's: the first scene of a survey in which white noise fails.
+Noise, block and forcing are this project's.
 
-Run time: about five minutes on 2 cores, once the kernels are compiled; nearly all of it the density with low-pass noise.
+Run time: about five minutes on 2 cores, once the kernels are compiled; most of it the density with low-pass noise.
 
     python cases/rest.py --out results/rest
 
@@ -125,8 +125,8 @@ def draw(path, scene, values):
         f"[{noise.band[0]:g}, {noise.band[1]:g}]; T = 2π/Ω. All quantities are nondimensional."
     )
     found = (
-        f"Points: Monte Carlo, {values['realizations']:,} realizations. Lines: Fokker-Planck density with low-pass noise of "
-        "the same variance and Melnikov variance, and with white noise of the same Melnikov variance."
+        f"Points: Monte Carlo, {values['realizations']:,} realizations. Lines: Fokker-Planck density, with low-pass "
+        "noise of the same variance and Melnikov variance, and with white noise of the same Melnikov variance."
     )
     inside = "(c), (d): second cycle, by the value of the low-pass noise η at that time; (d) at the end of the cycle."
     with style.page(path, (10.5, 9.6), "A block that rests", [text, found, inside]) as figure:

@@ -76,7 +76,7 @@ def remarks(*results) -> tuple[str, ...]:
         if result.closure:
             sentences.append(result.closure)
         if _stands_for(results, result):
-            sentences += _doubts(result.scene, averaged=result.averaged, filtered=getattr(result, "atom", False))
+            sentences += _doubts(result.scene, result.survival, result.averaged, getattr(result, "atom", False))
     return tuple(dict.fromkeys(sentences))
 
 
@@ -101,7 +101,7 @@ def _stands_for(results, result) -> bool:
     return bool(result.closure) or any(math.isclose(white, diffusion) for white in whites)
 
 
-def _doubts(scene, averaged, filtered):
+def _doubts(scene, survival, averaged, filtered):
     """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
 
     A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a band
@@ -118,11 +118,12 @@ def _doubts(scene, averaged, filtered):
         return
     low, high = noise.band
     spread = equivalence.realized_spread(noise, scene.block.restitution)
-    if scene.forcing.largest <= equivalence.LIFTED and not filtered:
+    if scene.forcing.largest <= equivalence.LIFTED and survival[-1] < equivalence.STANDING and not filtered:
         yield (
-            f"Not to be trusted where blocks rest: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts the block "
-            f"off, so under band noise it rests; under white noise none does, and survival was found wrong by up to "
-            f"{equivalence.RESTLESS:g}. Take Monte Carlo, or closure='filtered' (docs/numerics.md)."
+            f"Not to be trusted where blocks rest: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts the "
+            "block off, so under band noise it rests now and then; under white noise it never does, and survival was "
+            f"found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Take Monte Carlo, or solve_fpk with "
+            'closure="filtered".'
         )
     if part < equivalence.TRUSTED_COVER and filtered:
         yield (

@@ -109,9 +109,9 @@ class NodePropagator:
     def evolve(self, cycles, progress=None, watch=None):
         """Evolve over whole cycles, once; returns a `Solution` of the marginal over the filter's states.
 
-        The steps are let go of then, and `memory` tells what they took. Before each step and at the end `watch` is called
-        with the number of steps taken, the densities of the nodes, their masses at rest, and whether these are those of
-        the mirror image (turned, with the nodes in reverse).
+        The steps are let go of then, and `memory` tells what they took. Before each step, and at the end, `watch` is
+        called with the number of steps taken, the densities of the nodes, their masses at rest, and whether these are
+        those of the mirror image (turned, with the nodes in reverse).
         """
         density, rest, gone, first = self._begin()
         inside, out, at_rest = np.ones(cycles + 1), np.zeros((cycles + 1, 3)), np.zeros(cycles + 1)
