@@ -162,6 +162,10 @@ def _add_density(parser):
     parser.add_argument("--tol", type=float, metavar="X", help=aim)
     aim = "error of the binned density that it aims at, L1 (default the root of --tol, over 3; inf leaves it out)"
     parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
+    stands = (
+        "what stands for band noise in the density solver: white (default), or filtered, under which blocks can rest"
+    )
+    parser.add_argument("--closure", metavar="NAME", help=stands)
 
 
 def _add_ensemble(parser):
@@ -307,7 +311,14 @@ def _solved(options, scene):
 
     cycles, tolerance = _or(options.cycles, _CYCLES), _or(options.tol, _TOLERANCE)
     with reporting("density") as progress:
-        return solve_fpk(scene, cycles=cycles, tol=tolerance, bins_tol=options.bins_tol, progress=progress)
+        return solve_fpk(
+            scene,
+            cycles=cycles,
+            tol=tolerance,
+            bins_tol=options.bins_tol,
+            closure=_or(options.closure, "white"),
+            progress=progress,
+        )
 
 
 def _simulated(options, scene):
@@ -340,6 +351,7 @@ def _loaded(options) -> list:
         "cycles",
         "tol",
         "bins_tol",
+        "closure",
         "realizations",
         "seed",
         "method",

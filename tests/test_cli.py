@@ -27,8 +27,8 @@ class Engines:
     def __init__(self):
         self.calls = []
 
-    def solve_fpk(self, scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
-        self.calls.append({"scene": scene, "cycles": cycles, "tol": tol, "bins_tol": bins_tol})
+    def solve_fpk(self, scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progress=None):
+        self.calls.append({"scene": scene, "cycles": cycles, "tol": tol, "bins_tol": bins_tol, "closure": closure})
         progress(1, 1)
         return fakes.FakeEvolution(scene, cycles=cycles)
 
@@ -73,7 +73,8 @@ def test_fpk_prints_one_json_object(engines):
     assert (status, err) == (0, "")
     assert values["survival"] == pytest.approx([0.9**k for k in range(4)])
     assert {"wall_s", "error_estimate", "mass_defect", "negative_mass"} <= set(values)
-    assert engines.calls == [{"scene": load_scene(MAIN), "cycles": 3, "tol": 1e-2, "bins_tol": math.inf}]
+    asked = {"cycles": 3, "tol": 1e-2, "bins_tol": math.inf, "closure": "white"}
+    assert engines.calls == [{"scene": load_scene(MAIN)} | asked]
 
 
 def test_mc_prints_one_json_object(engines):

@@ -253,6 +253,16 @@ def test_doubts_name_their_figures_and_the_remedy():
     assert "[1, 6] covers 0.18 of the Melnikov variance of white noise (0.85 is wanted)" in low
 
 
+def test_a_block_that_the_forcing_hardly_lifts_off_is_doubted():
+    resting = MAIN.varied(forcing={"amplitude": 1.1})
+    (doubt,) = (one for one in remarks(fakes.FakeEvolution(resting)) if "blocks rest" in one)
+    assert "the forcing, at most 1.1, hardly lifts the block off" in doubt
+    lifted = MAIN.varied(forcing={"amplitude": 1.11})
+    standing = fakes.FakeEvolution(resting, cycles=0)  # survival 1
+    for result in (fakes.FakeEvolution(lifted), standing):
+        assert not any("blocks rest" in one for one in remarks(result))
+
+
 def test_doubts_stand_in_tables_and_summaries_of_one_density():
     density = fakes.FakeEvolution(_with((1.0, 6.0), 100))
     (doubt,) = (one for one in remarks(density) if one.startswith("Not to be trusted"))

@@ -11,10 +11,11 @@ import pytest
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator, Solution
+from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.scene.scene import Forcing, Start, WhiteNoise
 
@@ -46,7 +47,7 @@ def test_estimate_from_three_solutions(before, last, bins, lost, expected):
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})
-    monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
+    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
     monkeypatch.setattr(solver, "motion_of", lambda white, _: motion_of(white, 3))  # one mesh for both
     first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
     assert last.survival[3] < 0.1
@@ -73,7 +74,7 @@ def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
 
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
-    monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
+    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
     monkeypatch.setattr(refinement, "USUAL", {1e-4: 2})
     with pytest.warns(
         RuntimeWarning, match=r"not within the tolerance: estimated error .* in survival \(1.0e-04 wanted\)"
@@ -86,7 +87,7 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
 @pytest.mark.slow
 def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
     """At rest under weak forcing and weak noise: a layer far below the cells."""
-    monkeypatch.setattr(solver, "SOLUTION_MEMORY", 0.0)
+    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
     with pytest.raises(ValueError, match=r"scene: got 'diffusion 0.00628.*negative mass is .*simulate\(\)"):
         solve_fpk(dataclasses.replace(MAIN, forcing=Forcing(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
 

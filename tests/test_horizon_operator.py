@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
-from fpk_rocking.density.propagator import turn
+from fpk_rocking.density.space.space import turn
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
 from fpk_rocking.scene.scene import Block, Forcing, Scene

@@ -22,7 +22,7 @@ LAYERS = [
     {"fpk_rocking.results", "fpk_rocking.analytics"},
     {"fpk_rocking.compare", "fpk_rocking.density.space", "montecarlo.engines", "montecarlo.results"},
     {"fpk_rocking.density.step", "montecarlo.rare"},
-    {"fpk_rocking.density.start", "montecarlo"},
+    {"fpk_rocking.density.start", "fpk_rocking.density.memory", "montecarlo"},
     {"fpk_rocking.density"},
     {"fpk_rocking.output", "fpk_rocking.horizon"},
     {"studies"},

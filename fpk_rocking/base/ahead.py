@@ -14,6 +14,7 @@ import sys
 TASKS = {
     "fpk_rocking.density.ahead:flight": 15,
     "fpk_rocking.density.ahead:solve": 15,
+    "fpk_rocking.density.ahead:filtered": 3,
     "montecarlo.ahead:exact": 7,
     "montecarlo.ahead:rk4": 7,
     "montecarlo.ahead:white": 6,

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fpk_rocking.density.memory.propagator import carried_from_rest
 from fpk_rocking.density.refinement import candidates_for
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines
@@ -33,3 +34,8 @@ def flight():
 def solve():
     """Everything of one cycle."""
     solve_fpk(_SCENE, cycles=1, tol=_USUAL)
+
+
+def filtered():
+    """Kernels that filtered noise needs beside the others."""
+    carried_from_rest(Dynamics.of(_SCENE).segment(0.0, 0.1), 0.1, 0.5, 1.5)

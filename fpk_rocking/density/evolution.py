@@ -15,13 +15,17 @@ from fpk_rocking.results.storage import read_result, write_result
 from fpk_rocking.scene.scene import Scene
 
 _KIND = "evolution"
-_FLOATS = ("diffusion", "tol", "error_estimate", "bins_error_estimate", "mass_defect", "negative_mass", "wall_s")
+_FLOATS = (
+    "diffusion", "tol", "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass",
+    "wall_s",
+)  # fmt: skip
 _LAYOUT = Layout(
     {
         "times": "f8 k+1",
         "survival": "f8 k+1",
         "overturned": "f8 k+1 2",
         "lost": "f8 k+1",
+        "at_rest": "f8 k+1",
         "coefficients": "f8 k+1 x v d d",
         "angle_lines": "f8 x+1",
         "velocity_lines": "f8 v+1",
@@ -39,24 +43,31 @@ class Evolution(DensityResult):
     scene : Scene
         As it was asked for.
     diffusion : float
-        D of the white noise that was solved for.
+        D of the white noise that was solved for; of filtered noise, that of equal Melnikov variance.
     closure : str
-        How band noise became white noise; empty where the scene's noise is white.
+        How band noise was replaced; empty where it was not.
     tol : float
         The tolerance asked for.
     times : ndarray, shape (cycles + 1,)
         Times τ from 0 on: kT, whole cycles, where the forcing repeats. Where it does not, there are no cycles, and rows
         and what is said of a cycle count these times.
     survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned by kT: the mass inside.
+        Probability of not having overturned by kT, at rest or not: the mass inside.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned by kT to the left and to the right, summed from what overturned.
     lost : ndarray, shape (cycles + 1,)
         Mass that left through the velocity bound by kT, or came to cells that hold next to nothing and are not active.
+    at_rest : ndarray, shape (cycles + 1,)
+        Probability of not having overturned by kT and being at rest. Under filtered noise blocks rest, at x = v = 0
+        exactly: a mass beside the density. White noise lets none rest: there it is the part of the density within
+        |x| < .005 and |v| < .1, where a block rattles. How it does is not resolved; within these bounds only the
+        probability of the whole is to be trusted, and `bins_error_estimate` counts them as one bin.
     error_estimate : float
         Estimate of the largest error in survival, from the differences of three solutions of the same scene.
     bins_error_estimate : float
         The same of the binned density: the largest difference of the last two, L1 over 32 x 64 bins between the bounds.
+    rest_error_estimate : float
+        The same of `at_rest` under filtered noise, the largest difference of the last two; not held to a tolerance.
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
     negative_mass : float
@@ -66,7 +77,8 @@ class Evolution(DensityResult):
     settings : dict
         Mesh, degree, quadrature and steps used.
     coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
-        Of the density after each cycle; those at 0 are zero for a point start.
+        Of the density of angle and velocity after each cycle, of blocks that are not an atom at rest; those at 0 are
+        zero for a point start.
     space : Space
         What they are coefficients of.
     """
@@ -79,8 +91,10 @@ class Evolution(DensityResult):
     survival: np.ndarray
     overturned: np.ndarray
     lost: np.ndarray
+    at_rest: np.ndarray
     error_estimate: float
     bins_error_estimate: float
+    rest_error_estimate: float
     mass_defect: float
     negative_mass: float
     wall_s: float
@@ -89,18 +103,9 @@ class Evolution(DensityResult):
     space: Space
 
     @property
-    def at_rest(self):
-        """Probability, (cycles + 1,), of not having overturned by kT and being at rest: |x| < .005 and |v| < .1.
-
-        Under white noise a block at rest rattles, and how it does is not resolved: within these bounds only the
-        probability of the whole is to be trusted. `bins_error_estimate` counts them as one bin.
-        """
-        edges = ([-size, size] for size in REST)
-        found = self.space.bin_integrals(self.coefficients, *edges)[:, 0, 0]
-        start = self.scene.start
-        if start.covariance is None:
-            found[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
-        return found
+    def atom(self):
+        """Whether `at_rest` is a mass beside the density: under filtered noise, where `settings` has ``nodes``."""
+        return "nodes" in self.settings
 
     @property
     def facts(self):
@@ -110,7 +115,7 @@ class Evolution(DensityResult):
         return own | lists | {"diffusion": float(self.diffusion)}
 
     def at(self, cycle):
-        """Return the density after a number of cycles.
+        """Return the density after a number of cycles, of blocks that are not an atom at rest.
 
         Parameters
         ----------
@@ -147,7 +152,7 @@ class Evolution(DensityResult):
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
-            Sums to the survival where the bins cover the plane.
+            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that has (0, 0).
 
         Raises
         ------
@@ -160,7 +165,8 @@ class Evolution(DensityResult):
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        return Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
+        found = Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
+        return found + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else found
 
     def _check(self, cycle):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
@@ -168,7 +174,8 @@ class Evolution(DensityResult):
 
     def save(self, path):
         """Write the result to a file (.npz), whole or not at all."""
-        arrays = {name: getattr(self, name) for name in ("times", "survival", "overturned", "lost", "coefficients")}
+        names = ("times", "survival", "overturned", "lost", "at_rest", "coefficients")
+        arrays = {name: getattr(self, name) for name in names}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
         write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _LAYOUT.attributes})
 
@@ -179,3 +186,11 @@ class Evolution(DensityResult):
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
         return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)
+
+
+def near_rest(space, coefficients, start):
+    """Mass (cycles + 1,) within `REST`, of the densities after every cycle; of a point start 0 or 1 at first."""
+    found = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
+    if start.covariance is None:
+        found[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
+    return found

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from fpk_rocking.density.propagator import Solution, occupy, with_neighbours
 from fpk_rocking.density.resolution import cycle_of
+from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
+from fpk_rocking.density.step.occupied import occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
 
 _NEAR = 0.3

@@ -4,31 +4,13 @@ Where the forcing is its own mirror image half a cycle later, the steps of the f
 density is turned about the origin instead. That half, or else the whole cycle, is a *leg* here.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.space.space import Space, turn
 from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
+from fpk_rocking.density.step.occupied import meeting, occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
-
-
-class Solution(NamedTuple):
-    """A density over whole cycles.
-
-    Parameters
-    ----------
-    inside : ndarray, shape (cycles + 1,)
-        Mass that has not overturned.
-    gone : ndarray, shape (cycles + 1, 3)
-        Masses that have overturned to the left, to the right, and that are lost.
-    coefficients : ndarray, shape (cycles + 1, *space.shape)
-    """
-
-    inside: np.ndarray
-    gone: np.ndarray
-    coefficients: np.ndarray
 
 
 class Propagator:
@@ -80,12 +62,7 @@ class Propagator:
         """Cells of another space that meet one which was occupied about a part of the cycle, within its first leg."""
         before = int(part * self.steps + 1e-9)
         after = min(before + (part * self.steps - before > 1e-9), len(self.leg) - 1)
-        meets = [
-            (other[:-1, None] < own[1:]) & (other[1:, None] > own[:-1])
-            for other, own in zip(space.lines, self.space.lines, strict=True)
-        ]
-        marks = self.occupied[before] | self.occupied[after]
-        return meets[0].astype(np.int32) @ marks @ meets[1].T > 0
+        return meeting(self.space, self.occupied[before] | self.occupied[after], space)
 
     def evolve(self, cycles, departure: Departure, progress=None):
         """Evolve over whole cycles, from where the mesh takes over from the windows of a start."""
@@ -117,34 +94,3 @@ class Propagator:
         if occupy(coefficients, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
             step.activate(with_neighbours(self.occupied[k]))
         return step
-
-
-def with_neighbours(cells):
-    """Mark the cells beside marked ones too, so that a growing density does not ask for new ones every time."""
-    grown = cells.copy()
-    grown[1:] |= cells[:-1]
-    grown[:-1] |= cells[1:]
-    grown[:, 1:] |= cells[:, :-1]
-    grown[:, :-1] |= cells[:, 1:]
-    return grown
-
-
-@kernel
-def occupy(coefficients, areas, negligible, active, occupied):
-    """Mark the cells that hold more than a mass, and tell whether one of them is not active."""
-    (limit, across, modes, _), beyond = coefficients.shape, False
-    for i in range(limit):
-        for j in range(across):
-            least = negligible / areas[i, j]
-            for a in range(modes):
-                for b in range(modes):
-                    if abs(coefficients[i, j, a, b]) > least:
-                        occupied[i, j] = True
-            beyond |= occupied[i, j] and not active[i, j]
-    return beyond
-
-
-def turn(coefficients):
-    """Turn a density about the origin, (x, v) -> (-x, -v), on a mesh that is symmetric about it."""
-    signs = (-1.0) ** np.arange(coefficients.shape[-1])
-    return np.ascontiguousarray(coefficients[::-1, ::-1]) * np.outer(signs, signs)

@@ -8,43 +8,45 @@ from fpk_rocking.base import checks
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 
-LARGEST = 8e9
-"""Bytes that a solution may be expected to take."""
+LARGEST = {"white": 8e9, "filtered": 4e9}
+"""Bytes that a solution may be expected to take, by the noise that is solved for."""
 
 
 def refuse_filtered(scene):
-    """Refuse filtered noise: the density has no states of a filter."""
+    """Refuse filtered noise: the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
         accepted = (
-            "'band' or 'white' for a density; filtered noise is sampled by simulate() or fpk-rocking mc, and "
+            "'band' or 'white' for the one-cycle operator; solve_fpk() evolves a density under filtered noise, and "
             "scene.white_equivalent() has white noise of equal Melnikov variance instead, under which no block rests"
         )
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
 
 
-def refuse_unsolvable(white):
-    """Refuse a scene out of range, without noise, or with infinitely many impacts."""
-    limits.check(white)
-    if white.noise.diffusion == 0.0:
+def refuse_unsolvable(scene):
+    """Refuse a scene out of range, without noise, or with infinitely many impacts; its noise is white or filtered."""
+    limits.check(scene)
+    white = scene.noise.kind == "white"
+    if (scene.noise.diffusion if white else scene.noise.variance) == 0.0:
         accepted = (
             "noise: without it there is no density to evolve; single trajectories are followed by " + limits.SAMPLING
         )
         raise ValueError(checks.refusal("noise", "none, or of size 0", accepted))
-    if white.block.restitution <= CRITICAL_RESTITUTION:
+    if white and scene.block.restitution <= CRITICAL_RESTITUTION:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} with white noise: below it there are infinitely many impacts in finite "
             f"time, and what follows is not defined; band noise can be sampled by {limits.SAMPLING}"
         )
-        raise ValueError(checks.refusal("block.restitution", white.block.restitution, accepted))
+        raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
 
 
 def refuse_large(held, stored, scene, rows):
     """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all `rows` times."""
-    if held > LARGEST:
-        accepted = f"{LARGEST:g}: stronger noise, a shorter period, a nearer cut-off, or {limits.SAMPLING}"
+    largest = LARGEST[scene.noise.kind]
+    if held > largest:
+        accepted = f"up to {largest:g}: stronger noise, a shorter period, a nearer cut-off, or {limits.SAMPLING}"
         raise ValueError(checks.refusal("scene, bytes that its mesh and steps take", float(held), accepted))
-    if held + stored > LARGEST:
-        accepted = f"fewer: the densities after all of them would take {stored:.1e} bytes, of {LARGEST:g} at most"
+    if held + stored > largest:
+        accepted = f"fewer: the densities after all of them would take {stored:.1e} bytes, of {largest:g} at most"
         raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
 
 

@@ -34,6 +34,9 @@ FEWEST = 6
 REST_GRADING = 2.0
 """Exponent of the lines of the angle where a block comes to rest: x goes with v^2 there."""
 
+_BYTES = 2.0
+"""Bytes that a run holds, about, for each unknown of a density and each path of a step."""
+
 _FAR = 0.6
 """A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
 
@@ -73,10 +76,10 @@ class Grid:
         return 8 * (cycles + 1) * math.prod(self.cells) * (self.degree + 1) ** 2
 
     @property
-    def work(self):
-        """Size of a step's sampling and of the density, in proportion to the memory of a run."""
+    def memory(self):
+        """Bytes that a run takes, about, densities after all cycles left out."""
         points = self.quadrature.angle * self.quadrature.velocity * self.quadrature.long * self.quadrature.short
-        return math.prod(self.cells) * ((self.degree + 1) ** 2 * 20 + points * self.steps)
+        return _BYTES * math.prod(self.cells) * ((self.degree + 1) ** 2 * 20 + points * self.steps)
 
     @property
     def settings(self):

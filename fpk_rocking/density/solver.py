@@ -7,15 +7,19 @@ import time
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
-from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.evolution import Evolution, near_rest
+from fpk_rocking.density.memory.propagator import NodePropagator
+from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_filtered, refuse_large, refuse_unsolvable, warn_beyond
-from fpk_rocking.density.resolution import USUAL, cycle_of
+from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, cycle_of
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.physics import filters
+from fpk_rocking.physics.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
@@ -24,26 +28,27 @@ from fpk_rocking.scene.scene import Scene
 NEGLIGIBLE = 1e-6
 """Mass over `tol` that a cell must have held to be active."""
 
-BYTES = 2.0
-"""Bytes that a run holds, about, over the `work` of its grid."""
+CLOSURES = ("white", "filtered")
+"""Noises that may stand for band noise."""
 
-SOLUTION_MEMORY = 1.5e9
-"""Bytes that a finer solution may be expected to need."""
+SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
+"""Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
 
-def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, progress=None):
+def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closure="white", progress=None):
     """Evolve the joint density of angle and velocity of a rocking block.
 
-    Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so. The solution
-    is refined until its difference from the one before is below the tolerance, or memory ends it.
+    Under filtered noise the states of the filter are carried with the density, and blocks can rest. Band noise is
+    replaced, by white noise of equal Melnikov variance unless `closure` says otherwise; the result's `closure` tells
+    how. The solution is refined until its difference from the one before is below the tolerance, or memory ends it.
 
     Parameters
     ----------
     scene : Scene
-        With white or band noise.
+        With white, filtered or band noise; filtered noise where the scene repeats.
     cycles : int, optional
         Forcing cycles to evolve; given exactly where the forcing repeats.
     times : array_like, optional
@@ -69,52 +74,51 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, progre
     Raises
     ------
     TypeError, ValueError
-        A parameter is not acceptable; no noise, and a restitution below `CRITICAL_RESTITUTION`, are refused, as is a
-        scene whose density the finest mesh does not resolve.
+        A parameter is not acceptable; no noise, and under white noise a restitution below `CRITICAL_RESTITUTION`, are
+        refused, as is a scene whose density takes too much memory, or is not resolved by the finest mesh.
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
     tol = checks.number("tol", tol, at_least=min(USUAL))
-    if bins_tol is None:
-        bins_tol = bins_tolerance(tol)
-    elif bins_tol != math.inf:
-        bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
-    refuse_filtered(scene)
-    white = scene.white_equivalent()
-    refuse_unsolvable(white)
+    bins_tol = bins_tolerance(tol) if bins_tol is None else _checked(bins_tol)
+    solved = _closed(scene, closure)
+    white, rows = solved.white_equivalent(), len(times) - 1
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
-    extent = len(times) - 1 if white.repeats else times
-    bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, extent)
-    grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
-    least, count = grids[2], Progress(progress, len(times) - 1, least=3)
-    refuse_large(BYTES * least.work, least.stored(len(times) - 1), scene, len(times) - 1)
+    extent = rows if solved.repeats else times
+    motion, departures = motion_of(white, extent), {}
+    grids = _grids(solved, white, motion, tol)
+    least, count = grids[2], Progress(progress, rows, least=3)
+    refuse_large(least.memory, least.stored(rows), solved, rows)
 
-    def solved(grid, coarser):
-        if white.repeats:
-            run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
-        else:
-            run = Passage(white, grid, NEGLIGIBLE * tol)
+    def made(grid, coarser):
+        guide, negligible = coarser and coarser.run, NEGLIGIBLE * tol
+        if solved.noise.kind == "filtered":
+            return Solved(*_with_memory(solved, grid, negligible, guide, extent, tol, count), motion.edges)
+        run = Propagator(white, grid, negligible, guide) if white.repeats else Passage(white, grid, negligible)
         if grid.windows not in departures:
             departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, cycle_of(white))
         return Solved(run, run.evolve(extent, departures[grid.windows], count.next()), motion.edges)
 
     def fits(level, grid):
-        return level.memory * grid.work / level.run.grid.work + grid.stored(len(times) - 1) <= SOLUTION_MEMORY
+        held = level.memory * grid.memory / level.run.grid.memory
+        return held + grid.stored(rows) <= SOLUTION_MEMORY[solved.noise.kind]
 
-    found = refine(grids, solved, fits, lambda found: found.within(tol, bins_tol))
+    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol))
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
-        closure=closure_of(scene, white),
+        closure=closure_of(scene, solved),
         tol=tol,
         times=times,
         survival=fine.inside,
         overturned=fine.gone[:, :2],
+        at_rest=near_rest(run.space, fine.coefficients, scene.start) if fine.at_rest is None else fine.at_rest,
         lost=fine.gone[:, 2],
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
+        rest_error_estimate=_rest_error(found),
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=max(run.space.negative_mass(density) for density in fine.coefficients[1:]),
         wall_s=time.perf_counter() - begin,
@@ -143,6 +147,8 @@ class Solved:
     def __init__(self, run, solution, edges):
         self.run, self.solution = run, solution
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
+        if solution.at_rest is not None:
+            self.bins += solution.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]
         self._resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
 
     @functools.cached_property
@@ -170,6 +176,60 @@ class Solved:
     def release(self):
         """Let go of the densities."""
         self.solution = self.solution._replace(coefficients=None)
+
+
+def _checked(bins_tol):
+    return bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
+
+
+def _grids(scene, white, motion, tol):
+    """What a scene is solved with at one resolution after another; `white` is its equivalent with white noise."""
+    resolutions, bound = candidates_for(tol), velocity_bound(white, _spread(scene.noise))
+    grids = [resolution.of(white, bound, motion) for resolution in resolutions]
+    if scene.noise.kind == "white":
+        return grids
+    ahead.before("fpk_rocking.density.ahead:filtered")
+    coarsest = len(RESOLUTIONS) - len(resolutions)
+    return [node_grid(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
+
+
+def _closed(scene, closure):
+    """Return the scene to solve: with band noise replaced, and refused if it cannot be solved."""
+    if closure not in CLOSURES:
+        raise ValueError(checks.refusal("closure", closure, " or ".join(map(repr, CLOSURES))))
+    if scene.noise.kind != "filtered":
+        scene = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
+    if scene.noise.kind == "filtered" and not scene.repeats:
+        accepted = f"white noise, or closure 'white', where forcing or noise do not repeat; or {limits.SAMPLING}"
+        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
+    refuse_unsolvable(scene)
+    return scene
+
+
+def _with_memory(scene, grid, negligible, guide, cycles, tol, count):
+    """Solve a scene with filtered noise on one grid: the run, and its solution.
+
+    Where blocks rest, what decides is how often the noise of single steps lifts them off: an error of first order in
+    the step, which a second run with half the steps takes out.
+    """
+    run = NodePropagator(scene, grid, negligible, guide)
+    found = run.evolve(cycles, count.next())
+    if found.at_rest[1:].max() > tol:
+        found = found.extrapolated(NodePropagator(scene, grid.halved, negligible, run).evolve(cycles, count.next()))
+    return run, found
+
+
+def _spread(noise):
+    """Return the diffusion that bounds how far noise moves a flight: D, or more for noise of high frequencies."""
+    if noise.kind == "white":
+        return noise.diffusion
+    return max(equivalent_diffusion(noise), filters.inward_variance(noise))
+
+
+def _rest_error(found):
+    """Largest difference in what is at rest between the last two solutions; 0 where rest is a part of the bins."""
+    fine, coarse = found.fine.solution.at_rest, found.coarse.solution.at_rest
+    return 0.0 if fine is None else float(np.abs(fine - coarse).max())
 
 
 def _refuse_unresolved(result, negative):

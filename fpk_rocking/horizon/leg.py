@@ -6,7 +6,8 @@ map over it and R the turn about the origin, a cycle is R H R H = K^2, K = R H. 
 
 import numpy as np
 
-from fpk_rocking.density.propagator import Propagator, turn
+from fpk_rocking.density.propagator import Propagator
+from fpk_rocking.density.space.space import turn
 
 _NOTHING = np.zeros(3)
 

@@ -216,7 +216,7 @@ def climb(white, tol):
 
     def fits(level, resolution):
         finer = resolution.of(white, bound, motion, beyond, GROWTH)
-        return level.memory * finer.work / level.leg.run.grid.work <= OPERATOR_MEMORY
+        return level.memory * finer.memory / level.leg.run.grid.memory <= OPERATOR_MEMORY
 
     def done(found):
         return found.within(wanted, bins_tolerance(tol)) or _hopeless(found.fine, found.coarse)

@@ -22,6 +22,11 @@ WORST = 0.26
 # Under finitely many harmonics survival is higher, by up to about EXCESS spread² within 40 cycles: 0.04 at this spread.
 TRUSTED_SPREAD = 0.3
 EXCESS = 0.4
+# Where |f| of the forcing alone is at most LIFTED blocks rest under band noise between lift-offs; white noise lets none
+# rest, and survival differs by up to RESTLESS within 10 cycles, unless next to all stand either way.
+LIFTED = 1.1
+STANDING = 0.99
+RESTLESS = 0.28
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 

@@ -173,6 +173,14 @@ def melnikov_variance(noise):
     return noise.variance * _melnikov_ratio(omega, noise.damping, _slope(noise))
 
 
+def inward_variance(noise):
+    """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
+    if noise.filter == "exponential":
+        return noise.variance / (1.0 + noise.frequency)
+    slope, omega = _slope(noise), noise.frequency
+    return noise.variance * (1.0 + slope) / (1.0 + 2.0 * noise.damping * omega + omega * omega)
+
+
 def _melnikov_ratio(omega, zeta, mu):
     """σ_M²/σ² of a filter of second order."""
     d = 1.0 + 2.0 * zeta * omega + omega * omega

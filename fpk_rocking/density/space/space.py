@@ -147,6 +147,12 @@ class Space:
         return float(self.masses(coefficients).sum()) + 2.0 * self.negative_mass(coefficients)
 
 
+def turn(coefficients):
+    """Turn densities (..., *space.shape) about the origin, (x, v) -> (-x, -v), on a mesh that is symmetric about it."""
+    signs = (-1.0) ** np.arange(coefficients.shape[-1])
+    return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
+
+
 def _locate(lines, points):
     cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
     reference = (points - lines[cell]) / (lines[cell + 1] - lines[cell])

@@ -53,9 +53,11 @@ class FreeFlight:
         D and the length of the step.
     nodes : int
         Gauss-Hermite nodes of the velocity's blur.
+    angle_shear : Shift, optional
+        The shear of the angle, prepared for all cells (`angle_shear_of`); else it is prepared for those that need it.
     """
 
-    def __init__(self, space: Space, free, affine, diffusion, duration, nodes):
+    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_shear=None):
         _, sinh, shifts = affine
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
@@ -64,16 +66,11 @@ class FreeFlight:
         self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
         self.edges = shapes(np.array([0.0, 1.0]), space.degree) @ table.T
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
-        shear = math.tanh(0.5 * duration)
-        large, small = blur_variances(diffusion, duration)
-        (fine, fine_weights), (blur, blur_weights), (still, one) = hermite(_FINE_NODES), hermite(nodes), hermite(1)
-        fine, blur = math.sqrt(small) * fine, math.sqrt(large) * blur
-        drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
-        along = shear * _line_points(space.velocity_lines, points)
-        angle_shears = np.concatenate([along + drift[-1], along + drift[1]])
+        (blur, blur_weights), (still, one) = hermite(nodes), hermite(1)
+        blur = math.sqrt(blur_variances(diffusion, duration)[0]) * blur
+        sides, angle_shears, drift, fine, fine_weights = _angle_shears(space, affine, diffusion, duration)
         pushes = np.repeat([shifts[side, 1] - sinh * drift[side] for side in (-1, 1)], (middle, limit - middle))
         velocity_shears = sinh * _line_points(space.angle_lines, points) + pushes[:, None]
-        sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
         whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
 
         first = hulls(angle_rows(free, middle))
@@ -86,7 +83,8 @@ class FreeFlight:
         self.ranges = (first, drifted), (second, sheared, blurred), (third, landed)
         self.orders = order(first), order(second), order(third)
         degree, every = space.degree, hulls(covered(sheared, across).any(axis=0)[None])
-        self.angle_shear = prepare_shift(
+        self._borrowed = angle_shear is not None
+        self.angle_shear = angle_shear or prepare_shift(
             space.angle_lines, sides, angle_shears, fine, fine_weights, degree, union(first, third)
         )
         self.velocity_shear = prepare_shift(space.velocity_lines, whole, velocity_shears, still, one, degree, second)
@@ -94,8 +92,9 @@ class FreeFlight:
 
     @property
     def memory(self):
-        """Bytes of the prepared shifts."""
-        return sum(part.nbytes for shift in (self.angle_shear, self.velocity_shear, self.blur) for part in shift)
+        """Bytes of the prepared shifts, one that was given left out."""
+        own = (self.velocity_shear, self.blur, *(() if self._borrowed else (self.angle_shear,)))
+        return sum(part.nbytes for shift in own for part in shift)
 
     @property
     def operations(self):
@@ -137,6 +136,27 @@ class FreeFlight:
             basis,
         )  # fmt: skip
         return np.array([left[0].sum(), left[1].sum(), lost.sum()])
+
+
+def angle_shear_of(space, affine, diffusion, duration):
+    """Prepare the shear of the angle for all cells, for flights that differ in a constant force alone.
+
+    A constant force moves the velocity between the two shears of the angle, and neither of these.
+    """
+    sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
+    return prepare_shift(space.angle_lines, sides, shears, fine, weights, space.degree, sides)
+
+
+def _angle_shears(space, affine, diffusion, duration):
+    """Rows, how far their lines move, the part of it that is the forcing's by side, and the nodes of the blur."""
+    (limit, across, *_), shifts = space.shape, affine[2]
+    middle, shear = min(space.first_positive, limit), math.tanh(0.5 * duration)
+    small = blur_variances(diffusion, duration)[1]
+    nodes, weights = hermite(_FINE_NODES if small > 0.0 else 1)
+    drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
+    along = shear * _line_points(space.velocity_lines, gauss(space.degree + 1)[0])
+    sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
+    return sides, np.concatenate([along + drift[-1], along + drift[1]]), drift, math.sqrt(small) * nodes, weights
 
 
 def _line_points(lines, points):

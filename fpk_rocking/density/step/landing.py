@@ -11,8 +11,8 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
 from fpk_rocking.physics.forcing import TERMS
 
-LEFT, RIGHT, LOST = -1, -2, -3
-"""Landing cells below zero: overturned to the left, to the right, outside the mesh."""
+LEFT, RIGHT, LOST, REST = -1, -2, -3, -4
+"""Landing cells below zero: overturned to the left, to the right, outside the mesh, at rest."""
 
 
 @kernel
@@ -91,7 +91,7 @@ def trace_cells(
     states : ndarray, shape (m, g, h, n, 2)
         Angle and velocity at the end of the step.
     codes : ndarray, shape (m, g, h, n)
-        The side there, +-2 where overturned.
+        The side there, +-2 where overturned, 0 at rest.
     """
     shape = len(cells), len(angle_points), len(velocity_points), len(nodes)
     states, codes = np.empty((*shape, 2)), np.empty(shape, np.int32)
@@ -123,6 +123,8 @@ def _settle(n, states, codes, angle_grid, velocity_grid, first):
     x, v, code = states[n, 0], states[n, 1], codes[n]
     if abs(code) == OVERTURNED_SIDE:
         return LEFT if code < 0 else RIGHT
+    if code == 0:
+        return REST
     i, xi = locate(angle_grid, x)
     j, eta = locate(velocity_grid, v)
     if v == 0.0 and code < 0 and j > 0 and velocity_grid[0][j] == 0.0:
@@ -145,7 +147,7 @@ def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
     Returns
     -------
     ndarray, shape (m, g, g, n)
-        Flat cell index, or LEFT, RIGHT, LOST.
+        Flat cell index, or LEFT, RIGHT, LOST, REST.
     """
     cells = np.empty(codes.shape, np.int32)
     _settle_all(states.reshape(-1, 2), codes.reshape(-1), angle_grid, velocity_grid, first, cells.reshape(-1))

@@ -56,7 +56,7 @@ def principal_axes(xx, xv, vv):
     mean, difference = 0.5 * (xx + vv), 0.5 * (xx - vv)
     radius = math.hypot(difference, xv)
     long = mean + radius
-    short = max(xx * vv - xv * xv, 0.0) / long
+    short = max(xx * vv - xv * xv, 0.0) / long if long > 0.0 else 0.0
     angle = 0.5 * math.atan2(xv, difference)
     c, s = math.cos(angle), math.sin(angle)
     a, b = math.sqrt(long), math.sqrt(short)
@@ -177,7 +177,8 @@ def trace(
     states : ndarray, shape (n, 2)
         Receives angle and velocity at the end.
     codes : ndarray, shape (n,)
-        Receives the side at the end, +-2 where the node's path overturned there.
+        Receives the side at the end, +-2 where the node's path overturned there, and 0 where it rests, which only a
+        path without noise (D = 0) does.
     """
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, cutoff)
     if kind == NOTHING and _unreached(side * x, side * end, side, segment, duration, cutoff, margin):
@@ -189,6 +190,10 @@ def trace(
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * diffusion * duration)
+    if spread == 0.0:
+        for n in range(len(nodes)):
+            _jolted(n, x, v, side, 0.0, True, segment, duration, restitution, cutoff, states, codes)
+        return
     if kind == IMPACT and abs(speed) > _RESOLVED * spread and min(time, duration - time) > 1e-6 * duration:
         smooth = abs(speed) > _SMOOTH * spread
         impact_at = time, speed, side, smooth
@@ -203,6 +208,7 @@ def trace(
                 v + half * nodes[n, 0],
                 side,
                 half * nodes[n, 1],
+                False,
                 segment,
                 duration,
                 restitution,
@@ -219,14 +225,14 @@ def trace(
 
 
 @kernel
-def _jolted(n, x, v, side, last, segment, duration, restitution, cutoff, states, codes):
-    """Carry a node without noise but for a last jump of its velocity, which may set it off from rest."""
+def _jolted(n, x, v, side, last, rests, segment, duration, restitution, cutoff, states, codes):
+    """Carry a node without noise but for a last jump of its velocity, which sets it off from rest unless it `rests`."""
     xn, vn, sn, _ = advance(x, v, side, segment, 0.0, duration, restitution, cutoff, None, 0.0, CHATTER * duration)
     if abs(xn) < cutoff:
         vn += last
-        if xn == 0.0:
+        if xn == 0.0 and not rests:
             sn = 1 if vn > 0.0 else -1
-    _put(n, xn, vn, sn, side, cutoff, states, codes)
+    _put(n, xn, vn, sn, 0 if rests else side, cutoff, states, codes)
 
 
 @kernel

@@ -163,11 +163,13 @@ class Step:
         Where the paths end.
     buffers : ndarray, optional
         From `deposit_buffers`, to be shared by the steps of one run.
+    angle_shear : Shift, optional
+        From `free_flight.angle_shear_of`, to be shared by steps that differ in a constant force alone.
     """
 
-    def __init__(self, trace: Trace, target: Space, buffers=None):
-        self.trace, self.target = trace, target
-        self._grids = _grid(target.angle_lines), _grid(target.velocity_lines)
+    def __init__(self, trace: Trace, target: Space, buffers=None, angle_shear=None):
+        self.trace, self.target, self.angle_shear = trace, target, angle_shear
+        self._grids = grid_of(target.angle_lines), grid_of(target.velocity_lines)
         degree, modes = trace.source.degree, target.degree + 1
         self._weights = trace.angle_weights, trace.velocity_weights
         self._affine = (
@@ -175,7 +177,7 @@ class Step:
             trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
         )  # fmt: skip
         self.buffers = deposit_buffers(target) if buffers is None else buffers
-        self._sinks = np.empty((CHUNKS, 3))
+        self._sinks = np.empty((CHUNKS, 3 if trace.dynamics.diffusion > 0.0 else 4))
         self._bases = (1.0,) * (degree + 1), (1.0,) * modes
         self._landed = self._settled(trace.states, trace.codes)
         self._prepare()
@@ -209,11 +211,16 @@ class Step:
             affine = trace.cosh, trace.sinh, trace.shifts
             free = trace.active & ~trace.marks
             self._deposited = trace.active & trace.marks
-            self._flight = FreeFlight(self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur)
+            self._flight = FreeFlight(
+                self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur, self.angle_shear
+            )
         self._chunks = self._split()
 
     def apply(self, coefficients):
-        """Return the coefficients after the step and the masses (3,) that went left, right and were lost."""
+        """Return the coefficients after the step and the masses (3,) that went left, right and were lost.
+
+        Without diffusion there is a fourth mass: what came to rest.
+        """
         trace, source = self.trace, self.trace.source
         deposit(
             coefficients, self._deposited, source.areas, trace.tables, self._weights, trace.events, self._landed,
@@ -223,7 +230,7 @@ class Step:
         gather(self.buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
         if self._flight:
-            sinks += self._flight.apply(coefficients, out)
+            sinks[:3] += self._flight.apply(coefficients, out)
         sinks[2] += source.masses(coefficients)[~trace.active].sum()
         return out, sinks
 
@@ -297,7 +304,7 @@ def deposit_buffers(target: Space):
     return np.empty((CHUNKS, angle * velocity, modes * modes))
 
 
-def _grid(lines):
+def grid_of(lines):
     """Prepare mesh lines for `locate`: no two of them between neighbouring entries of its table."""
     sizes = np.diff(lines)
     count = math.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1

@@ -1,0 +1,152 @@
+"""The start of a scene under filtered noise, until its density is one that the mesh holds.
+
+A block at rest stays in the atom at rest of its node. From any other start, and from rest under a force that lifts the
+block off for certain, the flight is linear until something happens to the block: angle, velocity and the states of the
+filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and velocity. The
+mesh takes over when it resolves these, or else at the last step before anything can happen.
+"""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.density.space.space import shapes
+from fpk_rocking.physics import filters
+
+REACH = 8.0
+"""Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""
+
+RESOLVED = 0.3
+"""The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
+
+_SPACING, _EXTENT = 0.1, 6.0
+"""Spacing and extent, in standard deviations, of the points that stand for a Gaussian."""
+
+
+class Flight:
+    """The Gaussian of angle and velocity at the nodes of a filter's states, in a flight in which nothing happens.
+
+    Parameters
+    ----------
+    scene : Scene
+        With filtered noise.
+    nodes : Nodes
+    dynamics : Dynamics
+        Without noise.
+    """
+
+    def __init__(self, scene, nodes, dynamics):
+        self.scene, self.nodes, self.dynamics = scene, nodes, dynamics
+        start = scene.start
+        self._mean = np.array([start.angle, start.velocity])
+        self._covariance = np.zeros((2, 2)) if start.covariance is None else np.array(start.covariance)
+        push = self._mean[0] or self._mean[1] or scene.forcing.value(0.0)
+        self.side = 1 if push > 0.0 else -1
+
+    @property
+    def at_rest(self):
+        """Whether the block starts at rest and the noise decides when it is lifted off."""
+        if self._mean.any() or self._covariance.any():
+            return False
+        room = REACH * math.sqrt(self.scene.noise.variance)
+        return abs(self.scene.forcing.value(0.0)) <= 1.0 + room
+
+    def at(self, time):
+        """Mean (2,) and covariance (2 + states, 2 + states) of angle, velocity and the whitened states at a time."""
+        drift, source = self.nodes.drift, self.nodes.input
+        count = len(drift)
+        joint = np.zeros((2 + count, 2 + count))
+        joint[0, 1] = joint[1, 0] = 1.0
+        joint[1, 2] = self.nodes.sigma
+        joint[2:, 2:] = drift
+        phi, added = filters.transition(joint, np.append([0.0, 0.0], source), time)
+        begin = np.eye(2 + count)
+        begin[:2, :2] = self._covariance
+        cosh, sinh, shifts = self.dynamics.affine(0.0, time)
+        mean = np.array([[cosh, sinh], [sinh, cosh]]) @ self._mean + shifts[self.side]
+        return mean, phi @ begin @ phi.T + added
+
+    def undisturbed(self, time):
+        """Whether nothing can have happened by a time: the block is far from x = 0 and from the cut-off."""
+        mean, covariance = self.at(time)
+        reach = REACH * math.sqrt(covariance[0, 0])
+        return reach < self.side * mean[0] < self.dynamics.cutoff - reach
+
+    def last_step(self, space, steps, duration):
+        """Return the step after which the mesh takes over: resolved there, or the last before anything can happen."""
+        last = 0
+        for step in range(1, steps + 1):
+            if not self.undisturbed(step * duration):
+                break
+            last = step
+            if self._resolution(step * duration, space) >= RESOLVED:
+                break
+        return last
+
+    def _resolution(self, time, space):
+        mean, covariance = self.at(time)
+        rest = covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2]
+        (xx, xv), (_, vv) = rest
+        angle, velocity = (_cell_size(lines, point) for lines, point in zip(space.lines, mean, strict=True))
+        if min(xx, vv) <= 0.0:
+            return 0.0
+        return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
+
+    def land(self, time, space):
+        """Coefficients at every node, (nodes in y1, nodes in y2, *space.shape), and the masses (3,) that are gone."""
+        mean, covariance = (
+            self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
+        )
+        slope = covariance[:2, 2:]
+        rest = covariance[:2, :2] - slope @ slope.T
+        points, weights = _points(rest)
+        out, gone = np.zeros((*self.nodes.weights.shape, *space.shape)), np.zeros(3)
+        for place, weight in np.ndenumerate(self.nodes.weights):
+            states = points + mean + slope @ self.nodes.states[place][: slope.shape[1]]
+            gone += deposit_points(space, states, weight * weights, self.side, out[place])
+        return out, gone
+
+
+def _points(covariance):
+    """Points (n, 2) and weights (n,) that stand for a Gaussian about 0, exact in its first moments."""
+    values, axes = np.linalg.eigh(covariance)
+    lines = []
+    for value in np.sqrt(np.maximum(values, 0.0)):
+        count = round(_EXTENT / _SPACING) if value > 0.0 else 0
+        lines.append(value * _SPACING * np.arange(-count, count + 1))
+    weights = [np.exp(-0.5 * np.square(_SPACING * (np.arange(len(line)) - len(line) // 2))) for line in lines]
+    weights = [weight / weight.sum() for weight in weights]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid @ axes.T, np.outer(*weights).ravel()
+
+
+def deposit_points(space, states, masses, side, out):
+    """Add point masses at states (n, 2) to the coefficients of a density; a point on x = 0 is on the given side.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        What is beyond the cut-off to the left and to the right, and beyond the velocity bound.
+    """
+    cells, references = [], []
+    for lines, values in zip(space.lines, states.T, strict=True):
+        cell = np.searchsorted(lines, values, side="right" if side > 0 else "left") - 1
+        references.append(
+            (values - lines[np.clip(cell, 0, len(lines) - 2)]) / np.diff(lines)[np.clip(cell, 0, len(lines) - 2)]
+        )
+        cells.append(cell)
+    (i, j), (limit, across) = cells, space.shape[:2]
+    beyond = [i < 0, i >= limit, (i >= 0) & (i < limit) & ((j < 0) | (j >= across))]
+    gone = np.array([masses[where].sum() for where in beyond])
+    inside = ~(beyond[0] | beyond[1] | beyond[2])
+    i, j = i[inside], j[inside]
+    values = np.einsum(
+        "n,na,nb->nab", masses[inside] / space.areas[i, j], *(shapes(part[inside], space.degree) for part in references)
+    )
+    np.add.at(out, (i, j), values)
+    return gone
+
+
+def _cell_size(lines, point):
+    cell = np.clip(np.searchsorted(lines, point) - 1, 0, len(lines) - 2)
+    return lines[cell + 1] - lines[cell]

@@ -1,0 +1,33 @@
+"""What an evolution of a density leaves: masses and coefficients after every cycle."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Solution(NamedTuple):
+    """A density over whole cycles.
+
+    Parameters
+    ----------
+    inside : ndarray, shape (cycles + 1,)
+        Mass that has not overturned, at rest or not.
+    gone : ndarray, shape (cycles + 1, 3)
+        Masses that have overturned to the left, to the right, and that are lost.
+    coefficients : ndarray, shape (cycles + 1, *space.shape)
+        Of the density; that of the blocks that move, where `at_rest` holds the others.
+    at_rest : ndarray, shape (cycles + 1,), optional
+        Mass at rest, which has no density.
+    """
+
+    inside: np.ndarray
+    gone: np.ndarray
+    coefficients: np.ndarray
+    at_rest: np.ndarray | None = None
+
+    def extrapolated(self, coarse):
+        """Extrapolate to steps of no length, from this solution and one with steps twice as long, to first order.
+
+        A linear combination: the balance of mass is not touched.
+        """
+        return Solution(*(2.0 * fine - rough for fine, rough in zip(self, coarse, strict=True)))
