@@ -112,9 +112,10 @@ def kernel(function=None, *, borrows=False, tuned=False, **options):
     """
     if function is None:
         return functools.partial(kernel, borrows=borrows, tuned=tuned, **options)
-    if borrows and BORROWS:
-        options["_nrt"] = False
-    options.setdefault("error_model", "numpy")
+    if BORROWS:
+        options["_nrt"] = not borrows
+    # What is not set here numba takes from whichever kernel happens to call this one first in a process.
+    options = {"error_model": "numpy", "fastmath": False} | options
     file = pathlib.Path(function.__code__.co_filename).resolve()
     pipeline = {"pipeline_class": Whole} if WHOLE else {}
     folder = cache_folder(file)

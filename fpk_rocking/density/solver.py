@@ -183,7 +183,7 @@ def _checked(bins_tol):
 
 
 def _grids(scene, white, motion, tol):
-    """What a scene is solved with at one resolution after another; `white` is its equivalent with white noise."""
+    """Return the grids of all resolutions that fit a tolerance; `white` is the scene with equivalent white noise."""
     resolutions, bound = candidates_for(tol), velocity_bound(white, _spread(scene.noise))
     grids = [resolution.of(white, bound, motion) for resolution in resolutions]
     if scene.noise.kind == "white":

@@ -57,9 +57,12 @@ def bounds(particular, duration, force):
     return force[0] - spread, force[0] + spread, curvature
 
 
-@kernel
+@kernel(inline="always")
 def segment_of(particular, force, duration):
-    """Make the `Segment` of a particular solution; `force` (TERMS,) is scratch that the segment keeps."""
+    """Make the `Segment` of a particular solution; `force` (TERMS,) is scratch that the segment keeps.
+
+    It hands on arrays, so it is made a part of every kernel that calls it: some count references, some borrow.
+    """
     return Segment(particular, force, *bounds(particular, duration, force))
 
 

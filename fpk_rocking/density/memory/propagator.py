@@ -31,10 +31,10 @@ class Held:
     forcing: PeriodicForcing
     constant: float
 
-    def pieces(self, instants):
-        """Coefficients of the particular solution: that of a constant c is -c."""
-        out = self.forcing.pieces(instants)
-        out[:, 0] -= self.constant
+    def over(self, start, duration):
+        """Coefficients of the particular solution over a step: that of a constant c is -c."""
+        out = self.forcing.over(start, duration).copy()
+        out[0] -= self.constant
         return out
 
     def particular(self, time):
