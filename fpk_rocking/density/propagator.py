@@ -24,11 +24,20 @@ class Solution(NamedTuple):
     gone : ndarray, shape (cycles + 1, 3)
         Masses that have overturned to the left, to the right, and that are lost.
     coefficients : ndarray, shape (cycles + 1, *space.shape)
+    resolved : ndarray of bool, shape (cycles + 1,), optional
+        Rows in which the density itself is to be resolved, all but the first unless given; of others survival alone.
     """
 
     inside: np.ndarray
     gone: np.ndarray
     coefficients: np.ndarray
+    resolved: np.ndarray | None = None
+
+    @property
+    def shown(self):
+        """Numbers of the rows in which the density is resolved."""
+        rows = np.arange(len(self.inside)) > 0 if self.resolved is None else self.resolved
+        return np.flatnonzero(rows)
 
 
 class Propagator:
@@ -86,6 +95,10 @@ class Propagator:
         ]
         marks = self.occupied[before] | self.occupied[after]
         return meets[0].astype(np.int32) @ marks @ meets[1].T > 0
+
+    def departure(self, windows):
+        """Return the `Departure` of the scene's start."""
+        return Departure(self.dynamics, self.scene.start, windows, self.scene.period)
 
     def evolve(self, cycles, departure: Departure, progress=None):
         """Evolve over whole cycles, from where the mesh takes over from the windows of a start."""
