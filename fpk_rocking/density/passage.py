@@ -96,7 +96,7 @@ class Passage:
     def origin(self):
         """Time from which the density is followed.
 
-        A block at rest is left there until, on the way to its first lift-off, the forcing has reached `STIRRING`.
+        A block at rest is left there until the forcing first reaches `STIRRING`, if it is lifted off later.
         """
         start, forcing = self.scene.start, self.dynamics.forcing
         if start.angle or start.velocity or start.covariance or forcing.period is not None:
@@ -106,8 +106,7 @@ class Passage:
         lifting = np.abs(forcing.values(looks)) > 1.0
         if not lifting.any() or stirring[0]:
             return 0.0
-        before = np.flatnonzero(~stirring[: int(np.argmax(lifting))])
-        return float(looks[before[-1]])
+        return float(looks[int(np.argmax(stirring)) - 1])
 
     def evolve(self, times, departure: Departure, progress=None):
         """Evolve over times from 0 on, from where the mesh takes over from the windows of a start."""
