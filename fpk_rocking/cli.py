@@ -153,6 +153,8 @@ def _add_fragility(commands):
 
 def _add_common(parser, files):
     parser.add_argument("--cycles", type=int, metavar="N", help=f"forcing cycles (default {_CYCLES})")
+    times = "of a pulse or a record: nondimensional times in place of cycles (default 20 parts of it, and 10 later)"
+    parser.add_argument("--times", type=float, nargs="+", metavar="T", help=times)
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help=f"folder for files: {files}")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
 
@@ -194,7 +196,7 @@ def _fpk(options):
     values = summary.result_summary(result)
     if options.out:
         result.save(options.out / "result.npz")
-        vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(result.cycles)}))
+        vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(len(result.times) - 1)}))
         summary.write_summary(options.out / "summary.json", values)
     _print(options, values, lambda: tables.result_table(result))
 
@@ -309,16 +311,23 @@ def _solved(options, scene):
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.progress import reporting
 
-    cycles, tolerance = _or(options.cycles, _CYCLES), _or(options.tol, _TOLERANCE)
+    tolerance = _or(options.tol, _TOLERANCE)
     with reporting("density") as progress:
         return solve_fpk(
             scene,
-            cycles=cycles,
+            **_rows(options, scene),
             tol=tolerance,
             bins_tol=options.bins_tol,
             closure=_or(options.closure, "white"),
             progress=progress,
         )
+
+
+def _rows(options, scene):
+    """Return the cycles or the times that are asked for; without either, the default ones."""
+    if options.times is None and options.cycles is None and scene.period is not None:
+        return {"cycles": _CYCLES}
+    return {"times": options.times, "cycles": options.cycles}
 
 
 def _simulated(options, scene):
@@ -333,7 +342,7 @@ def _simulated(options, scene):
     with reporting("Monte Carlo") as progress:
         return (tally if options.tally else simulate)(
             scene,
-            cycles=_or(options.cycles, _CYCLES),
+            **_rows(options, scene),
             realizations=_or(options.realizations, _REALIZATIONS),
             seed=_or(options.seed, _SEED),
             method=options.method,
@@ -349,6 +358,7 @@ def _loaded(options) -> list:
 
     for name in (
         "cycles",
+        "times",
         "tol",
         "bins_tol",
         "closure",

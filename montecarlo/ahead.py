@@ -1,5 +1,6 @@
 """Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
 
+from fpk_rocking.physics.envelope import Trapezoid
 from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise
 from montecarlo.simulation import simulate
@@ -10,6 +11,11 @@ _MOTION = {"block": Block(0.5), "forcing": Forcing(4.6, 2.7, 0.0), "start": Star
 def exact():
     """Event-driven paths."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact")
+
+
+def enveloped():
+    """Event-driven paths under noise with an envelope."""
+    _simulate(BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)), "exact")
 
 
 def rk4():

@@ -1,6 +1,8 @@
 """Pulses and records as values: their formulas, particular solution, files, and what refuses them."""
 
+import json
 import math
+import pathlib
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from transient_paths import SHAPES, pulse_force, random_scene, record_force
 
 from fpk_rocking import Block, CycleOperator, Dimensions, Forcing, NoNoise, Pulse, Record, Scene, WhiteNoise, load_scene
 from fpk_rocking.analytics import melnikov
+from fpk_rocking.cli import main
 from fpk_rocking.physics.forcing.record import MOST
 from fpk_rocking.scene import limits
 from montecarlo import Ensemble, Tally, histories, simulate, tally
@@ -15,6 +18,7 @@ from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
 from montecarlo.rare.splitting import split
 from montecarlo.results.rates import overturning_rate
 
+ROOT = pathlib.Path(__file__).parents[1]
 SIZE = Dimensions(0.6, 2.0)
 SAMPLES = np.random.default_rng(3).normal(size=60)
 RECORD = Record(0.01, SAMPLES, "g", 0.3)
@@ -134,6 +138,31 @@ def test_results_go_through_files_and_checkpoints(tmp_path):
     assert Tally.load(path).times.tolist() == [0.0, *times]
     with pytest.raises(ValueError, match=r"checkpoint: got .* with 3 times up to 4, accepted: 2 times up to 4"):
         tally(SHAKEN, times=times[1:], realizations=5, checkpoint=path)
+
+
+def test_the_command_line_takes_times(tmp_path, capsys):
+    path = tmp_path / "scene.toml"
+    path.write_text(SHAKEN.to_toml())
+    assert main(["mc", str(path), "--times", "0.5", "1.25", "--realizations", "3", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["times"] == [0.0, 0.5, 1.25]
+    assert "cycles" not in found
+    assert main(["mc", str(path), "--realizations", "3"]) == 0
+    assert capsys.readouterr().out.count("\n") > 22
+    assert main(["mc", str(path), "--cycles", "3"]) == 2
+    assert "cycles: got 3, accepted: times in place of cycles: a record has none" in capsys.readouterr().err
+    assert main(["mc", str(ROOT / "cases" / "scenes" / "main.toml"), "--times", "3"]) == 2
+    assert "this forcing repeats" in capsys.readouterr().err
+
+
+def test_the_record_of_the_project_is_what_its_script_makes(case):
+    made = case("records/synthetic")
+    record = Record.from_file(made.PATH)
+    assert record.samples == pytest.approx(made.acceleration(), abs=1e-8)
+    assert (record.interval, len(record.samples), np.abs(record.samples).max()) == (0.01, 4001, pytest.approx(0.35))
+    scene = load_scene(ROOT / "cases" / "scenes" / "record.toml")
+    assert scene.forcing == record.__class__(0.01, record.samples, "g", 1.3).on(scene.block.dimensions)
+    assert scene.block.restitution == scene.block.dimensions.restitution
 
 
 def test_times_stand_in_place_of_cycles():

@@ -1,5 +1,8 @@
 """A scene that does not repeat at one resolution: a step is set up once, where the density is, and dropped."""
 
+import dataclasses
+import functools
+
 import numpy as np
 
 from fpk_rocking.density.resolution import cycle_of
@@ -14,6 +17,43 @@ _NEAR = 0.3
 
 FAINT = 0.01
 """Mass over that of `Propagator` that a cell must hold to be active: here it is lost in every step anew."""
+
+
+FADED = 0.05
+"""Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
+
+STIRRING = 0.5
+"""Size of the force from which on a block at rest is followed."""
+
+_LOOKS = 4001
+
+
+class _Later:
+    """A forcing or an envelope whose times count from an origin."""
+
+    def __init__(self, whole, origin):
+        self._whole, self._origin = whole, origin
+
+    def __getattr__(self, name):
+        return getattr(self._whole, name)
+
+    def value(self, time):
+        return self._whole.value(time + self._origin)
+
+    def squared(self, times):
+        return self._whole.squared(times + self._origin)
+
+    def slope(self, time):
+        return self._whole.slope(time + self._origin)
+
+    def particular(self, time):
+        return self._whole.particular(time + self._origin)
+
+    def over(self, start, duration):
+        return self._whole.over(start + self._origin, duration)
+
+    def since_lift_off(self, time):
+        return self._whole.since_lift_off(time + self._origin)
 
 
 class Passage:
@@ -41,6 +81,34 @@ class Passage:
         """Bytes that the run holds, densities of all times left out."""
         return 2 * self._buffers.nbytes
 
+    def departure(self, windows):
+        """Return the `Departure` of the scene's start: from τ = 0, or from when a block at rest may begin to move."""
+        return Departure(self._dynamics_from(self.origin), self.scene.start, windows, cycle_of(self.scene))
+
+    def _dynamics_from(self, origin):
+        """Dynamics with their times counted from an origin."""
+        if origin == 0.0:
+            return self.dynamics
+        forcing, envelope = self.dynamics.forcing, self.dynamics.envelope
+        later = {"forcing": _Later(forcing, origin), "envelope": envelope and _Later(envelope, origin)}
+        return dataclasses.replace(self.dynamics, **later)
+
+    @functools.cached_property
+    def origin(self):
+        """Time from which the density is followed.
+
+        A block at rest is left there until the forcing first reaches `STIRRING`, if it is lifted off later.
+        """
+        start, forcing = self.scene.start, self.dynamics.forcing
+        if start.angle or start.velocity or start.covariance or forcing.period is not None:
+            return 0.0
+        looks = np.linspace(0.0, forcing.duration, _LOOKS)
+        stirring = np.abs(forcing.values(looks)) > STIRRING
+        lifting = np.abs(forcing.values(looks)) > 1.0
+        if not lifting.any() or stirring[0]:
+            return 0.0
+        return float(looks[int(np.argmax(stirring)) - 1])
+
     def evolve(self, times, departure: Departure, progress=None):
         """Evolve over times from 0 on, from where the mesh takes over from the windows of a start."""
         count, edges = len(times), _edges(self.scene, self.duration, times)
@@ -48,26 +116,42 @@ class Passage:
         coefficients = np.zeros((count, *self.space.shape))
         coefficients[0], out[0, :2] = initial_density(departure.start, self.space, self.scene.overturning.angle)
         inside[0] -= out[0].sum()
-        place, now, gone = self._begun(edges, departure)
-        row = 1
+        after = np.append(self.origin, edges[edges > self.origin * (1.0 + 1e-9)]) - self.origin
+        place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1])
+        now, gone = departure.land(after[place], self.space)
+        time, row = self.origin + after[place], 1
+        resolved = (times >= time * (1.0 - 1e-12)) & (self._strength(times) > FADED)
+        resolved[0] = False
+        edges = edges[edges > time * (1.0 + 1e-12)]
         while row < count:
-            if edges[place] >= times[row] * (1.0 - 1e-12):
-                inside[row], out[row], coefficients[row] = self.space.masses(now).sum(), gone, now
+            if times[row] <= time * (1.0 + 1e-12):
+                # What comes before the mesh takes over is looked at from the windows.
+                here = now, gone
+                if times[row] < time * (1.0 - 1e-12):
+                    here = self._early(times[row] - self.origin, departure)
+                coefficients[row], out[row] = here
+                inside[row] = self.space.masses(here[0]).sum()
                 row += 1
                 if progress:
                     progress()
                 continue
-            now, sinks = self._step(*edges[place : place + 2], now).apply(now)
-            gone = gone + sinks
-            place += 1
-        return Solution(inside, out, coefficients)
+            now, sinks = self._step(time, edges[0], now).apply(now)
+            gone, time, edges = gone + sinks, edges[0], edges[1:]
+        return Solution(inside, out, coefficients, resolved)
 
-    def _begun(self, edges, departure):
-        """Return number of the edge, coefficients and masses gone (3,) where the mesh takes over."""
-        if departure.rests:
-            return 0, resting(self.space), np.zeros(3)
-        place = first_resolved(departure, self.space, edges[: np.searchsorted(edges, departure.period) + 1])
-        return place, *departure.land(edges[place], self.space)
+    def _strength(self, times):
+        """Diffusion at times over that at g = 1."""
+        envelope = self.dynamics.envelope
+        return np.ones(len(times)) if envelope is None else envelope.value(times) ** 2
+
+    def _early(self, time, departure):
+        """Coefficients and masses gone (3,) at a time since the origin before the mesh takes over."""
+        if time <= 0.0:
+            return resting(self.space), np.zeros(3)
+        coefficients, gone = departure.land(time, self.space)
+        # The mesh does not resolve it: of each cell only the mass is right.
+        coefficients[..., 1:, :] = coefficients[..., :, 1:] = 0.0
+        return coefficients, gone
 
     def _step(self, start, end, now):
         """Make the step from one time to another, for the cells that hold something and those beside them."""

@@ -64,6 +64,10 @@ class Propagator:
         after = min(before + (part * self.steps - before > 1e-9), len(self.leg) - 1)
         return meeting(self.space, self.occupied[before] | self.occupied[after], space)
 
+    def departure(self, windows):
+        """Return the `Departure` of the scene's start."""
+        return Departure(self.dynamics, self.scene.start, windows, self.scene.period)
+
     def evolve(self, cycles, departure: Departure, progress=None):
         """Evolve over whole cycles, from where the mesh takes over from the windows of a start."""
         steps, scene = self.steps, self.scene

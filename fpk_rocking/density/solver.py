@@ -15,9 +15,8 @@ from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, cycle_of
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.physics import filters
 from fpk_rocking.physics.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
@@ -97,7 +96,7 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
             return Solved(*_with_memory(solved, grid, negligible, guide, extent, tol, count), motion.edges)
         run = Propagator(white, grid, negligible, guide) if white.repeats else Passage(white, grid, negligible)
         if grid.windows not in departures:
-            departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, cycle_of(white))
+            departures[grid.windows] = run.departure(grid.windows)
         return Solved(run, run.evolve(extent, departures[grid.windows], count.next()), motion.edges)
 
     def fits(level, grid):
@@ -120,7 +119,7 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
         bins_error_estimate=found.bins_error,
         rest_error_estimate=_rest_error(found),
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
-        negative_mass=max(run.space.negative_mass(density) for density in fine.coefficients[1:]),
+        negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
@@ -154,9 +153,10 @@ class Solved:
     @functools.cached_property
     def negative_mass(self):
         """Largest of those after a cycle or more, of blocks that are not at rest."""
-        space, densities = self.run.space, self.solution.coefficients[1:]
+        space, densities = self.run.space, self.solution.coefficients[self.solution.shown]
         moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))
-        return max(space.negative_mass(np.where(moving[:, :, None, None], density, 0.0)) for density in densities)
+        parts = (space.negative_mass(np.where(moving[:, :, None, None], density, 0.0)) for density in densities)
+        return max(parts, default=0.0)
 
     @property
     def memory(self):
@@ -165,9 +165,9 @@ class Solved:
 
     def differences(self, coarser):
         """Largest differences of survival and of the binned density over the cycles; rest counts as one bin."""
-        apart = (self.bins - coarser.bins)[1:]
+        apart = (self.bins - coarser.bins)[np.intersect1d(self.solution.shown, coarser.solution.shown)]
         binned = np.abs(apart[:, ~self._resting]).sum(axis=1) + np.abs(apart[:, self._resting].sum(axis=1))
-        return float(np.abs(self.solution.inside - coarser.solution.inside).max()), float(binned.max())
+        return float(np.abs(self.solution.inside - coarser.solution.inside).max()), float(binned.max(initial=0.0))
 
     def error(self, difference, bins):
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""

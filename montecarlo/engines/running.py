@@ -110,8 +110,8 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     Batch
         Each of its own arrays.
     """
-    ahead.before(f"montecarlo.ahead:{run.method}")
     engine, period = engine_of(run), run.scene.period
+    ahead.before(f"montecarlo.ahead:{engine.__name__.rpartition('.')[2]}")
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     lap = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
     problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)

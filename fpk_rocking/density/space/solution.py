@@ -18,12 +18,21 @@ class Solution(NamedTuple):
         Of the density; that of the blocks that move, where `at_rest` holds the others.
     at_rest : ndarray, shape (cycles + 1,), optional
         Mass at rest, which has no density.
+    resolved : ndarray of bool, shape (cycles + 1,), optional
+        Rows in which the density itself is to be resolved, all but the first unless given; of others survival alone.
     """
 
     inside: np.ndarray
     gone: np.ndarray
     coefficients: np.ndarray
     at_rest: np.ndarray | None = None
+    resolved: np.ndarray | None = None
+
+    @property
+    def shown(self):
+        """Numbers of the rows in which the density is resolved."""
+        rows = np.arange(len(self.inside)) > 0 if self.resolved is None else self.resolved
+        return np.flatnonzero(rows)
 
     def extrapolated(self, coarse):
         """Extrapolate to steps of no length, from this solution and one with steps twice as long, to first order.

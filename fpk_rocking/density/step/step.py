@@ -17,6 +17,8 @@ from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS, PeriodicForcing
 from fpk_rocking.physics.gaussian import flight_covariance
 
+_NODES = np.polynomial.legendre.leggauss(16)
+
 FAINTEST = 1e-3
 """Least diffusion over that at g = 1: no mesh resolves a density without noise."""
 
@@ -58,7 +60,7 @@ class Dynamics:
         """Covariance xx, xv, vv that a flight gathers."""
         if self.envelope is None:
             return flight_covariance(self.diffusion, duration)
-        nodes, weights = np.polynomial.legendre.leggauss(16)
+        nodes, weights = _NODES
         late = 0.5 * duration * (1.0 - nodes)
         strength = np.maximum(self.envelope.value(start + duration - late) ** 2, FAINTEST)
         weights = self.diffusion * duration * weights * strength

@@ -209,7 +209,8 @@ _REACH = 6.5
 
 def _bell(polynomial):
     """Return the series of a polynomial times exp(-z²/2), the peak of the bell at _REACH."""
-    top = len(polynomial) - 1
+    whole = np.polynomial.Polynomial(polynomial)
+    parts = [whole.deriv(k) / math.factorial(k) if k else whole for k in range(len(polynomial))]
 
     def series(z):
         z = z - _REACH
@@ -219,9 +220,8 @@ def _bell(polynomial):
         for k in range(1, TERMS - 1):
             bell[:, k + 1] = -(z * bell[:, k] + bell[:, k - 1]) / (k + 1)
         out = np.zeros((len(z), TERMS))
-        for k in range(top + 1):
-            about = np.polynomial.Polynomial(polynomial).deriv(k)(z) / math.factorial(k)
-            out[:, k:] += about[:, None] * bell[:, : TERMS - k]
+        for k, part in enumerate(parts):
+            out[:, k:] += part(z)[:, None] * bell[:, : TERMS - k]
         return out
 
     return series

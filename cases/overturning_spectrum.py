@@ -1,0 +1,105 @@
+"""Overturning spectrum of a block under one-cycle sine pulses: the least amplitude that overturns it, by mode.
+
+A free-standing block may overturn under a one-sine pulse in two ways: after one impact (mode 1), or without any
+(mode 2). Against the frequency of the pulse, the amplitudes that overturn it after an impact are a band with a gap
+above it, in which it stands, up to those that overturn it without an impact; beyond a frequency only mode 2 is left.
+The figure shows for which amplitudes and frequencies the block ends up overturned, the mode, and the least amplitude of
+either mode. No noise; a block is followed until 20 units of time after the pulse, its cut-off is far out.
+
+Run from the repository root, half a minute:
+
+    .venv/bin/python cases/overturning_spectrum.py
+"""
+
+import argparse
+import pathlib
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+
+from fpk_rocking import Block, NoNoise, Overturning, Pulse, Scene
+from fpk_rocking.output import style
+from fpk_rocking.results.storage import write_text
+from montecarlo import histories
+
+RESTITUTION = 0.9
+FREQUENCIES = np.linspace(1.0, 8.0, 57)
+AMPLITUDES = np.geomspace(1.02, 13.0, 90)
+FREE, FAR = 20.0, 3.0
+STANDS = -1
+
+
+def impacts_before(amplitude, frequency, restitution=RESTITUTION):
+    """Impacts before overturning, at most 2: 0 is mode 2 of Zhang and Makris, 1 their mode 1; STANDS if it stands."""
+    pulse = Pulse("one-sine", float(amplitude), float(frequency))
+    scene = Scene(Block(restitution), pulse, NoNoise(), overturning=Overturning(FAR))
+    run = histories(scene, times=[pulse.duration + FREE])
+    return min(len(run.impact_time), 2) if run.overturn_side[0] else STANDS
+
+
+def least(modes, amplitudes, wanted, refine):
+    """Least amplitude that overturns after one of the wanted numbers of impacts, by bisection; nan for none."""
+    hits = np.flatnonzero(np.isin(modes, wanted))
+    if not hits.size:
+        return np.nan
+    if hits[0] == 0:
+        return amplitudes[0]
+    low, high = amplitudes[hits[0] - 1], amplitudes[hits[0]]
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if refine(middle) in wanted else (middle, high)
+    return high
+
+
+def spectrum(frequencies, amplitudes):
+    """Impacts (frequencies, amplitudes), and the least amplitudes (frequencies, 2) with and without impact."""
+    modes = np.array([[impacts_before(a, w) for a in amplitudes] for w in frequencies])
+    bounds = []
+    for row, w in zip(modes, frequencies, strict=True):
+        bounds.append(
+            [least(row, amplitudes, wanted, lambda a, w=w: impacts_before(a, w)) for wanted in ((1, 2), (0,))]
+        )
+    return modes, np.array(bounds)
+
+
+def draw(path, frequencies, amplitudes, modes, bounds):
+    """Draw the regions of both modes and their lower ends."""
+    with style.drawing() as new_figure:
+        figure = new_figure(figsize=(8.0, 5.6))
+        axes = figure.subplots()
+        regions = (
+            (0, "0.78", "overturns without impact (mode 2)"),
+            (1, "#9ecae1", "overturns after an impact (mode 1)"),
+        )
+        for mode, colour, label in regions:
+            shown = np.where(np.minimum(modes.T, 1) == mode, 1.0, np.nan)
+            axes.pcolormesh(frequencies, amplitudes, shown, cmap=ListedColormap([colour]), shading="nearest")
+            axes.fill_between([], [], color=colour, label=label)
+        axes.plot(frequencies, bounds[:, 1], color="black", label="least amplitude without impact")
+        axes.plot(frequencies, bounds[:, 0], color=style.COLOURS[1], marker=".", label="least amplitude with impacts")
+        axes.set(
+            title=f"Overturning by a one-sine pulse, restitution {RESTITUTION:g}",
+            xlabel="frequency of the pulse Ω, in units of p",
+            ylabel="amplitude A = peak acceleration / (g θ_cr)",
+            yscale="log",
+            ylim=(1.0, amplitudes[-1]),
+        )
+        axes.set_yticks([1, 2, 3, 5, 10], ["1", "2", "3", "5", "10"])
+        axes.legend(loc="lower right")
+        figure.tight_layout()
+        return style.save(figure, path)
+
+
+def main(arguments=None):
+    """Compute the spectrum, write the figure and its numbers."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results/overturning_spectrum"))
+    options = parser.parse_args(arguments)
+    modes, bounds = spectrum(FREQUENCIES, AMPLITUDES)
+    draw(options.out / "overturning_spectrum.png", FREQUENCIES, AMPLITUDES, modes, bounds)
+    rows = [f"{w:g},{a:.6g},{b:.6g}" for w, (a, b) in zip(FREQUENCIES, bounds, strict=True)]
+    write_text(options.out / "least_amplitudes.csv", "\n".join(["frequency,with_impacts,without_impact", *rows]) + "\n")
+
+
+if __name__ == "__main__":
+    main()

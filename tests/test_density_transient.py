@@ -1,0 +1,56 @@
+"""The density solver under pulses and envelopes, against paths of white noise and exact flights."""
+
+import numpy as np
+import pytest
+from test_envelopes import flight_moments
+
+from fpk_rocking import Block, Evolution, Forcing, Pulse, Scene, Start, Trapezoid, WhiteNoise, solve_fpk
+from fpk_rocking.density.step.step import FAINTEST, Dynamics
+from montecarlo import simulate
+
+PULSED = Scene(Block(0.8), Pulse("one-cosine", 2.6, 3.0), WhiteNoise(0.02))
+
+
+def test_a_pulse_agrees_with_paths(tmp_path):
+    # False alarms: 1e-3 for the 4 times together.
+    times, size = [0.5, 1.0, PULSED.forcing.duration, PULSED.forcing.duration + 6.0], 40_000
+    found = solve_fpk(PULSED, times=times, tol=1e-2)
+    paths = simulate(PULSED, times=times, realizations=size, seed=3)
+    assert found.times.tolist() == [0.0, *times]
+    assert found.cycles is None
+    error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
+    assert (np.abs(found.survival - paths.survival) <= found.error_estimate + error).all()
+    assert 0.1 < found.survival[-1] < 0.5
+    assert np.abs(found.overturned[-1] - paths.overturned[-1]).max() < 0.01
+    assert found.mass_defect < 1e-12
+    assert found.lost[-1] < 1e-4
+    edges = np.linspace(-1.6, 1.6, 9), np.linspace(-9.0, 9.0, 9)
+    assert found.bin_probabilities(3, *edges).sum() == pytest.approx(found.survival[3], abs=1e-6)
+    found.save(tmp_path / "density.npz")
+    again = Evolution.load(tmp_path / "density.npz")
+    assert again.scene == PULSED
+    assert again.times.tobytes() == found.times.tobytes()
+
+
+def test_a_flight_under_an_envelope_has_the_exact_moments():
+    # Steps have the mean of D: second order in them, about 1e-3 of the covariance here.
+    start = Start(0.9, -0.2, ((0.002, 0.0), (0.0, 0.003)))
+    noise = WhiteNoise(0.004, Trapezoid(0.4, 0.3, 0.4))
+    scene = Scene(Block(0.8), Pulse("one-sine", 0.6, 3.0), noise, start)
+    times = np.array([0.25, 0.6])
+    found = solve_fpk(scene, times=times, tol=1e-2)
+    mean, gathered = flight_moments(scene, times, None)
+    for k, time in enumerate(times):
+        flow = np.array([[np.cosh(time), np.sinh(time)], [np.sinh(time), np.cosh(time)]])
+        covariance = gathered[k] + flow @ np.array(start.covariance) @ flow.T
+        assert found.at(k + 1).mean == pytest.approx(mean[k], abs=2e-5)
+        assert found.at(k + 1).covariance == pytest.approx(covariance, abs=5e-3 * np.abs(covariance).max())
+
+
+def test_dynamics_have_the_diffusion_of_a_step():
+    noise = WhiteNoise(0.004, Trapezoid(1.0, 1.0, 1.0))
+    dynamics = Dynamics.of(Scene(Block(0.8), Forcing(1.0, 2.0), noise))
+    assert dynamics.during(1.2, 0.3).diffusion == pytest.approx(0.004, rel=1e-12)
+    assert dynamics.during(0.0, 0.3).diffusion == pytest.approx(0.004 * 0.03, rel=1e-12)
+    assert dynamics.during(5.0, 0.3).diffusion == pytest.approx(0.004 * FAINTEST)
+    assert dynamics.covariance(0.0, 0.6)[2] < dynamics.covariance(1.1, 0.6)[2]
