@@ -126,6 +126,36 @@ def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path):
     assert len(list(tmp_path.iterdir())) <= 3
 
 
+@pytest.mark.parametrize("workers", [2, "threads"])
+def test_many_cells_go_in_packs(tmp_path, workers):
+    """Of 600 cells two a task; the one that kills its process is a row, its neighbour is not."""
+    amplitudes = tuple(np.linspace(5.0, 6.0, 600))
+    scenes = grid(SCENE, {"forcing.amplitude": (*amplitudes[:9], 3.0, *amplitudes[10:])})
+    verb, options = study_verbs.deadly, {"folder": str(tmp_path), "times": 99 if workers == 2 else 0}
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        found = sweep(scenes, verb, workers=2 if workers == 2 else pool, **options)
+    assert [row["cell"] for row in found.rows] == list(range(600))
+    assert [row["cell"] for row in found.failed] == ([9] if workers == 2 else [])
+
+
+class Refusing(concurrent.futures.ThreadPoolExecutor):
+    """An executor that cannot run a task with a certain cell, and says so in the future."""
+
+    def submit(self, function, verb, cells, options):
+        return super().submit(
+            self.refuse if any(cell.number == 9 for cell in cells) else function, verb, cells, options
+        )
+
+    def refuse(self, *_):
+        raise OSError("no worker survived it")
+
+
+def test_what_an_executor_cannot_run_is_tried_alone():
+    with Refusing(2) as pool:
+        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
+    assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
+
+
 def stopping_at(count):
     def progress(done, _):
         if done == count:
