@@ -7,7 +7,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
-from studies.cells import Cell, seed_of
+from studies.execution.cells import Cell, seed_of
 from studies.result import Fragility
 from studies.scenes import grid, scaled
 from studies.sweeping import checked_scenes, run

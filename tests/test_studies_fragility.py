@@ -14,7 +14,7 @@ from fpk_rocking import cli, load_scene
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
 from montecarlo import Ensemble, histories, simulate
 from studies import Fragility, fragility, scaled
-from studies.cells import seed_of
+from studies.execution.cells import seed_of
 from studies.picture import curves_figure, surface_figure
 from studies.tables import fragility_table
 

@@ -16,7 +16,7 @@ from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
 from montecarlo import simulate
 from studies import grid, sweep
-from studies.cells import seed_of
+from studies.execution.cells import seed_of
 
 SCENE = Scene(block=Block(0.5), forcing=Forcing(4.6, 2.7, 0.0), noise=NoNoise())
 AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
