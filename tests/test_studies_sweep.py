@@ -16,7 +16,7 @@ from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
 from montecarlo import simulate
 from studies import grid, sweep
-from studies.cells import seed_of
+from studies.execution.cells import seed_of
 
 SCENE = Scene(block=Block(0.5), forcing=Forcing(4.6, 2.7, 0.0), noise=NoNoise())
 AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
@@ -126,6 +126,36 @@ def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path):
     assert len(list(tmp_path.iterdir())) <= 3
 
 
+@pytest.mark.parametrize("workers", [2, "threads"])
+def test_many_cells_go_in_packs(tmp_path, workers):
+    """Of 600 cells two a task; the one that kills its process is a row, its neighbour is not."""
+    amplitudes = tuple(np.linspace(5.0, 6.0, 600))
+    scenes = grid(SCENE, {"forcing.amplitude": (*amplitudes[:9], 3.0, *amplitudes[10:])})
+    verb, options = study_verbs.deadly, {"folder": str(tmp_path), "times": 99 if workers == 2 else 0}
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        found = sweep(scenes, verb, workers=2 if workers == 2 else pool, **options)
+    assert [row["cell"] for row in found.rows] == list(range(600))
+    assert [row["cell"] for row in found.failed] == ([9] if workers == 2 else [])
+
+
+class Refusing(concurrent.futures.ThreadPoolExecutor):
+    """An executor that cannot run a task with a certain cell, and says so in the future."""
+
+    def submit(self, function, verb, cells, options):
+        return super().submit(
+            self.refuse if any(cell.number == 9 for cell in cells) else function, verb, cells, options
+        )
+
+    def refuse(self, *_):
+        raise OSError("no worker survived it")
+
+
+def test_what_an_executor_cannot_run_is_tried_alone():
+    with Refusing(2) as pool:
+        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
+    assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
+
+
 def stopping_at(count):
     def progress(done, _):
         if done == count:
@@ -146,6 +176,7 @@ def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
     assert told(found.rows) == told(alone.rows)
     assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]
     assert store.read_bytes().startswith(kept)
+    assert store.read_bytes().endswith(b"}\n")
     # Nothing is left to do, and scenes may be added.
     more = sweep((*GRID.scenes, SCENE), study_verbs.amplitude, seed=7, store=store)
     assert told(more.rows[:5]) == told(alone.rows)
@@ -224,7 +255,7 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     store, script = tmp_path / "rows.jsonl", tmp_path / "script.py"
     script.write_text(SCRIPT)
     run = subprocess.Popen(
-        [sys.executable, script, store, "1.0"], env={"PYTHONPATH": ":".join(sys.path)}, stdout=subprocess.PIPE
+        [sys.executable, script, store, "0.5"], env={"PYTHONPATH": ":".join(sys.path)}, stdout=subprocess.PIPE
     )
     while run.poll() is None and not (store.exists() and store.read_bytes().count(b"\n") >= 2):
         time.sleep(0.05)
@@ -233,9 +264,9 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     run.communicate(timeout=20)
     rows = store.read_bytes().count(b"\n") - 1
     assert 1 <= rows < 5
-    found = sweep(GRID, study_verbs.slow, store=store, seconds=1.0)
+    found = sweep(GRID, study_verbs.slow, store=store, seconds=0.5)
     assert len(found.rows) == 5
-    assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 1.0
+    assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 0.5
 
 
 def test_progress_tells_what_is_left(monkeypatch, capsys):
