@@ -32,6 +32,10 @@ CLOSURES = ("white", "filtered")
 SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
 """Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
+_FIRST_ORDER = 2.5
+"""Error of the last solution over its difference from the one before, whose steps are 1.4 times as long, where it is of
+first order: so it is where blocks rest, under noise held over a step."""
+
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
@@ -98,7 +102,8 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progre
     def run_of(grid, coarser):
         guide = coarser and coarser.run
         if memory:
-            return _with_memory(solved, grid, NEGLIGIBLE * tol, guide, cycles, tol, count)
+            run = NodePropagator(solved, grid, NEGLIGIBLE * tol, guide)
+            return run, run.evolve(cycles, count.next())
         run = Propagator(white, grid, NEGLIGIBLE * tol, guide)
         if grid.windows not in departures:
             departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, white.period)
@@ -177,6 +182,9 @@ class Solved:
 
     def error(self, difference, bins):
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
+        at_rest = self.solution.at_rest
+        if at_rest is not None and at_rest[1:].max() > difference:
+            difference *= _FIRST_ORDER
         return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 
     def release(self):
@@ -194,19 +202,6 @@ def _closed(scene, closure):
     return scene
 
 
-def _with_memory(scene, grid, negligible, guide, cycles, tol, count):
-    """Solve a scene with filtered noise on one grid: the run, and its solution.
-
-    Where blocks rest, what decides is how often the noise of single steps lifts them off: an error of first order in
-    the step, which a second run with half the steps takes out.
-    """
-    run = NodePropagator(scene, grid, negligible, guide)
-    found = run.evolve(cycles, count.next())
-    if found.at_rest[1:].max() > tol:
-        found = found.extrapolated(NodePropagator(scene, grid.halved, negligible, run).evolve(cycles, count.next()))
-    return run, found
-
-
 def _spread(noise):
     """Return the diffusion that bounds how far noise moves a flight: D, or more for noise of high frequencies."""
     if noise.kind == "white":
@@ -215,9 +210,9 @@ def _spread(noise):
 
 
 def _rest_error(found):
-    """Largest difference in what is at rest between the last two solutions; 0 where rest is a part of the bins."""
+    """Error of what is at rest, from the last two solutions; 0 where rest is a part of the bins."""
     fine, coarse = found.fine.solution.at_rest, found.coarse.solution.at_rest
-    return 0.0 if fine is None else float(np.abs(fine - coarse).max())
+    return 0.0 if fine is None else _FIRST_ORDER * float(np.abs(fine - coarse).max())
 
 
 def _refuse_unresolved(result, negative):

@@ -24,10 +24,3 @@ class Solution(NamedTuple):
     gone: np.ndarray
     coefficients: np.ndarray
     at_rest: np.ndarray | None = None
-
-    def extrapolated(self, coarse):
-        """Extrapolate to steps of no length, from this solution and one with steps twice as long, to first order.
-
-        A linear combination: the balance of mass is not touched.
-        """
-        return Solution(*(2.0 * fine - rough for fine, rough in zip(self, coarse, strict=True)))
