@@ -39,7 +39,7 @@ CYCLES = 10
 ANGLE_EDGES = np.linspace(-0.3, 0.3, 61)
 
 
-def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=1, seed=1) -> dict:
+def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -128,7 +128,11 @@ def draw(path, scene, values):
         f"Points: Monte Carlo, {values['realizations']:,} realizations. Lines: Fokker-Planck density, with low-pass "
         "noise of the same variance and Melnikov variance, and with white noise of the same Melnikov variance."
     )
-    inside = "(c), (d): second cycle, by the value of the low-pass noise η at that time; (d) at the end of the cycle."
+    error = values["solved"]["filtered"]["rest_error_estimate"]
+    inside = (
+        f"Estimated error of the line in (b): {error:.2g}. (c), (d): second cycle, by the value of the low-pass noise "
+        "η at that time; (d) at the end of the cycle."
+    )
     with style.page(path, (10.5, 9.6), "A block that rests", [text, found, inside]) as figure:
         (survival, rest), (cycle, density) = figure.subplots(2, 2)
         _by_cycle(survival, values, "survival")
@@ -148,6 +152,7 @@ def _by_cycle(axes, values, name):
     if name == "survival":
         axes.plot(values["solved"]["white"][name], color=style.COLOURS[2], label="white noise, density")
     axes.set(xlabel="cycles")
+    axes.xaxis.get_major_locator().set_params(integer=True)
 
 
 def _over_cycle(figure, axes, inside):
