@@ -93,7 +93,7 @@ def _solved(scene, cycles, tol, closure):
 
 
 def look_inside(scene, resolution):
-    """Rest and density of the angle by value of the noise, at every step of the second cycle."""
+    """Rest by value of the noise at every step of the second cycle, and at its end the density of the angle."""
     white = scene.white_equivalent()
     bound = velocity_bound(white, white.noise.diffusion)
     plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, 2))
@@ -114,7 +114,7 @@ def look_inside(scene, resolution):
         angles.append((binned[:, :, 0] / each[:, None])[::order, ::order].tolist())
 
     run.evolve(2, watch=watch)
-    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting, "angles": angles}
+    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting, "angles": angles[-1]}
 
 
 def draw(path, scene, values):
@@ -169,7 +169,7 @@ def _by_noise(axes, inside):
     shown = [k for k, value in enumerate(inside["noise"]) if abs(value) < 0.5]
     for k, colour in zip(shown, style.shades(len(shown)), strict=True):
         label = f"η = {inside['noise'][k]:+.2f}"
-        axes.plot(middles, np.array(inside["angles"][-1][k]) / sizes, color=colour, label=label)
+        axes.plot(middles, np.array(inside["angles"][k]) / sizes, color=colour, label=label)
     axes.set(title="(d) Blocks that move, by the noise", xlabel="angle Θ/θ_cr", ylabel="density of the angle, given η")
     axes.set_yscale("log")
     axes.set_ylim(bottom=1e-2)
