@@ -194,8 +194,11 @@ class Solved:
 
 def _closed(scene, closure):
     """Return the scene to solve: with band noise replaced, and refused if it cannot be solved."""
+    accepted = " or ".join(map(repr, CLOSURES))
+    if not isinstance(closure, str):
+        raise TypeError(checks.refusal("closure", closure, accepted))
     if closure not in CLOSURES:
-        raise ValueError(checks.refusal("closure", closure, " or ".join(map(repr, CLOSURES))))
+        raise ValueError(checks.refusal("closure", closure, accepted))
     if scene.noise.kind != "filtered":
         scene = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
     refuse_unsolvable(scene)
