@@ -39,7 +39,7 @@ CYCLES = 10
 ANGLE_EDGES = np.linspace(-0.3, 0.3, 61)
 
 
-def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=1, seed=1) -> dict:
+def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -93,7 +93,7 @@ def _solved(scene, cycles, tol, closure):
 
 
 def look_inside(scene, resolution):
-    """Rest and density of the angle by value of the noise, at every step of the second cycle."""
+    """Rest by value of the noise at every step of the second cycle, and at its end the density of the angle."""
     white = scene.white_equivalent()
     bound = velocity_bound(white, white.noise.diffusion)
     plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, 2))
@@ -114,7 +114,7 @@ def look_inside(scene, resolution):
         angles.append((binned[:, :, 0] / each[:, None])[::order, ::order].tolist())
 
     run.evolve(2, watch=watch)
-    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting, "angles": angles}
+    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting, "angles": angles[-1]}
 
 
 def draw(path, scene, values):
@@ -128,7 +128,11 @@ def draw(path, scene, values):
         f"Points: Monte Carlo, {values['realizations']:,} realizations. Lines: Fokker-Planck density, with low-pass "
         "noise of the same variance and Melnikov variance, and with white noise of the same Melnikov variance."
     )
-    inside = "(c), (d): second cycle, by the value of the low-pass noise η at that time; (d) at the end of the cycle."
+    error = values["solved"]["filtered"]["rest_error_estimate"]
+    inside = (
+        f"Estimated error of the line in (b): {error:.2g}. (c), (d): second cycle, by the value of the low-pass noise "
+        "η at that time; (d) at the end of the cycle."
+    )
     with style.page(path, (10.5, 9.6), "A block that rests", [text, found, inside]) as figure:
         (survival, rest), (cycle, density) = figure.subplots(2, 2)
         _by_cycle(survival, values, "survival")
@@ -148,6 +152,7 @@ def _by_cycle(axes, values, name):
     if name == "survival":
         axes.plot(values["solved"]["white"][name], color=style.COLOURS[2], label="white noise, density")
     axes.set(xlabel="cycles")
+    axes.xaxis.get_major_locator().set_params(integer=True)
 
 
 def _over_cycle(figure, axes, inside):
@@ -164,7 +169,7 @@ def _by_noise(axes, inside):
     shown = [k for k, value in enumerate(inside["noise"]) if abs(value) < 0.5]
     for k, colour in zip(shown, style.shades(len(shown)), strict=True):
         label = f"η = {inside['noise'][k]:+.2f}"
-        axes.plot(middles, np.array(inside["angles"][-1][k]) / sizes, color=colour, label=label)
+        axes.plot(middles, np.array(inside["angles"][k]) / sizes, color=colour, label=label)
     axes.set(title="(d) Blocks that move, by the noise", xlabel="angle Θ/θ_cr", ylabel="density of the angle, given η")
     axes.set_yscale("log")
     axes.set_ylim(bottom=1e-2)

@@ -1,6 +1,7 @@
 """The density under filtered noise: the filter at nodes, held noise, starts, rest, limits, and sampled paths."""
 
 import dataclasses
+import importlib.util
 import math
 import pathlib
 
@@ -164,7 +165,7 @@ def test_a_block_that_nothing_lifts_off_rests():
 def test_rest_and_motion_add_up(tmp_path):
     """Blocks that are lifted off now and then: what rests is beside the density; of paths about as much does."""
     scene = Scene(Block(0.5), Forcing(0.8, 1.5), FilteredNoise("exponential", 0.04, 2.0))
-    found = solve_fpk(scene, cycles=1, tol=1e-2)
+    found = solve_fpk(scene, cycles=1, tol=1e-2, bins_tol=math.inf)
     assert found.mass_defect < 1e-12
     assert found.bin_probabilities(1, *EDGES).sum() == pytest.approx(found.survival[1], abs=1e-9)
     assert found.space.masses(found.coefficients[1]).sum() == pytest.approx(
@@ -210,3 +211,19 @@ def test_memory_is_known_before_the_work():
     assert 0.2 < run.memory / grid.memory < 1.1
     with pytest.raises(ValueError, match=r"scene, bytes that its mesh and steps take: got .*accepted: up to 4e\+09"):
         solve_fpk(scene.varied(noise=FilteredNoise("low-pass", 0.04, 3000.0, 0.01)), cycles=1)
+
+
+def test_a_case_looks_into_a_density():
+    spec = importlib.util.spec_from_file_location("rest", SCENES.parent / "rest.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    scene = load_scene(module.SCENE).filtered_equivalent()
+    found = module.look_inside(scene, 0)
+    resting, noise = np.array(found["resting"]), np.array(found["noise"])
+    assert found["times"][0] == 0.0
+    assert found["times"][-1] == 1.0
+    assert resting.shape == (len(found["times"]), len(noise))
+    # At the end of the second cycle the force is -A: under these values of the noise nothing rests.
+    assert resting[-1][noise < -0.3] == pytest.approx(0.0, abs=1e-12)
+    assert resting[-1][noise > 0.3].min() > 0.3
+    assert np.array(found["angles"]).shape == (len(noise), len(module.ANGLE_EDGES) - 1)

@@ -33,6 +33,10 @@ CLOSURES = ("white", "filtered")
 SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
 """Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
+_FIRST_ORDER = 2.5
+"""Error of the last solution over its difference from the one before, whose steps are 1.4 times as long, where it is of
+first order: so it is where blocks rest, under noise held over a step."""
+
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
@@ -93,7 +97,8 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
     def made(grid, coarser):
         guide, negligible = coarser and coarser.run, NEGLIGIBLE * tol
         if solved.noise.kind == "filtered":
-            return Solved(*_with_memory(solved, grid, negligible, guide, extent, tol, count), motion.edges)
+            run = NodePropagator(solved, grid, negligible, guide)
+            return Solved(run, run.evolve(extent, count.next()), motion.edges)
         run = Propagator(white, grid, negligible, guide) if white.repeats else Passage(white, grid, negligible)
         if grid.windows not in departures:
             departures[grid.windows] = run.departure(grid.windows)
@@ -171,6 +176,9 @@ class Solved:
 
     def error(self, difference, bins):
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
+        at_rest = self.solution.at_rest
+        if at_rest is not None and at_rest[1:].max() > difference:
+            difference *= _FIRST_ORDER
         return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 
     def release(self):
@@ -195,8 +203,11 @@ def _grids(scene, white, motion, tol):
 
 def _closed(scene, closure):
     """Return the scene to solve: with band noise replaced, and refused if it cannot be solved."""
+    accepted = " or ".join(map(repr, CLOSURES))
+    if not isinstance(closure, str):
+        raise TypeError(checks.refusal("closure", closure, accepted))
     if closure not in CLOSURES:
-        raise ValueError(checks.refusal("closure", closure, " or ".join(map(repr, CLOSURES))))
+        raise ValueError(checks.refusal("closure", closure, accepted))
     if scene.noise.kind != "filtered":
         scene = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
     if scene.noise.kind == "filtered" and not scene.repeats:
@@ -204,19 +215,6 @@ def _closed(scene, closure):
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     refuse_unsolvable(scene)
     return scene
-
-
-def _with_memory(scene, grid, negligible, guide, cycles, tol, count):
-    """Solve a scene with filtered noise on one grid: the run, and its solution.
-
-    Where blocks rest, what decides is how often the noise of single steps lifts them off: an error of first order in
-    the step, which a second run with half the steps takes out.
-    """
-    run = NodePropagator(scene, grid, negligible, guide)
-    found = run.evolve(cycles, count.next())
-    if found.at_rest[1:].max() > tol:
-        found = found.extrapolated(NodePropagator(scene, grid.halved, negligible, run).evolve(cycles, count.next()))
-    return run, found
 
 
 def _spread(noise):
@@ -227,9 +225,9 @@ def _spread(noise):
 
 
 def _rest_error(found):
-    """Largest difference in what is at rest between the last two solutions; 0 where rest is a part of the bins."""
+    """Error of what is at rest, from the last two solutions; 0 where rest is a part of the bins."""
     fine, coarse = found.fine.solution.at_rest, found.coarse.solution.at_rest
-    return 0.0 if fine is None else float(np.abs(fine - coarse).max())
+    return 0.0 if fine is None else _FIRST_ORDER * float(np.abs(fine - coarse).max())
 
 
 def _refuse_unresolved(result, negative):

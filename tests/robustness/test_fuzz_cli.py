@@ -65,7 +65,7 @@ def check(status, out, err, as_json):
         assert 0.0 <= json.loads(out)["survival"][-1] <= 1.0
 
 
-def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):  # noqa: ARG001
+def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progress=None):  # noqa: ARG001
     """Refuse what the solver refuses, and return a result of a known law."""
     fpk_rocking.density.refusals.refuse_unsolvable(scene.white_equivalent())
     if cycles > 50:

@@ -28,7 +28,7 @@ class NodeGrid(NamedTuple):
     points : int
         Gauss points of a cell in both axes.
     steps : int
-        Steps a cycle, a multiple of 4.
+        Steps a cycle, even.
     legs : int
         Legs of a cycle, see `density.propagator`: the steps of one are kept.
     """
@@ -46,11 +46,6 @@ class NodeGrid(NamedTuple):
         unknowns = cells * modes**2
         step = cells * (20 * _EVENTS * self.points**2 + 8 * 2.2 * modes**3)
         return 8 * unknowns * (8 + 3 * math.prod(self.nodes)) + self.steps / self.legs * (self.nodes[0] + 1) * step
-
-    @property
-    def halved(self):
-        """The same with half the steps."""
-        return self._replace(steps=self.steps // 2)
 
     def stored(self, cycles):
         """Bytes of the marginal densities after all cycles."""
@@ -70,4 +65,4 @@ def node_grid(scene, plane, number):
     swings = scene.noise.frequency * math.sqrt(max(1.0 - (scene.noise.damping or 1.0) ** 2, 0.0))
     steps = max(plane.steps, scene.period * swings / _TURN)
     legs = 2 if scene.forcing.half_antisymmetric else 1
-    return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, 4 * math.ceil(0.25 * steps), legs)
+    return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, 2 * math.ceil(0.5 * steps), legs)

@@ -33,10 +33,3 @@ class Solution(NamedTuple):
         """Numbers of the rows in which the density is resolved."""
         rows = np.arange(len(self.inside)) > 0 if self.resolved is None else self.resolved
         return np.flatnonzero(rows)
-
-    def extrapolated(self, coarse):
-        """Extrapolate to steps of no length, from this solution and one with steps twice as long, to first order.
-
-        A linear combination: the balance of mass is not touched.
-        """
-        return Solution(*(2.0 * fine - rough for fine, rough in zip(self, coarse, strict=True)))
