@@ -6,9 +6,12 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from numba.core.runtime import _nrt_python, rtsys
 
 import fpk_rocking
+from fpk_rocking.base import jit
 
 PROBE = """
 from fpk_rocking.base.jit import kernel
@@ -85,3 +88,27 @@ def test_kernels_give_the_same_where_references_are_counted(tmp_path):
         answers.append(done.stdout.split())
     assert [answer[0] for answer in answers] == ["True", "False"]
     assert answers[0][1:] == answers[1][1:]
+
+
+def test_a_kernel_does_not_depend_on_which_kernel_called_it_first():
+    """Numba hands options on to what a kernel calls: a callee that counts no references has arrays freed twice."""
+
+    @jit.kernel
+    def pair(values):
+        return values, values.size
+
+    @jit.kernel(borrows=True, fastmath=True)
+    def borrower(values):
+        return pair(values)[1]
+
+    @jit.kernel
+    def owner(count):
+        values, size = pair(np.ones(count))
+        return values[0] * size
+
+    borrower(np.ones(3))
+    _nrt_python.memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
+    assert [owner(5) for _ in range(100)] == [5.0] * 100
+    after = rtsys.get_allocation_stats()
+    assert after.alloc - before.alloc == after.free - before.free == 100
