@@ -4,9 +4,10 @@ import numpy as np
 
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
+from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 
-__all__ = ["curves_figure", "surface_figure"]
+__all__ = ["curves_figure", "small_figure", "surface_figure"]
 
 _MARKERS = "osD^"
 _SIZE, _ROW = 8.5, 4.6
@@ -44,13 +45,9 @@ def curves_figure(path, results, title, which=0):
         for panel in panels[count:]:
             panel.set_visible(False)
         for m, axes in enumerate(panels[:count]):
-            for one in shown:
-                _curve(axes, first, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
+            _curves(axes, first, m, shown)
             for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
                 _curve(axes, other, m, shown[0], colour, ".", fit=False)
-            axes.set(ylim=(-0.03, 1.03), xlabel="scale of the shaking")
-            _logarithmic(axes.set_xscale, axes.xaxis)
-            axes.set_title(_name(first, m))
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
             axes.legend(loc="upper left")
@@ -64,21 +61,19 @@ def surface_figure(path, result, title, which=0):
     """
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
-        axes = figure.subplots()
-        levels = np.linspace(0.0, 1.0, 11)
-        values = np.clip(result.probability[:, which], 0.0, 1.0)
-        filled = axes.contourf(result.scale, result.place, values, levels=levels, cmap=style.SURFACE)
-        lines = axes.contour(result.scale, result.place, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
-        axes.clabel(lines, fmt="%g")
-        medians = np.array([fits[which].median for fits in result.fits])
-        axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
-        axes.set(xlabel="scale of the shaking", ylabel=_AXES.get(result.axis, result.axis))
-        _logarithmic(axes.set_xscale, axes.xaxis)
-        _logarithmic(axes.set_yscale, axes.yaxis)
-        axes.set(xlim=(result.scale[0], result.scale[-1]), ylim=(result.place[0], result.place[-1]))
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
-        figure.colorbar(filled, ax=axes, label=_event(result, which))
+        _surface(figure, figure.subplots(), result, which)
     return path
+
+
+def small_figure(result):
+    """Return a figure of all probabilities of the first three scenes, or of overturning over a parameter."""
+    if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
+        return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
+    shown = range(len(result.names))
+    panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(len(result.scenes), 3))]
+    figure = figure_of(*panels)
+    figure.axes[0].set_ylabel("probability")
+    return figure
 
 
 _AXES = {
@@ -87,6 +82,30 @@ _AXES = {
     "width": "width, m",
     "height": "height, m",
 }
+
+
+def _surface(figure, axes, result, which):
+    values, levels = np.clip(result.probability[:, which], 0.0, 1.0), np.linspace(0.0, 1.0, 11)
+    filled = axes.contourf(result.scale, result.place, values, levels=levels, cmap=style.SURFACE)
+    lines = axes.contour(result.scale, result.place, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
+    axes.clabel(lines, fmt="%g")
+    medians = np.array([fits[which].median for fits in result.fits])
+    axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
+    axes.set(xlabel="scale of the shaking", ylabel=_AXES.get(result.axis, result.axis))
+    _logarithmic(axes.set_xscale, axes.xaxis)
+    _logarithmic(axes.set_yscale, axes.yaxis)
+    axes.set(xlim=(result.scale[0], result.scale[-1]), ylim=(result.place[0], result.place[-1]))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    figure.colorbar(filled, ax=axes, label=_event(result, which))
+
+
+def _curves(axes, result, m, shown):
+    for one in shown:
+        _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
+    axes.set(ylim=(-0.03, 1.03), xlabel="scale of the shaking")
+    _logarithmic(axes.set_xscale, axes.xaxis)
+    axes.set_title(_name(result, m))
+    axes.legend(loc="upper left")
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):

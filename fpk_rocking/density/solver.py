@@ -112,7 +112,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         negative_mass=max(run.space.negative_mass(density) for density in fine.coefficients[1:]),
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
-        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
+        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},
         coefficients=fine.coefficients,
         space=run.space,
     )

@@ -3,11 +3,11 @@
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.results.times import cycles_of
+from fpk_rocking.results.result import SurvivalResult
 from montecarlo.results.statistics import wilson_interval
 
 
-class Sample:
+class Sample(SurvivalResult):
     """What an ensemble and a tally have in common.
 
     A subclass has ``realizations``, ``times``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
@@ -15,12 +15,6 @@ class Sample:
     """
 
     closure = ""
-    averaged = False
-
-    @property
-    def cycles(self):
-        """Number of forcing cycles; None where the forcing does not repeat."""
-        return cycles_of(self)
 
     @property
     def engine(self):
@@ -30,8 +24,10 @@ class Sample:
     @property
     def facts(self):
         """What it says of itself beside the survival, as plain values."""
+        interval = self.survival_interval()
         return {
-            "interval": self.survival_interval().tolist(),
+            "interval": interval.tolist(),
+            "half_width": float(0.5 * np.diff(interval).max()),
             "method": self.method,
             "realizations": int(self.realizations),
             "seed": int(self.seed),
