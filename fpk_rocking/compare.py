@@ -23,6 +23,7 @@ __all__ = ["Comparison", "Result", "compare", "joint_edges", "shown_cycles"]
 _SHOWN_CYCLES = (1, 2, 4, 10, 20, 40, 60, 100, 200)
 _LEVEL = 0.95
 _DEVIATIONS = 4.0
+_DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
 
 
 class Result(typing.Protocol):
@@ -123,7 +124,7 @@ class Comparison(Shown):
         most = np.argmax(np.abs(self.difference))
         when = f"cycle {self.cycles[most]}" if self.melnikov_loss is not None else f"τ = {self.times[most]:.4g}"
         return (
-            f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.1e} ({when})"
+            f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.2g} ({when})"
         )
 
     @property
@@ -141,10 +142,11 @@ class Comparison(Shown):
         for which, name in enumerate(("first", "second")):
             found[f"survival_{name}"] = self.survival[:, which]
             found[f"low_{name}"], found[f"high_{name}"] = self.interval[:, which].T
-        for name in ("l1", "l1_floor", "hellinger", "hellinger_floor"):
+        found |= {name: getattr(self, name) for name in ("difference", "standard_error", "z")}
+        for name in _DISTANCES:
             found[name] = np.full(self.cycles.size, math.nan)
             found[name][self.joint_cycles] = getattr(self, name)
-        return found | {name: getattr(self, name) for name in ("difference", "standard_error", "z")}
+        return found
 
     def grids(self):
         """Arrays by name and coordinates for `to_xarray`."""
@@ -152,8 +154,7 @@ class Comparison(Shown):
         variables |= {"survival": (("cycle", "result"), self.survival)}
         variables |= {"interval": (("cycle", "result", "limit"), self.interval)}
         variables |= {"leakage": (("during", "result", "side"), self.leakage)}
-        distances_by = "l1", "l1_floor", "hellinger", "hellinger_floor"
-        variables |= {name: ("joint_cycle", getattr(self, name)) for name in distances_by}
+        variables |= {name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES}
         places = {"cycle": self.cycles, "during": self.cycles[1:], "joint_cycle": self.joint_cycles}
         return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
 

@@ -4,6 +4,8 @@ import csv
 import dataclasses
 import functools
 import io
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -191,10 +193,8 @@ class Fragility(Shown):
         count, (low, high) = len(self.scenes), self.scale[[0, -1]]
         fit = self.fits[0][0]
         found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if count == 1 and not fit.reason else ""
-        return (
-            f"fragility by {self.engine}, {count} scene{'s' * (count > 1)} at {self.scale.size} scales from {low:.3g} to "
-            f"{high:.3g}{found}"
-        )
+        scenes = f"{count} scene{'s' * (count > 1)}"
+        return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
 
     def describe(self, scene, which=0):
         """Return the lognormal fit of a scene's curve as a sentence."""
@@ -207,7 +207,7 @@ class Fragility(Shown):
         return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
 
     def columns(self):
-        """The columns of `to_csv`: arrays by name."""
+        """Return the columns of `to_csv`: arrays by name."""
         rows = list(self.rows())
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
@@ -301,7 +301,7 @@ class _Told(NamedTuple):
     scene: Scene
     closure: str
     averaged: bool = False
-    facts: dict = {}
+    facts: Mapping = MappingProxyType({})
 
 
 def _limits(interval):

@@ -23,7 +23,6 @@ from studies.store import Store
 from studies.verbs import VERBS, tasks_of
 from studies.workers import rows_of
 
-
 _LABELLED = 8
 
 
@@ -110,7 +109,7 @@ class Sweep(Shown):
 
     @functools.cached_property
     def trust(self):
-        """Whether to use it: the worst verdict of its scenes; those that failed ask for caution, all of them for more."""
+        """Whether to use it: the worst verdict of its scenes; "caution" where some failed, "do not use" where all."""
         found, count = [], len(self.rows)
         if self.failed:
             sentence = f"{len(self.failed)} of {count} scenes failed: {self.failed[0]['reason']}"
@@ -129,7 +128,7 @@ class Sweep(Shown):
         return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
 
     def columns(self):
-        """The columns of `to_csv`: arrays by name."""
+        """Return the columns of `to_csv`: arrays by name."""
         found = {"cell": [row["cell"] for row in self.rows]}
         found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
         found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}

@@ -160,7 +160,7 @@ class CycleOperator(Shown, LinearOperator):
         return variables, {"side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
 
     def plot(self):
-        """Draw the quasi-stationary density, and the leading eigenvalues in the unit circle; returns a matplotlib figure."""
+        """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def density(figure, axes):
@@ -176,7 +176,7 @@ class CycleOperator(Shown, LinearOperator):
 
     def _shown_edges(self):
         edges = joint_edges(self.scene)
-        return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges))
+        return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
     @property
     def space(self):

@@ -18,7 +18,7 @@ function draw(n, row) {
   const canvas = document.getElementById(`film${n}`);
   const pen = canvas.getContext("2d");
   const codes = atob(one.codes[row]);
-  const { angle, velocity } = one;
+  const { angle, velocity } = film;
   const columns = angle.length - 1;
   const rows = velocity.length - 1;
   const right = canvas.width - MARGIN.right;

@@ -1,4 +1,4 @@
-"""A run or a comparison as one HTML file that needs nothing else: numbers, verdict, pictures, densities to slide through.
+"""A run or a comparison as one HTML file: numbers, verdict, pictures, densities to slide through.
 
 Nothing in it is loaded from anywhere, and a policy in the file forbids it to the browser.
 """
@@ -23,6 +23,11 @@ __all__ = ["write_report"]
 _FRAMES = 121
 _COLOURS = 256
 _CANVAS = 460, 360
+_UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
+_FILM = (
+    "Probability in a bin over its area. Bars at the sides: probability overturned to that side, full height = 1. "
+    "The slider takes the arrow keys, too."
+)
 _HERE = pathlib.Path(__file__).parent
 
 
@@ -60,8 +65,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
-        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. Angles Θ are in units of "
-        "the critical angle, times τ = pt; all is nondimensional.</p>",
+        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_UNITS}</p>",
         _json_html("summary", values),
         f"{_json_html('film', made)}<script>{script}</script>" if made else "",
     ]
@@ -101,16 +105,17 @@ def _film(results):
 
     rows = min(len(result.times) for result in results)
     rows = np.unique(np.linspace(0, rows - 1, min(rows, _FRAMES)).astype(int)).tolist()
-    bins = [_densities(result, rows) for result in results]
-    most = np.max([found.max(axis=(1, 2)) for _, found in bins], axis=0)
+    edges = edges_of(results, rows)
+    areas = np.multiply.outer(*map(np.diff, edges))
+    densities = [[result.bin_probabilities(row, *edges) / areas for row in rows] for result in results]
+    densities = np.maximum(densities, 0.0)
+    most = densities.max(axis=(0, 2, 3))
     lists, scales = [], np.maximum(most, np.finfo(float).tiny)[:, None, None]
-    for result, (edges, found) in zip(results, bins, strict=True):
+    for result, found in zip(results, densities, strict=True):
         codes = np.round((_COLOURS - 1) * np.sqrt(found / scales)).astype(np.uint8)
         lists.append(
             {
                 "name": label_of(result),
-                "angle": edges[0].tolist(),
-                "velocity": edges[1].tolist(),
                 "survival": np.asarray(result.survival)[rows].tolist(),
                 "overturned": np.asarray(result.overturned)[rows].tolist(),
                 "codes": [base64.b64encode(frame.tobytes()).decode("ascii") for frame in codes],
@@ -120,20 +125,14 @@ def _film(results):
     standing = np.flatnonzero(np.asarray(first.survival)[rows] > 1e-3)
     return {
         "when": [_when(first, time) for time in shown_times(first)[rows].tolist()],
+        "angle": edges[0].tolist(),
+        "velocity": edges[1].tolist(),
         "most": most.tolist(),
         "begin": int(max(standing, default=0)),
         "colours": [mpl.colors.to_hex(colour) for colour in mpl.colormaps[SURFACE](np.linspace(0.0, 1.0, _COLOURS))],
         "overturned": OVERTURNED,
         "films": lists,
     }
-
-
-def _densities(result, rows):
-    """Return the edges of bins, and in each the probability over the area, not below 0, shape (rows, n, m)."""
-    edges = edges_of(result, rows)
-    areas = np.multiply.outer(*map(np.diff, edges))
-    found = np.array([np.maximum(result.bin_probabilities(row, *edges), 0.0) for row in rows])
-    return edges, found / areas
 
 
 def _when(result, time):
@@ -151,11 +150,12 @@ def _film_html(film):
     shades = ",".join(film["colours"][:: _COLOURS // 8])
     return (
         "<h2>Density</h2>"
-        "<p>Probability in a bin over its area. Bars at the sides: probability overturned to that side, full height = 1.</p>"
+        f"<p>{_FILM}</p>"
         "<noscript><p>Scripts are off: the picture above stays, the densities of all cycles need them.</p></noscript>"
         f"<label>cycle or time <input id='cycle' type='range' min='0' max='{len(film['when']) - 1}' step='1' "
         f"value='{film['begin']}'></label> <output id='when' for='cycle'></output>"
         f"<div class='films'>{drawings}</div>"
-        f"<p>0 <span class='shades' style='background:linear-gradient(to right,{shades})'></span> <span id='most'></span> "
+        f"<p>0 <span class='shades' style='background:linear-gradient(to right,{shades})'></span> "
+        "<span id='most'></span> "
         "(root scale, anew for each cycle)</p>"
     )

@@ -10,7 +10,7 @@ __all__ = ["ascending_edges", "joint_edges", "shown_edges"]
 
 _BINS_PER_UNIT = 10
 _LEFT_OUT = 5e-4
-_FEWEST, _MOST = 24, 96
+_MOST = 96
 
 
 def ascending_edges(name, value, *, finite) -> np.ndarray:
@@ -82,7 +82,7 @@ def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
     return _edges(cut_off), _edges(velocity)
 
 
-def shown_edges(edges, probabilities, *, cut=True) -> list[np.ndarray]:
+def shown_edges(edges, probabilities, least) -> list[np.ndarray]:
     """Bin edges for pictures: where the probability is, neither too few nor too many.
 
     Parameters
@@ -90,26 +90,26 @@ def shown_edges(edges, probabilities, *, cut=True) -> list[np.ndarray]:
     edges : pair of ndarray
         Of bins in angle and velocity.
     probabilities : ndarray, shape (angle bins, velocity bins)
-    cut : bool
-        Whether bins may be cut.
+    least : int
+        Bins an axis that are wanted; 0 where none may be cut.
 
     Returns
     -------
     list of two ndarray
         The edges around all but 1e-3 of the probability on each axis, a bin more on either side; cut into equal parts
-        where these are fewer than 24, merged where they are more than 96.
+        where these are fewer than `least`, merged where they are more than 96.
     """
     found = np.maximum(probabilities, 0.0)
-    return [_shown(edges[axis], found.sum(axis=1 - axis), cut) for axis in (0, 1)]
+    return [_shown(edges[axis], found.sum(axis=1 - axis), least) for axis in (0, 1)]
 
 
-def _shown(edges, found, cut):
+def _shown(edges, found, least):
     below = np.cumsum(found) / max(found.sum(), np.finfo(float).tiny)
     first, last = np.searchsorted(below, _LEFT_OUT, "right"), np.searchsorted(below, 1.0 - _LEFT_OUT)
     kept = edges[max(first - 1, 0) : min(last, found.size - 1) + 3]
     count = kept.size - 1
-    if count < _FEWEST and cut:
-        parts = -(-_FEWEST // count)
+    if count < least:
+        parts = -(-least // count)
         return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), kept)
     return np.append(kept[: -1 : -(-count // _MOST)], kept[-1])
 

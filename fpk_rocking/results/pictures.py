@@ -38,13 +38,13 @@ def result_panels(result, what, cycle):
         survival_panel(axes, result)
 
     def bins(figure, axes):
-        edges = edges_of(result, [cycle])
+        edges = edges_of([result], [cycle])
         areas = np.multiply.outer(*map(np.diff, edges))
         plane_panel(figure, axes, edges, result.bin_probabilities(cycle, *edges) / areas, "probability in a bin / area")
         axes.set_title(_when(result, cycle))
 
     def density(figure, axes):
-        edges = edges_of(result, [cycle])
+        edges = edges_of([result], [cycle])
         function_panel(figure, axes, result.at(cycle), edges, "density")
         axes.set_title(_when(result, cycle))
 
@@ -52,10 +52,12 @@ def result_panels(result, what, cycle):
     return [panels[one] for one in ([what] if what else ["survival", "bins"])]
 
 
-def edges_of(result, cycles):
-    """Return the edges of the bins in which a result is shown after some cycles; see `shown_edges`."""
-    found = sum(np.asarray(result.bin_probabilities(cycle, *result.bin_edges)) for cycle in cycles)
-    return shown_edges(result.bin_edges, found, cut=result.any_bins)
+def edges_of(results, cycles):
+    """Return the edges of the bins in which results are shown after some cycles; see `shown_edges`."""
+    coarsest = min(results, key=lambda result: result.shown_bins)
+    edges = coarsest.bin_edges
+    found = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
+    return shown_edges(edges, found, coarsest.shown_bins)
 
 
 def survival_panel(axes, *results):

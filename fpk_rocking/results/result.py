@@ -73,10 +73,12 @@ class Result(Protocol):
 
 
 class SurvivalResult(Shown):
-    """What results of all engines have in common; a subclass has what `Result` says and leaves out here."""
+    """What results of all engines have in common; a subclass has what `Result` says and leaves out here.
+
+    `shown_bins` is how many bins an axis pictures show at least, 0 where only some bins are known.
+    """
 
     averaged = False
-    any_bins = True
 
     @property
     def cycles(self):
@@ -166,6 +168,7 @@ class DensityResult(SurvivalResult):
     """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate`` and the like."""
 
     engine = "Fokker-Planck density"
+    shown_bins = 64
     realizations = None
 
     def survival_interval(self, level=0.95):  # noqa: ARG002  (the same call as of a sample)

@@ -70,7 +70,7 @@ def trust_of(facts, doubts=(), otherwise="No error is estimated.") -> Trust:
     found, within = list(doubts), []
     for name, (what, caution, unusable) in _limits(facts.get("tol", UNASKED), facts).items():
         values = np.asarray(facts.get(name, ()), float)
-        if values.size == 0:
+        if values.size == 0 or math.isinf(caution):
             continue
         value = float(values.max())
         # Written so that nan is not within a limit.

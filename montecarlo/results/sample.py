@@ -15,6 +15,7 @@ class Sample(SurvivalResult):
     """
 
     closure = ""
+    shown_bins = 24
 
     @property
     def engine(self):

@@ -57,7 +57,7 @@ class Tally(Sample):
     steps_per_cycle: int
     wall_s: float
     counts: Counts
-    any_bins = False
+    shown_bins = 0
 
     def __post_init__(self):
         views = [array.view() for array in self.counts]
