@@ -40,6 +40,8 @@ PICTURES = {
     "safe_basins": {"basins.png": "basins.png"},
     "low_noise": {"low_noise.png": "low_noise.png"},
     "second_harmonic": {"second_harmonic.png": "second_harmonic.png"},
+    "fragility_of_blocks": {"blocks.png": "fragility_blocks.png"},
+    "fragility_surface": {"surface.png": "fragility_surface.png"},
 }
 # Less than a case does by itself, where that would take minutes: the least noise asks for half of all the time.
 SETTINGS = {"low_noise": {"diffusions": (0.006, 0.004, 0.003, 0.002, 0.0014)}}

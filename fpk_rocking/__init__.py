@@ -10,6 +10,7 @@ _SCENE = (
     "BandNoise",
     "Block",
     "Dimensions",
+    "Exponential",
     "FilteredNoise",
     "Forcing",
     "Harmonics",
@@ -19,6 +20,8 @@ _SCENE = (
     "Record",
     "Scene",
     "Start",
+    "Table",
+    "Trapezoid",
 )
 
 # Everything is loaded on first use: the density solver brings the compiler, and even a scene brings numpy.
@@ -32,6 +35,7 @@ __all__ = [
     "CycleOperator",
     "Dimensions",
     "Evolution",
+    "Exponential",
     "FilteredNoise",
     "Forcing",
     "Harmonics",
@@ -41,6 +45,8 @@ __all__ = [
     "Record",
     "Scene",
     "Start",
+    "Table",
+    "Trapezoid",
     "WhiteNoise",
     "load_scene",
     "melnikov",

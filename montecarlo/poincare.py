@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
@@ -95,6 +96,7 @@ def restarted_poincare_map(
     """
     checks.instance("scene", scene, Scene)
     refuse_transient(scene.forcing, "a Poincaré map")
+    refuse_envelope(scene.noise, "a restarted map")
     run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
     running.refuse_large(run)
     run = run._replace(times=run.times[:2])

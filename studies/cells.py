@@ -52,14 +52,14 @@ def perform(verb, cell, options):
     return row_of(cell, time.perf_counter() - started, values, reason)
 
 
-def perform_alone(verb, cell, options):
-    """Run a verb on a cell with one thread of the compiled kernels: each worker is one processor."""
+def perform_alone(verb, cells, options):
+    """Run a verb on cells, with one thread of the compiled kernels: each worker is one processor; return the rows."""
     import numba
 
     threads = numba.get_num_threads()
     numba.set_num_threads(1)
     try:
-        return perform(verb, cell, options)
+        return [perform(verb, cell, options) for cell in cells]
     finally:
         numba.set_num_threads(threads)
 

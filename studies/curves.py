@@ -72,7 +72,7 @@ def fragility(
     tol : float
         Of a density, the wanted error.
     seed : int
-        From 0 to 2**64 - 1.
+        At least 0.
     workers, store, progress
         As for `studies.sweep`.
 

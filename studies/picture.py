@@ -7,7 +7,15 @@ from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 
-__all__ = ["curves_figure", "small_figure", "surface_figure"]
+__all__ = ["curves_figure", "draw_map", "draw_surface", "small_figure", "surface_figure"]
+
+NAMES = {
+    "size": "half diagonal R, m",
+    "slenderness": "height over width",
+    "width": "width, m",
+    "height": "height, m",
+}
+"""What the parameters of a block are called on an axis."""
 
 _MARKERS = "osD^"
 _SIZE, _ROW = 8.5, 4.6
@@ -47,7 +55,8 @@ def curves_figure(path, results, title, which=0):
         for m, axes in enumerate(panels[:count]):
             _curves(axes, first, m, shown)
             for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
-                _curve(axes, other, m, shown[0], colour, ".", fit=False)
+                _curve(axes, other, m, shown[0], colour, "x", fit=False)
+            axes.set_title(first.label(m) if count > 1 else "")
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
             axes.legend(loc="upper left")
@@ -61,42 +70,50 @@ def surface_figure(path, result, title, which=0):
     """
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
-        _surface(figure, figure.subplots(), result, which)
+        axes = figure.subplots()
+        filled = draw_surface(axes, result, which)
+        figure.colorbar(filled, ax=axes, label=_event(result, which))
     return path
+
+
+def draw_surface(axes, result, which=0):
+    """Draw what `surface_figure` draws on axes, and return the filled contours."""
+    filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
+    medians = np.array([fits[which].median for fits in result.fits])
+    axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
+    axes.set(xlabel="scale of the shaking", ylabel=NAMES.get(result.axis, result.axis))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    return filled
+
+
+def draw_map(axes, across, up, probability):
+    """Draw probabilities (up, across) over two positive parameters as contours, and return the filled ones."""
+    values = np.clip(probability, 0.0, 1.0)
+    filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
+    lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
+    axes.clabel(lines, fmt="%g")
+    _logarithmic(axes.set_xscale, axes.xaxis)
+    _logarithmic(axes.set_yscale, axes.yaxis)
+    axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
+    return filled
 
 
 def small_figure(result):
     """Return a figure of all probabilities of the first three scenes, or of overturning over a parameter."""
+
+    def surface(figure, axes):
+        figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
+
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
-        return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
+        return figure_of(surface)
     shown = range(len(result.names))
     panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(len(result.scenes), 3))]
     figure = figure_of(*panels)
     figure.axes[0].set_ylabel("probability")
+    for m, axes in enumerate(figure.axes):
+        axes.set_title(result.label(m) if len(result.scenes) > 1 else "")
+        axes.legend(loc="upper left", fontsize=8)
     return figure
-
-
-_AXES = {
-    "size": "half diagonal R, m",
-    "slenderness": "height over width",
-    "width": "width, m",
-    "height": "height, m",
-}
-
-
-def _surface(figure, axes, result, which):
-    values, levels = np.clip(result.probability[:, which], 0.0, 1.0), np.linspace(0.0, 1.0, 11)
-    filled = axes.contourf(result.scale, result.place, values, levels=levels, cmap=style.SURFACE)
-    lines = axes.contour(result.scale, result.place, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
-    axes.clabel(lines, fmt="%g")
-    medians = np.array([fits[which].median for fits in result.fits])
-    axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
-    axes.set(xlabel="scale of the shaking", ylabel=_AXES.get(result.axis, result.axis))
-    _logarithmic(axes.set_xscale, axes.xaxis)
-    _logarithmic(axes.set_yscale, axes.yaxis)
-    axes.set(xlim=(result.scale[0], result.scale[-1]), ylim=(result.place[0], result.place[-1]))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    figure.colorbar(filled, ax=axes, label=_event(result, which))
 
 
 def _curves(axes, result, m, shown):
@@ -104,8 +121,6 @@ def _curves(axes, result, m, shown):
         _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
     axes.set(ylim=(-0.03, 1.03), xlabel="scale of the shaking")
     _logarithmic(axes.set_xscale, axes.xaxis)
-    axes.set_title(_name(result, m))
-    axes.legend(loc="upper left")
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
@@ -114,7 +129,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     found, label = result.fits[m][which], f"{result.engine}, {result.names[which]}"
     if fit and not found.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
-        axes.plot(fine, found(fine), color=colour, linewidth=1.0)
+        axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
     error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
@@ -130,13 +145,6 @@ def _logarithmic(set_scale, axis):
 
 def _event(result, which):
     return "P(overturned)" if which == 0 else f"P(max {result.names[which]})"
-
-
-def _name(result, m):
-    if result.axis != "scene":
-        return f"{_AXES.get(result.axis, result.axis)}: {result.place[m]:g}"
-    size = result.scenes[m].block.dimensions
-    return f"block of {size.width:.2f} m × {size.height:.2f} m" if size else f"scene {m + 1}" * (len(result.scenes) > 1)
 
 
 def _notes(results):

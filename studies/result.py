@@ -154,6 +154,15 @@ class Fragility(Shown):
         """Labels of the l + 1 probabilities."""
         return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
 
+    def label(self, scene):
+        """Return what tells a scene from the others: its parameter, the size of its block, or its number from 0."""
+        sizes = [one.block.dimensions for one in self.scenes]
+        if self.axis != "scene":
+            return f"{self.axis} {self.place[scene]:.4g}"
+        if None not in sizes and len(set(sizes)) == len(sizes):
+            return f"{sizes[scene].width:.3g} m × {sizes[scene].height:.3g} m"
+        return f"scene {scene}"
+
     @property
     def remarks(self):
         """Sentences that have to stand wherever this result is shown."""
@@ -199,7 +208,7 @@ class Fragility(Shown):
     def describe(self, scene, which=0):
         """Return the lognormal fit of a scene's curve as a sentence."""
         fit, name = self.fits[scene][which], self.names[which]
-        where = f"{name}, {self.axis} {self.place[scene]:.4g}" if len(self.scenes) > 1 else name
+        where = f"{name}, {self.label(scene)}" if len(self.scenes) > 1 else name
         if fit.reason:
             return f"Lognormal ({where}): no fit, {fit.reason}."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "

@@ -189,4 +189,14 @@ def _noise(noise, strength, rate):
     if noise.kind == "white":
         # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
         changed["diffusion"] = noise.diffusion * strength**2 / rate
+    if noise.envelope is not None:
+        changed["envelope"] = _envelope(noise.envelope, rate)
     return dataclasses.replace(noise, **changed)
+
+
+def _envelope(envelope, rate):
+    """Return an envelope of times divided by a factor: all its parameters are times, but for the values of a table."""
+    if envelope.kind == "table":
+        return dataclasses.replace(envelope, times=tuple(time / rate for time in envelope.times))
+    times = {field.name: getattr(envelope, field.name) / rate for field in dataclasses.fields(envelope)}
+    return dataclasses.replace(envelope, **times)

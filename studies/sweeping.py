@@ -195,7 +195,7 @@ def sweep(scenes, verb="mc", *, workers=1, seed=1, store=None, progress=None, **
         executor, such as that of a Dask cluster (``client.get_executor()``): whatever it has, one scene on one
         processor each. Kernels of "mc" and "fpk" are compiled before workers start.
     seed : int
-        From 0 to 2**64 - 1.
+        At least 0.
     store : path, optional
         A text file that keeps the rows as they come, by custom with the suffix .jsonl. Where it exists, the sweep goes
         on from it; scenes may have been added at the end, all else has to be the same. A scene that failed is not

@@ -2,13 +2,22 @@
 
 import concurrent.futures
 import contextlib
+import itertools
+import math
 import multiprocessing
 import os
 import signal
 import threading
 import time
 
+from fpk_rocking.console import line
 from studies.cells import perform, perform_alone, row_of
+
+_PACKS = 16
+"""Packs that n cells are handed over in, over √n: single cells up to 256, few enough packs of many."""
+
+_ENDED = concurrent.futures.CancelledError, concurrent.futures.BrokenExecutor
+"""Errors of a task whose executor has come to its end."""
 
 
 def rows_of(verb, cells, options, workers):
@@ -21,7 +30,7 @@ def rows_of(verb, cells, options, workers):
     cells : sequence of Cell
     workers : int or concurrent.futures.Executor
         1: one cell after the other in this process, with all threads. More: as many processes, one thread each. An
-        executor: every cell is handed to it at once.
+        executor: all cells are handed to it at once.
 
     Yields
     ------
@@ -38,47 +47,64 @@ def rows_of(verb, cells, options, workers):
 
 
 def _handed(executor, verb, cells, options):
-    """Yield rows of an executor; what it could not run is a row, unless the executor itself has come to its end."""
-    futures = {executor.submit(perform_alone, verb, cell, options): cell for cell in cells}
-    begin = time.perf_counter()
+    """Yield rows of an executor, which gets packs of cells; those of a pack that it could not run are tried alone."""
+    packs = _packs(list(cells))
+    futures = {executor.submit(perform_alone, verb, pack, options): pack for pack in packs}
+    failed = []
     try:
         for future in concurrent.futures.as_completed(futures):
             try:
-                row = future.result()
-            except (concurrent.futures.CancelledError, concurrent.futures.BrokenExecutor):
+                rows = future.result()
+            except _ENDED:
                 raise
-            except Exception as error:  # noqa: BLE001  (a task that no worker survived, say)
-                row = row_of(futures[future], time.perf_counter() - begin, {}, f"{type(error).__name__}: {error}")
-            yield row
+            except Exception:  # noqa: BLE001  (a task that no worker survived, or one that stood in line behind it)
+                failed += futures[future]
+            else:
+                yield from rows
     finally:
         for future in futures:
             future.cancel()
+    for cell in failed:
+        yield _alone(executor, verb, cell, options)
 
 
 def _pooled(verb, cells, options, count):
     """Yield rows of processes; where one of these is killed, the cells that were running are tried one by one."""
     left = {cell.number: cell for cell in cells}
     while left:
+        packs = _packs(list(left.values()))
         try:
             with _pool(count) as pool:
                 for row in _handed(pool, verb, left.values(), options):
                     del left[row["cell"]]
                     yield row
         except concurrent.futures.BrokenExecutor:
-            # Cells are begun in their order, so those that were running are the first that are left.
-            for cell in list(left.values())[:count]:
+            # Packs are begun in their order, so those that were running are the first of which something is left.
+            unfinished = [pack for pack in packs if pack[-1].number in left]
+            for cell in itertools.chain(*unfinished[:count]):
                 del left[cell.number]
-                yield _alone(verb, cell, options)
+                with _pool(1) as pool:
+                    yield _alone(pool, verb, cell, options, dies="its process was killed, or ran out of memory")
 
 
-def _alone(verb, cell, options):
+def _packs(cells):
+    size = math.ceil(math.sqrt(len(cells)) / _PACKS)
+    return [cells[first : first + size] for first in range(0, len(cells), size)]
+
+
+def _alone(executor, verb, cell, options, dies=None):
+    """Return the row of a cell that an executor runs by itself; `dies` is the reason where that ends the executor."""
     begin = time.perf_counter()
     try:
-        with _pool(1) as pool:
-            return pool.submit(perform_alone, verb, cell, options).result()
-    except concurrent.futures.BrokenExecutor:
-        reason = "its process was killed, or ran out of memory"
-        return row_of(cell, time.perf_counter() - begin, {}, reason)
+        # A tuple and not a list: Dask gives equal calls one key, and so the result of the first.
+        return executor.submit(perform_alone, verb, (cell,), options).result()[0]
+    except _ENDED:
+        if dies is None:
+            raise
+        reason = dies
+    except Exception as error:  # noqa: BLE001  (whatever it is: a row says so, and the sweep goes on)
+        reason = f"{type(error).__name__}: {line(error)}"
+    return row_of(cell, time.perf_counter() - begin, {}, reason)
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.scene import (
     Block,
     FilteredNoise,
@@ -94,6 +95,20 @@ def test_what_is_physical_is_kept():
                 rows += [scene.noise.variance * unit**2, scene.noise.frequency * p]
             kept.append(rows)
         assert np.allclose(*kept, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "envelope", [Trapezoid(1.0, 3.0, 2.0), Exponential(2.5), Table((0.0, 1.0, 4.0), (0.0, 1.0, 0.2))]
+)
+def test_envelopes_keep_their_seconds(envelope):
+    old = Scene.from_block(0.3, 2.0, 1.0, 1.0, **NOISE)
+    old = old.varied(noise=dataclasses.replace(old.noise, envelope=envelope))
+    new = resized(old, width=0.9)
+    seconds = np.linspace(0.0, 3.0, 50)
+    values = [one.noise.envelope.value(one.block.dimensions.tau(seconds)) for one in (old, new)]
+    assert np.allclose(*values, rtol=1e-12, atol=1e-12)
+    twice = {"forcing": {"amplitude": 2.0 * old.forcing.amplitude}, "noise": {"variance": 4.0 * old.noise.variance}}
+    same(scaled(old, 2.0), old.varied(**twice))
 
 
 def test_similar_blocks_have_one_scene():

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import study_verbs
 
+from fpk_rocking.base import ahead
 from fpk_rocking.output import progress as progress_lines
-from fpk_rocking.scene import Block, Forcing, NoNoise, Scene
+from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
 from montecarlo import simulate
 from studies import grid, sweep
 from studies.cells import seed_of
@@ -71,6 +72,17 @@ def test_monte_carlo_and_density_by_name():
     assert np.all(np.abs(density.values("survival") - two.values("survival")[1:]) < near)
 
 
+def test_kernels_are_compiled_before_workers_start(monkeypatch):
+    """Those of the engines that the scenes ask for; the test has processes start after it has been told."""
+    told = []
+    monkeypatch.setattr(ahead, "ready", told.append)
+    white = SCENE.varied(noise=WhiteNoise(0.01))
+    assert sweep([SCENE, white], "mc", workers=1, cycles=1, realizations=1).failed == ()
+    assert told == []
+    assert sweep([SCENE, white], "mc", workers=2, cycles=1, realizations=1).failed == ()
+    assert told == ["montecarlo.ahead:exact", "montecarlo.ahead:white"]
+
+
 def test_grid_has_its_last_axis_fastest():
     made = grid(SCENE, {"forcing.amplitude": (1.0, 2.0), "block.restitution": (0.3, 0.6, 0.9)})
     assert made.shape == (2, 3)
@@ -114,6 +126,36 @@ def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path):
     assert len(list(tmp_path.iterdir())) <= 3
 
 
+@pytest.mark.parametrize("workers", [2, "threads"])
+def test_many_cells_go_in_packs(tmp_path, workers):
+    """Of 600 cells two a task; the one that kills its process is a row, its neighbour is not."""
+    amplitudes = tuple(np.linspace(5.0, 6.0, 600))
+    scenes = grid(SCENE, {"forcing.amplitude": (*amplitudes[:9], 3.0, *amplitudes[10:])})
+    verb, options = study_verbs.deadly, {"folder": str(tmp_path), "times": 99 if workers == 2 else 0}
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        found = sweep(scenes, verb, workers=2 if workers == 2 else pool, **options)
+    assert [row["cell"] for row in found.rows] == list(range(600))
+    assert [row["cell"] for row in found.failed] == ([9] if workers == 2 else [])
+
+
+class Refusing(concurrent.futures.ThreadPoolExecutor):
+    """An executor that cannot run a task with a certain cell, and says so in the future."""
+
+    def submit(self, function, verb, cells, options):
+        return super().submit(
+            self.refuse if any(cell.number == 9 for cell in cells) else function, verb, cells, options
+        )
+
+    def refuse(self, *_):
+        raise OSError("no worker survived it")
+
+
+def test_what_an_executor_cannot_run_is_tried_alone():
+    with Refusing(2) as pool:
+        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
+    assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
+
+
 def stopping_at(count):
     def progress(done, _):
         if done == count:
@@ -129,7 +171,7 @@ def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
         sweep(GRID, study_verbs.amplitude, seed=7, workers=workers, store=store, progress=stopping_at(2))
     kept = store.read_bytes()
     assert kept.count(b"\n") == 3
-    store.write_bytes(kept + b'{"cell": 4, "se')  # what a kill in the middle of a line leaves
+    store.write_bytes(kept + b'{"cell": 4, "se' + 9000 * b" ")  # what a kill in the middle of a line leaves
     found = sweep(GRID, study_verbs.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
     assert told(found.rows) == told(alone.rows)
     assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]

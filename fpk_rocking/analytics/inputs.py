@@ -3,6 +3,7 @@
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.equivalence import noise_variance
 from fpk_rocking.physics.forcing import Forcing, refuse_transient
 from fpk_rocking.scene.parts import NOISES
@@ -65,6 +66,7 @@ def noises(noise):
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
         checks.instance("noise", entry, *NOISES.values())
+        refuse_envelope(entry, "a Melnikov variance")
     return array
 
 

@@ -67,43 +67,60 @@ class Motion(NamedTuple):
         return [centred_edges(*ends, BINS) for ends in (self.angles, self.velocities)]
 
 
-def motion_of(white, cycles):
+def motion_of(white, extent):
     """Sample some paths of a scene with white noise, always the same ones, and return their `Motion`.
 
     Parameters
     ----------
     white : Scene
         With white noise.
-    cycles : int
-        That the density is wanted for.
+    extent : int or ndarray
+        The cycles that the density is wanted for, or where the scene does not repeat the times, from 0 on.
 
     Returns
     -------
     Motion
     """
-    dynamics, forcing = Dynamics.of(white), white.forcing
-    steps = max(math.ceil(white.period / LONGEST), math.ceil(6.0 * white.period / forcing.shortest_period))
-    duration, random = white.period / steps, np.random.default_rng(0)
-    axes = np.reshape(principal_axes(*flight_covariance(dynamics.diffusion, duration)), (2, 2))
-    segments = [dynamics.segment(k * duration, duration) for k in range(steps)]
+    dynamics, random = Dynamics.of(white), np.random.default_rng(0)
     spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
     states = np.array([white.start.angle, white.start.velocity]) + _pairs(random) @ spread.T
     sides = np.sign(np.where(states[:, 0], states[:, 0], states[:, 1]))
-    sides = np.where(sides, sides, np.sign(forcing.value(0.0)) or 1.0).astype(np.int32)
+    sides = np.where(sides, sides, np.sign(white.forcing.value(0.0)) or 1.0).astype(np.int32)
     seen = [np.array([[dynamics.cutoff, 1.0]])]
-    for _ in range(min(cycles, CYCLES)):
-        for segment in segments:
-            nodes = _pairs(random)
-            follow(
-                states, sides, segment, duration, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, nodes,
-                nodes @ axes,
-            )  # fmt: skip
-            seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
+    for segment, duration, diffusion, axes in _steps(white, dynamics, extent):
+        nodes = _pairs(random)
+        follow(
+            states, sides, segment, duration, diffusion, dynamics.restitution, dynamics.cutoff, nodes, nodes @ axes
+        )  # fmt: skip
+        seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
     seen = np.concatenate(seen[1:] if len(seen[1]) else seen)
+    if not white.repeats:
+        # Before and after a motion a block may rest for long, which must not decide how far it goes.
+        moving = (np.abs(seen) >= REST).any(axis=1)
+        seen = seen[moving] if moving.any() else seen
     usual = np.quantile(np.abs(seen), USUAL_PART, axis=0)
     ranges = np.quantile(seen, [0.5 - 0.5 * NEARLY_ALL, 0.5 + 0.5 * NEARLY_ALL], axis=0).T
     ranges += np.outer(np.maximum(LEAST_RANGE - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
     return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()))
+
+
+def _steps(white, dynamics, extent):
+    """Yield segment, duration, diffusion and axes (2, 2) of the noise of the steps that paths are followed for."""
+    longest = min(LONGEST, white.forcing.shortest_period / 6.0)
+    if white.repeats:
+        steps, cycles = math.ceil(white.period / longest - 1e-9), min(extent, CYCLES)
+        made = [_step(dynamics, k * white.period / steps, white.period / steps) for k in range(steps)]
+        yield from made * cycles
+        return
+    steps = math.ceil(extent[-1] / longest)
+    for k in range(steps):
+        yield _step(dynamics, k * extent[-1] / steps, extent[-1] / steps)
+
+
+def _step(dynamics, start, duration):
+    diffusion = dynamics.during(start, duration).diffusion
+    axes = np.reshape(principal_axes(*flight_covariance(diffusion, duration)), (2, 2))
+    return dynamics.segment(start, duration), duration, diffusion, axes
 
 
 def _pairs(random):

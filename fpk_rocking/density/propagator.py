@@ -94,7 +94,7 @@ class Propagator:
         coefficients = np.zeros((cycles + 1, *self.space.shape))
         coefficients[0], out[0, :2] = initial_density(departure.start, self.space, scene.overturning.angle)
         inside[0] -= out[0].sum()
-        first = first_resolved(departure, self.space, steps)
+        first = first_resolved(departure, self.space, np.arange(steps + 1) * self.duration)
         now, gone = departure.land(first * self.duration, self.space)
         turned = False
         for k in range(first, cycles * steps + 1):
@@ -115,11 +115,11 @@ class Propagator:
         """Step k of the leg, with all cells active that hold something."""
         step = self.leg[k]
         if occupy(coefficients, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
-            step.activate(_with_neighbours(self.occupied[k]))
+            step.activate(with_neighbours(self.occupied[k]))
         return step
 
 
-def _with_neighbours(cells):
+def with_neighbours(cells):
     """Mark the cells beside marked ones too, so that a growing density does not ask for new ones every time."""
     grown = cells.copy()
     grown[1:] |= cells[:-1]

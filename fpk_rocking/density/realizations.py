@@ -16,6 +16,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
+from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.result import DensityResult
@@ -167,7 +168,8 @@ def solve_realizations(scene, *, cycles, tol=1e-3, nodes=5):
         The noise is not band noise of two harmonics or more, or as `solve_fpk`.
     """
     checks.instance("scene", scene, Scene)
-    refuse_transient(scene.forcing, "an average over cycles")
+    refuse_transient(scene.forcing, "an average over realizations")
+    refuse_envelope(scene.noise, "an average over realizations")
     nodes = checks.count("nodes", nodes)
     if not 2 <= nodes <= 12:
         raise ValueError(checks.refusal("nodes", nodes, "a whole number from 2 to 12"))

@@ -38,14 +38,14 @@ def refuse_unsolvable(white):
         raise ValueError(checks.refusal("block.restitution", white.block.restitution, accepted))
 
 
-def refuse_large(held, stored, cycles):
-    """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all cycles."""
+def refuse_large(held, stored, scene, rows):
+    """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all `rows` times."""
     if held > LARGEST:
         accepted = f"{LARGEST:g}: stronger noise, a shorter period, a nearer cut-off, or {limits.SAMPLING}"
         raise ValueError(checks.refusal("scene, bytes that its mesh and steps take", float(held), accepted))
     if held + stored > LARGEST:
         accepted = f"fewer: the densities after all of them would take {stored:.1e} bytes, of {LARGEST:g} at most"
-        raise ValueError(checks.refusal("cycles", cycles, accepted))
+        raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
 
 
 def refuse_broken(result):

@@ -130,7 +130,8 @@ class Resolution:
         cutoff, far, fast = scene.overturning.angle, max(motion.angle, REST[0]), max(motion.velocity, REST[1])
         small, fast = far < _FAR * cutoff, min(fast, bound)
         far, grading = (far, REST_GRADING) if small else (cutoff, ANGLE_GRADING)
-        time = min(scene.period, _MAIN_PERIOD) / _MAIN_PERIOD
+        period = cycle_of(scene)
+        time = min(period, _MAIN_PERIOD) / _MAIN_PERIOD
         noise = scene.noise.diffusion / _MAIN_DIFFUSION
         spreads = noise * time**3 * (_MAIN_ANGLE / far) ** 2, noise * time * (_MAIN_SPEED / fast) ** 2
         angle_cells, velocity_cells = (
@@ -141,8 +142,8 @@ class Resolution:
         velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
         rests = scene.forcing.longest_rest > _RESTS
         step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
-        steps = self.steps / 16 * scene.period / step
-        fewest = FEWEST * scene.period / scene.forcing.shortest_period
+        steps = self.steps / 16 * period / step
+        fewest = FEWEST * period / scene.forcing.shortest_period
         return Grid(
             extended_lines(angle, cutoff, growth),
             extended_lines(extended_lines(velocity, bound, growth), beyond),
@@ -151,6 +152,11 @@ class Resolution:
             _even(max(steps, 0.5 * self.steps, fewest)),
             self.windows,
         )
+
+
+def cycle_of(scene):
+    """Return the time in which a grid's steps are counted: a cycle, or that of the main scene where there is none."""
+    return scene.period or _MAIN_PERIOD
 
 
 def _even(number):

@@ -8,15 +8,16 @@ import numpy as np
 
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_filtered, refuse_large, refuse_unsolvable, warn_beyond
-from fpk_rocking.density.resolution import USUAL
+from fpk_rocking.density.resolution import USUAL, cycle_of
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
-from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 
@@ -33,7 +34,7 @@ _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
 
-def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
+def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, progress=None):
     """Evolve the joint density of angle and velocity of a rocking block.
 
     Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so. The solution
@@ -43,8 +44,11 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
     ----------
     scene : Scene
         With white or band noise.
-    cycles : int
-        Forcing cycles to evolve.
+    cycles : int, optional
+        Forcing cycles to evolve; given exactly where the forcing repeats.
+    times : array_like, optional
+        Ascending nondimensional times for a forcing that does not repeat, by default 20 parts of its duration and 10
+        units of time later (`fpk_rocking.results.times`).
     tol : float
         Wanted error in survival, from 1e-4 up.
     bins_tol : float, optional
@@ -70,30 +74,33 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
-    cycles = checks.count("cycles", cycles)
+    times = result_times(scene, cycles, times)
     tol = checks.number("tol", tol, at_least=min(USUAL))
     if bins_tol is None:
         bins_tol = bins_tolerance(tol)
     elif bins_tol != math.inf:
         bins_tol = checks.number("bins_tol", bins_tol, above=0.0)
-    refuse_transient(scene.forcing, "the density solver")
     refuse_filtered(scene)
     white = scene.white_equivalent()
     refuse_unsolvable(white)
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
-    bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, cycles)
+    extent = len(times) - 1 if white.repeats else times
+    bound, departures, motion = velocity_bound(white, white.noise.diffusion), {}, motion_of(white, extent)
     grids = [resolution.of(white, bound, motion) for resolution in candidates_for(tol)]
-    least, count = grids[2], Progress(progress, cycles, least=3)
-    refuse_large(BYTES * least.work, least.stored(cycles), cycles)
+    least, count = grids[2], Progress(progress, len(times) - 1, least=3)
+    refuse_large(BYTES * least.work, least.stored(len(times) - 1), scene, len(times) - 1)
 
     def solved(grid, coarser):
-        run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+        if white.repeats:
+            run = Propagator(white, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+        else:
+            run = Passage(white, grid, NEGLIGIBLE * tol)
         if grid.windows not in departures:
-            departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, white.period)
-        return Solved(run, run.evolve(cycles, departures[grid.windows], count.next()), motion.edges)
+            departures[grid.windows] = Departure(run.dynamics, white.start, grid.windows, cycle_of(white))
+        return Solved(run, run.evolve(extent, departures[grid.windows], count.next()), motion.edges)
 
     def fits(level, grid):
-        return level.memory * grid.work / level.run.grid.work + grid.stored(cycles) <= SOLUTION_MEMORY
+        return level.memory * grid.work / level.run.grid.work + grid.stored(len(times) - 1) <= SOLUTION_MEMORY
 
     found = refine(grids, solved, fits, lambda found: found.within(tol, bins_tol))
     fine, run = found.fine.solution, found.fine.run
@@ -102,7 +109,7 @@ def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
         diffusion=white.noise.diffusion,
         closure=closure_of(scene, white),
         tol=tol,
-        times=white.period * np.arange(cycles + 1),
+        times=times,
         survival=fine.inside,
         overturned=fine.gone[:, :2],
         lost=fine.gone[:, 2],

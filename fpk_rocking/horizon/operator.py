@@ -14,6 +14,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
+from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.results.remarks import closure_of, doubts
@@ -102,6 +103,7 @@ class CycleOperator(Shown, LinearOperator):
     def __init__(self, scene, tol=1e-3):
         checks.instance("scene", scene, Scene)
         refuse_transient(scene.forcing, "the operator of a cycle")
+        refuse_envelope(scene.noise, "the operator of a cycle")
         refuse_filtered(scene)
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)

@@ -1,5 +1,6 @@
 """Remarks beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -34,6 +35,8 @@ def noise_text(noise) -> str:
     str
         For example ``"band noise, variance 0.04 on [0, 10], 100 harmonics"``.
     """
+    if noise.envelope is not None:
+        return f"{noise_text(dataclasses.replace(noise, envelope=None))}, envelope {noise.envelope}"
     if noise.kind == "band":
         low, high = noise.band
         return f"band noise, variance {noise.variance:g} on [{low:g}, {high:g}], {noise.harmonics} harmonics"

@@ -1,5 +1,6 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
+from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.physics.forcing import Forcing, Harmonics, Pulse, Record
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene
@@ -9,6 +10,7 @@ __all__ = [
     "BandNoise",
     "Block",
     "Dimensions",
+    "Exponential",
     "FilteredNoise",
     "Forcing",
     "Harmonics",
@@ -18,6 +20,8 @@ __all__ = [
     "Record",
     "Scene",
     "Start",
+    "Table",
+    "Trapezoid",
     "WhiteNoise",
     "load_scene",
 ]

@@ -5,6 +5,7 @@ import math
 from typing import ClassVar
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.envelope import ENVELOPES, Exponential, Table, Trapezoid
 from fpk_rocking.physics.filters import FILTERS
 from fpk_rocking.scene.units import Dimensions
 
@@ -39,6 +40,11 @@ class Block:
         _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
 
 
+def _check_envelope(envelope):
+    if envelope is not None:
+        checks.instance("noise.envelope", envelope, *ENVELOPES.values())
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class BandNoise:
     """Shinozuka noise: harmonics with random frequencies in a band and random phases (paper eq. 4).
@@ -54,6 +60,8 @@ class BandNoise:
     remark : str
         What a reader of results has to know of these values, where they were assumed, say: shown with every result.
         Noises that differ in it alone are equal.
+    envelope : Trapezoid, Exponential or Table, optional
+        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
     """
 
     kind: ClassVar[str] = "band"
@@ -61,11 +69,13 @@ class BandNoise:
     band: tuple[float, float]
     harmonics: int
     remark: str = dataclasses.field(default="", compare=False)
+    envelope: Trapezoid | Exponential | Table | None = None
 
     def __post_init__(self):
         _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
         _set(self, "band", checks.interval("noise.band", self.band))
         _set(self, "harmonics", checks.count("noise.harmonics", self.harmonics))
+        _check_envelope(self.envelope)
         _set(self, "remark", checks.sentence("noise.remark", self.remark))
 
 
@@ -76,14 +86,18 @@ class WhiteNoise:
     Parameters
     ----------
     diffusion : float
-        D, at least 0.
+        D, at least 0; with an envelope D g².
+    envelope : Trapezoid, Exponential or Table, optional
+        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
     """
 
     kind: ClassVar[str] = "white"
     diffusion: float
+    envelope: Trapezoid | Exponential | Table | None = None
 
     def __post_init__(self):
         _set(self, "diffusion", checks.number("noise.diffusion", self.diffusion, at_least=0.0))
+        _check_envelope(self.envelope)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -101,6 +115,8 @@ class FilteredNoise:
         ω, above 0; 1/ω is the correlation time of the exponential filter.
     damping : float, optional
         ζ, above 0; given for all filters but the exponential one.
+    envelope : Trapezoid, Exponential or Table, optional
+        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
     """
 
     kind: ClassVar[str] = "filtered"
@@ -108,9 +124,11 @@ class FilteredNoise:
     variance: float
     frequency: float
     damping: float | None = None
+    envelope: Trapezoid | Exponential | Table | None = None
 
     def __post_init__(self):
         accepted = ", ".join(map(repr, FILTERS))
+        _check_envelope(self.envelope)
         if not isinstance(self.filter, str):
             raise TypeError(checks.refusal("noise.filter", self.filter, accepted))
         if self.filter not in FILTERS:
@@ -128,6 +146,7 @@ class NoNoise:
     """No noise: the motion is deterministic."""
 
     kind: ClassVar[str] = "none"
+    envelope: ClassVar = None
 
 
 NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, FilteredNoise, NoNoise)}

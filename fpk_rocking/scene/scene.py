@@ -9,6 +9,7 @@ import pathlib
 import tomllib
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.envelope import ENVELOPES
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
@@ -78,6 +79,11 @@ class Scene:
         """T = 2π/Ω in nondimensional time: one cycle; None where the forcing does not repeat."""
         return self.forcing.period
 
+    @property
+    def repeats(self):
+        """Whether one cycle is like another: the forcing repeats, and the noise has no envelope."""
+        return self.period is not None and self.noise.envelope is None
+
     def varied(self, **parts):
         """Return the scene with some values changed, for a study over them.
 
@@ -118,7 +124,7 @@ class Scene:
         """
         if self.noise.kind == "white":
             return self
-        return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise)))
+        return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise), self.noise.envelope))
 
     def filtered_equivalent(self):
         """Return the same scene with filtered noise in place of band noise.
@@ -149,7 +155,8 @@ class Scene:
                 f"{ratio!r} of the variance: neither all next to 0 nor all very high"
             )
             raise ValueError(checks.refusal("noise.band", noise.band, accepted))
-        return dataclasses.replace(self, noise=FilteredNoise("low-pass", noise.variance, frequency, BUTTERWORTH))
+        filtered = FilteredNoise("low-pass", noise.variance, frequency, BUTTERWORTH, noise.envelope)
+        return dataclasses.replace(self, noise=filtered)
 
     @classmethod
     def from_block(
@@ -234,7 +241,8 @@ class Scene:
         ----------
         text : str
             Tables ``[block]``, ``[forcing]`` and ``[noise]``, and optionally ``[start]`` and ``[overturning]``; the
-            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white", "filtered" or "none" and
+            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white", "filtered" or "none",
+            ``noise.envelope.kind`` = "trapezoid", "exponential" or "table" and
             ``forcing.kind`` = "harmonic" (where left out), "harmonics", "pulse" or "record". A record may have ``file``
             in place of ``interval`` and ``samples``, and ``block.restitution`` may be left out where there are
             ``block.dimensions``.
@@ -262,6 +270,8 @@ class Scene:
         tables = _fields(self)
         if self.block.dimensions is not None:
             tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
+        if self.noise.envelope is not None:
+            tables["noise.envelope"] = self.noise.envelope
         return "\n".join(_table(name, part) for name, part in tables.items())
 
 
@@ -357,10 +367,17 @@ def _of_kind(classes, default=None):
     return read
 
 
+def _noise(name, table, folder):
+    values = dict(checks.table(name, table))
+    if "envelope" in values:
+        values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)
+    return _of_kind(NOISES)(name, values, folder)
+
+
 _READERS = {
     "block": _block,
     "forcing": _of_kind(FORCINGS, Forcing.kind),
-    "noise": _of_kind(NOISES),
+    "noise": _noise,
     "start": _read(Start),
     "overturning": _read(Overturning),
 }

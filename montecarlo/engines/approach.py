@@ -80,15 +80,15 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
 
 
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
-def near(stream, u, w, side, segment, start, limit, problem, impacts, origin):
-    """Take one step near a barrier, up to a time; return u, w, side and the time reached.
+def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin):
+    """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
 
     u >= cutoff means overturned.
     """
-    cutoff, left = problem.cutoff, limit - start
+    cutoff, left, diffusion, reach = problem.cutoff, limit - start, problem.diffusion[j], problem.reach[j]
     low, high = (segment.force_low, segment.force_high) if side > 0 else (-segment.force_high, -segment.force_low)
-    down = safe_step(u, w, min(0.0, low - 1.0), problem.reach, left, problem.shortest)
-    up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), problem.reach, left, problem.shortest)
+    down = safe_step(u, w, min(0.0, low - 1.0), reach, left, problem.shortest)
+    up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), reach, left, problem.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
         duration = min(max(duration, problem.shortest), left)
@@ -96,13 +96,13 @@ def near(stream, u, w, side, segment, start, limit, problem, impacts, origin):
         falls = down <= up
         needed = safe_time(u, w, -pull) if falls else safe_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0
-        if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * problem.diffusion * needed < FAST * w * w:
+        if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * diffusion * needed < FAST * w * w:
             if not falls:
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
     end = limit if duration == left else start + duration
     x, v = flight(side * u, side * w, side, segment, start, end)
-    xx, vx, vv = noise_factor(problem.diffusion, end - start)
+    xx, vx, vv = noise_factor(diffusion, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:

@@ -111,7 +111,7 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
     values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
-    diffusion, span = problem.diffusion, problem.span
+    diffusion, span = problem.diffusion[j], problem.span
     force, slope = polynomial(problem.force[j], time)
     pull = 1.0 - side * force
     if not w < problem.brief * pull:

@@ -37,7 +37,7 @@ _LEAD = WIDTH // 2 + HALF
 _BLOCK = 64
 """Realizations that follow each other in a thread's working memory."""
 
-_FEWEST, _LONGEST = 12, 0.2
+FEWEST, LONGEST = 12, 0.2
 """Intervals of the grid in the forcing's shortest period at least, and the longest interval."""
 
 
@@ -78,7 +78,7 @@ class Problem(NamedTuple):
 def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
     """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
     forcing, noisy = scene.forcing, scene.noise.kind == "band"
-    longest = min(_LONGEST, forcing.shortest_period / _FEWEST)
+    longest = min(LONGEST, forcing.shortest_period / FEWEST)
     grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
     intervals, spacing = grid.count, grid.spacing
     low, width, weight, harmonics = band_numbers(scene, grid.duration)
@@ -113,7 +113,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
 
 
 @kernel
-def _force_bounds(forced, half, low, high):
+def force_bounds(forced, half, low, high):
     """Write bounds (m,) of the force over intervals, from P in the time since their middles."""
     scratch = np.empty(TERMS)
     for i in range(low.size):
@@ -127,7 +127,7 @@ def _clearance(cutoff, forced, spacing, noise_bound):
     Between its ends a path lies within |u''| d^2 / 8 of the chord, and u'' = u - 1 + s f.
     """
     low, high = np.empty((2, len(forced)))
-    _force_bounds(forced, 0.5 * spacing, low, high)
+    force_bounds(forced, 0.5 * spacing, low, high)
     rise, fall = np.stack([-low, high], axis=-1) + noise_bound, np.stack([high, -low], axis=-1) + noise_bound
     least = np.maximum(cutoff - 1.0 + rise, 0.0) * spacing**2 / 8.0
     most = cutoff - np.maximum(1.0 + fall, 0.0) * spacing**2 / 8.0

@@ -8,7 +8,8 @@ Where a bound of the acceleration cannot exclude an event, the noise within the 
 polynomial of least degree that has the drawn states at both ends and moves a flight by what was drawn: the conditional
 mean of the noise given all that, but for terms of relative order (interval times the filter's rate). Then
 `fpk_rocking.physics.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
-What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md).
+What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md). Under
+an envelope, linear in every interval, the product of both is taken in flights too.
 
 The noise is the same function of time for any samples, and for runs that begin at any cycle.
 """
@@ -54,8 +55,10 @@ class Problem(NamedTuple):
     derivatives in units of the interval. `move` (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky factor of
     states, angle and velocity at an interval's end. `shape` (d + 1, 2n + 2): Bernstein coefficients of the polynomial
     from the states at both ends and the flight; `powers` (d + 1, d + 1): its coefficients in the time from them.
-    `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the forcing; `drift`
-    (m, 2): angle and velocity that it adds to a flight.
+    `strength` (m, 2): the noise's envelope at the begin of each interval and its slope in it, of shape (0, 2) for none;
+    `response` (2, 2, d + 1): angle and velocity that the Bernstein polynomials, and these times the time, add to a
+    flight. `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the forcing;
+    `drift` (m, 2): angle and velocity that it adds to a flight.
     """
 
     restitution: float
@@ -70,6 +73,8 @@ class Problem(NamedTuple):
     shape: np.ndarray
     powers: np.ndarray
     forced: np.ndarray
+    strength: np.ndarray
+    response: np.ndarray
     low: np.ndarray
     high: np.ndarray
     drift: np.ndarray
@@ -91,13 +96,15 @@ class Room(NamedTuple):
 
 def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with filtered noise; a realization does not depend on `times`."""
+    envelope = scene.noise.envelope
     longest = COARSEST[scene.noise.filter] / (filters.fastest(scene.noise) * steps_per_cycle)
     if longest * _MOST < scene.forcing.time_scale:
         most = int(steps_per_cycle * longest * _MOST / scene.forcing.time_scale)
         raise ValueError(
             checks.refusal("steps_per_cycle", steps_per_cycle, f"up to {most} for a filter as fast as this")
         )
-    return on_grid(scene, grid_of(scene, min(longest, scene.forcing.shortest_period / _FEWEST, _LONGEST), times))
+    longest = min(longest, scene.forcing.shortest_period / _FEWEST, _LONGEST)
+    return on_grid(scene, grid_of(scene, longest if envelope is None else min(longest, envelope.spacing), times))
 
 
 def with_intervals(scene, intervals):
@@ -119,10 +126,32 @@ def on_grid(scene, grid):
         grid.marks,
         *_noise_tables(scene.noise, span),
         forced,
+        _strengths(scene.noise.envelope, grid),
+        _response(5 if scene.noise.filter == "low-pass" else 3, span),
         low,
         high,
         drift,
     )
+
+
+def _strengths(envelope, grid):
+    """Return `strength` of a `Problem`."""
+    if envelope is None:
+        return np.empty((0, 2))
+    values = envelope.value(grid.spacing * np.arange(grid.count + 1))
+    return np.stack([values[:-1], np.diff(values) / grid.spacing], axis=-1)
+
+
+def _response(degree, span):
+    """Return `response` of a `Problem`."""
+    t = 0.5 * (1.0 + _NODES)
+    weights = 0.5 * span * _WEIGHTS * np.stack([np.sinh(span * (1.0 - t)), np.cosh(span * (1.0 - t))])
+    return np.stack([weights @ _bernstein(degree, t).T, (weights * span * t) @ _bernstein(degree, t).T])
+
+
+def _bernstein(degree, t):
+    """Return Bernstein polynomials (degree + 1, n) at points (n,) of [0, 1]."""
+    return np.array([math.comb(degree, k) * t**k * (1.0 - t) ** (degree - k) for k in range(degree + 1)])
 
 
 def _forcing_tables(forced, span):
@@ -175,10 +204,7 @@ def _interpolant(noise, output, span, sigma):
         shape[1, 1], shape[degree - 1, n + 1] = sigma / degree, -sigma / degree
     middle = degree // 2
     # What a polynomial adds to a flight, by its Bernstein coefficients.
-    t = 0.5 * (1.0 + _NODES)
-    basis = np.array([math.comb(degree, k) * t**k * (1.0 - t) ** (degree - k) for k in range(degree + 1)])
-    weights = 0.5 * span * _WEIGHTS * np.stack([np.sinh(span * (1.0 - t)), np.cosh(span * (1.0 - t))])
-    moments = weights @ basis.T
+    moments = _response(degree, span)[0]
     known = -moments @ shape
     known[:, 2 * n :] = np.eye(2)
     shape[middle : middle + 2] = np.linalg.solve(moments[:, middle : middle + 2], known)
@@ -227,8 +253,11 @@ def draw_noise(stream, problem, room):
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def bound_noise(problem, room):
-    """Write the polynomial of the noise; return bounds of it over the interval, its Bernstein coefficients."""
+def bound_noise(j, problem, room):
+    """Write the polynomial of the noise in interval j, less its envelope; return bounds of it, with its envelope.
+
+    The polynomial lies between its Bernstein coefficients.
+    """
     low, high = math.inf, -math.inf
     for i in range(room.bernstein.size):
         value = 0.0
@@ -236,7 +265,24 @@ def bound_noise(problem, room):
             value += problem.shape[i, k] * room.drawn[k]
         room.bernstein[i] = value
         low, high = min(low, value), max(high, value)
+    if problem.strength.size > 0:
+        most = max(problem.strength[j, 0], problem.strength[j, 0] + problem.strength[j, 1] * problem.span)
+        return min(most * low, 0.0), max(most * high, 0.0)
     return low, high
+
+
+@kernel(borrows=True)
+def _added(j, problem, room):
+    """Angle and velocity that the noise adds to a flight over interval j."""
+    n = room.drawn.size - 2
+    if problem.strength.size == 0:
+        return room.drawn[n], room.drawn[n + 1]
+    x, v = 0.0, 0.0
+    value, slope = problem.strength[j, 0], problem.strength[j, 1]
+    for i in range(room.bernstein.size):
+        x += (value * problem.response[0, 0, i] + slope * problem.response[1, 0, i]) * room.bernstein[i]
+        v += (value * problem.response[0, 1, i] + slope * problem.response[1, 1, i]) * room.bernstein[i]
+    return x, v
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -247,12 +293,17 @@ def _open(j, problem, room):
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
     """
     particular, share, bernstein = room.particular, room.force, room.bernstein
-    share[0], share[1] = 0.0, 0.0
+    share[0], share[1], value, before = 0.0, 0.0, 0.0, 0.0
     for k in range(TERMS - 2):
-        total = share[k]
+        before, value = value, 0.0
         if k < bernstein.size:
             for i in range(k + 1):
-                total += problem.powers[k, i] * bernstein[i]
+                value += problem.powers[k, i] * bernstein[i]
+        total = share[k]
+        if problem.strength.size > 0:
+            total += problem.strength[j, 0] * value + problem.strength[j, 1] * before
+        else:
+            total += value
         share[k + 2] = total / ((k + 1) * (k + 2))
     for k in range(TERMS):
         particular[k] = problem.forced[j, k] + share[k]
@@ -261,7 +312,7 @@ def _open(j, problem, room):
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
 def interval(x, v, side, j, problem, room, impacts, origin):
     """Take the block through interval j of a cycle, whose noise is drawn; return as `advance`."""
-    low, high = bound_noise(problem, room)
+    low, high = bound_noise(j, problem, room)
     low, high = low + problem.low[j], high + problem.high[j]
     span, cutoff = problem.span, problem.cutoff
     if side == 0:
@@ -269,15 +320,15 @@ def interval(x, v, side, j, problem, room, impacts, origin):
             return x, v, side, span
     else:
         keep, swap = problem.hyperbolic
-        n = room.drawn.size - 2
-        x_next = keep * (x - side) + swap * v + side + problem.drift[j, 0] + room.drawn[n]
+        push, kick = _added(j, problem, room)
+        x_next = keep * (x - side) + swap * v + side + problem.drift[j, 0] + push
         # Between its ends the angle lies within |u''| span^2 / 8 of its chord; u'' = u - 1 + s f.
         rise, fall = (high, low) if side > 0 else (-low, -high)
         below = 0.125 * span * span * max(cutoff - 1.0 + rise, 0.0)
         above = 0.125 * span * span * max(1.0 - fall, 0.0)
         u, end = side * x, side * x_next
         if min(u, end) > below and max(u, end) + above < cutoff:
-            v_next = swap * (x - side) + keep * v + problem.drift[j, 1] + room.drawn[n + 1]
+            v_next = swap * (x - side) + keep * v + problem.drift[j, 1] + kick
             return x_next, v_next, side, span
     _open(j, problem, room)
     segment = segment_of(room.particular, room.force, span)
@@ -287,7 +338,7 @@ def interval(x, v, side, j, problem, room, impacts, origin):
 @kernel(borrows=True)
 def _look(x, v, side, j, time, problem, room):
     """State at a time in interval j, nan if overturned."""
-    bound_noise(problem, room)
+    bound_noise(j, problem, room)
     _open(j, problem, room)
     segment = segment_of(room.particular, room.force, problem.span)
     x, v, _, _ = advance(x, v, side, segment, 0.0, time, problem.restitution, problem.cutoff)

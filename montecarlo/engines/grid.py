@@ -37,7 +37,7 @@ def grid_of(scene, longest, times=None):
         Longest interval, nondimensional.
     times : ndarray, shape (rows,), optional
         Times since a lap's begin at which states are wanted, by default that of its end. The last one ends the lap
-        where the forcing does not repeat.
+        where the scene does not repeat.
 
     Raises
     ------
@@ -46,11 +46,11 @@ def grid_of(scene, longest, times=None):
     """
     times = np.array([scene.period]) if times is None else times
     spacing = scene.forcing.spacing(longest)
-    end = times[-1] if scene.period is None else scene.period
+    end = scene.period if scene.repeats else times[-1]
     count = int(np.ceil(end / spacing - _NEAR))
     if count > _MOST:
         accepted = f"at most {_MOST} intervals of {spacing:g}, as this forcing and noise ask for"
-        raise ValueError(checks.refusal("times" if scene.period is None else "scene", f"a time of {end:g}", accepted))
+        raise ValueError(checks.refusal("scene" if scene.repeats else "times", f"a time of {end:g}", accepted))
     marks = times / spacing
     whole = np.rint(marks)
     return Grid(count, spacing, np.where(np.abs(marks - whole) < _NEAR, whole, marks))

@@ -34,7 +34,8 @@ class Problem(NamedTuple):
 
     `lap`, `marks`: duration of a lap of n steps, and see `montecarlo.engines.grid`. `start` (5,): see
     `montecarlo.engines.start`. `forcing` (n, 3): its values at the begin, the middle and the end of the steps of a lap.
-    `band_low`, `band_width`: the noise's frequencies in turns per lap. `weight`: amplitude of each of its harmonics.
+    `strength` (n, 3): the noise's envelope there. `band_low`, `band_width`: the noise's frequencies in turns per lap.
+    `weight`: amplitude of each of its harmonics.
     """
 
     restitution: float
@@ -42,6 +43,7 @@ class Problem(NamedTuple):
     lap: float
     start: np.ndarray
     forcing: np.ndarray
+    strength: np.ndarray
     band_low: float
     band_width: float
     weight: float
@@ -75,6 +77,7 @@ def problem_of(scene, steps_per_cycle, times=None):
         grid.duration,
         start_numbers(scene.start),
         _forces(scene.forcing, grid),
+        _strengths(scene.noise.envelope, grid),
         *band_numbers(scene, grid.duration),
         grid.marks,
     )
@@ -83,10 +86,18 @@ def problem_of(scene, steps_per_cycle, times=None):
 def _forces(forcing, grid):
     """Return the force (n, 3) at the begin, the middle and the end of every step; a jump is between two steps."""
     if forcing.period is not None:
-        values = forcing.values_in_cycle(np.arange(2 * grid.count + 1), 2 * grid.count)
+        values = forcing.values_in_cycle(np.arange(2 * grid.count + 1), 2 * round(forcing.period / grid.spacing))
         return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
     parts = (grid.spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
     return forcing.series(np.arange(grid.count) * grid.spacing) @ parts.T
+
+
+def _strengths(envelope, grid):
+    """Return the envelope (n, 3) at the begin, the middle and the end of every step."""
+    if envelope is None:
+        return np.ones((grid.count, 3))
+    places = np.arange(grid.count)[:, None] + np.array([0.0, 0.5, 1.0])
+    return envelope.value(grid.spacing * places)
 
 
 @kernel
@@ -203,7 +214,7 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     angle[0], velocity[0] = x, v
     side = 1 if x > 0.0 else -1
     if x == 0.0:
-        side = side_at_zero(v, problem.forcing[0, 0] + noise.noise_at(harmonics, cycle, 0.0))
+        side = side_at_zero(v, problem.forcing[0, 0] + problem.strength[0, 0] * noise.noise_at(harmonics, cycle, 0.0))
     row, fresh = 1, True
     while row < angle.size:
         for part in range(chunks):
@@ -218,7 +229,8 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
             noise.add_chunk(harmonics, length, chunk.noise)
             for j in range(steps):
                 for i in range(3):
-                    chunk.force[j, i] = problem.forcing[first + j, i] + chunk.noise[2 * j + i]
+                    chunk.force[j, i] = problem.forcing[first + j, i]
+                    chunk.force[j, i] += problem.strength[first + j, i] * chunk.noise[2 * j + i]
             _tabulate(chunk, steps, h)
             origin = cycle * problem.lap + first * h
             x, v, side, time, row = _run_chunk(

@@ -11,7 +11,7 @@ from fpk_rocking.physics.transition import Impacts
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import exact, filtered, rk4, white
+from montecarlo.engines import enveloped, exact, filtered, rk4, white
 from montecarlo.engines.random import stream_keys
 
 ENGINES = {"exact": exact, "rk4": rk4, "white": white, "filtered": filtered}
@@ -71,6 +71,13 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress
     )
 
 
+def engine_of(run):
+    """Return the engine of a run: that of its method, or what does the same under an envelope."""
+    if run.method == "exact" and run.scene.noise.envelope is not None:
+        return enveloped
+    return ENGINES[run.method]
+
+
 def refuse_large(run, per_cycle=1, instead=""):
     """Refuse a run whose states, `per_cycle` in a cycle, do not fit into 4 GiB; `instead` is what takes more."""
     if run.realizations * (run.rows * per_cycle + 1) > _STATES:
@@ -104,17 +111,17 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
         Each of its own arrays.
     """
     ahead.before(f"montecarlo.ahead:{run.method}")
-    engine, period = ENGINES[run.method], run.scene.period
-    lap = run.times[1:] if period is None else period * np.arange(1, samples + 1) / samples
-    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)
+    engine, period = engine_of(run), run.scene.period
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
+    lap = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
+    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)
     size = max(_SMALLEST_BATCH, _FIRST_STATES // run.rows)
     while first < run.realizations:
         began = time.perf_counter()
         count = min(size, run.realizations - first)
         batch = _room(first, count, len(times), capacity)
         engine.realize(keys, first, cycle, problem, *batch[1:])
-        if period is None:
+        if not run.scene.repeats:
             _leave_out_later(batch, times[-1])
         _refuse_broken(batch, run, times)
         yield batch

@@ -22,10 +22,11 @@ from numba import prange
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.flight import Segment, flight, segment_of
+from fpk_rocking.physics.envelope import mean_squares
+from fpk_rocking.physics.flight import Segment, flight, polynomial, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.physics.transition import Impacts
+from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.approach import land, near, noise_factor
 from montecarlo.engines.bounce import bounce
 from montecarlo.engines.grid import grid_of
@@ -51,17 +52,17 @@ class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
     `start` (5,), `marks`: see `start` and `grid`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
-    segments of the forcing. `drift` (m, 2, 2): angle and velocity after an interval from (0, 0), indexed [interval,
-    side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of `span`, an interval's duration; `spread` (3,): Cholesky factor
-    of its noise. `shortest`: duration of the shortest step. `brief`: half the duration of the longest bounce that is
-    one draw. `reach`: REACH standard deviations of the angle after a time t <= span are at most reach t^1.5, and
-    `margin` after an interval. `repeats`: whether the forcing does, and has no kinks, so that a bounce in one draw may
-    go on into the next intervals.
+    segments of the forcing. `diffusion` (m,): D, 0 where it counts as none (`physics.envelope.QUIET`). `drift` (m, 2,
+    2): angle and velocity after an interval from (0, 0), indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh
+    and sinh of `span`, an interval's duration; `spread` (m, 3): Cholesky factor of its noise. `shortest`: duration of
+    the shortest step. `brief`: half the duration of the longest bounce that is one draw. `reach`: REACH standard
+    deviations of the angle after a time t <= span are at most reach t^1.5, and `margin` after an interval, (m,) both.
+    `repeats`: whether a lap does, and has no kinks, so that a bounce in one draw may go on into the next intervals.
     """
 
     restitution: float
     cutoff: float
-    diffusion: float
+    diffusion: np.ndarray
     start: np.ndarray
     particular: np.ndarray
     force: np.ndarray
@@ -74,8 +75,8 @@ class Problem(NamedTuple):
     span: float
     shortest: float
     brief: float
-    reach: float
-    margin: float
+    reach: np.ndarray
+    margin: np.ndarray
     marks: np.ndarray
     repeats: bool
 
@@ -87,6 +88,22 @@ def _segments(particular, span, force, low, high, curvature, drift):
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
         for k in range(2):
             drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
+
+
+def _factors(diffusions, envelope, span):
+    """Return `spread` of a `Problem`, exact where the envelope is smooth."""
+    if envelope is None:
+        return np.sqrt(diffusions)[:, None] * np.array(noise_factor(1.0, span))
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    s = 0.5 * span * (1.0 + nodes)
+    strength = envelope.value(span * np.arange(len(diffusions))[:, None] + s) ** 2
+    means = strength @ weights / 2.0
+    weights = span * weights * strength * (diffusions / np.where(means > 0.0, means, 1.0))[:, None]
+    sinh, cosh = np.sinh(span - s), np.cosh(span - s)
+    xx, xv, vv = weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
+    x = np.sqrt(xx)
+    v = np.divide(xv, x, out=np.zeros_like(x), where=x > 0.0)
+    return np.stack([x, v, np.sqrt(np.maximum(vv - v * v, 0.0))], axis=-1)
 
 
 def problem_of(scene, steps_per_cycle, times=None):
@@ -104,8 +121,10 @@ def problem_of(scene, steps_per_cycle, times=None):
             "it; raise it, or keep band noise and use 'rk4'"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    grid = grid_of(scene, min(scene.forcing.shortest_period / _FEWEST, _LONGEST), times)
+    longest, envelope = min(scene.forcing.shortest_period / _FEWEST, _LONGEST), scene.noise.envelope
+    grid = grid_of(scene, longest if envelope is None else min(longest, envelope.spacing), times)
     intervals, span = grid.count, grid.spacing
+    diffusions = diffusion * mean_squares(envelope, span * np.arange(intervals + 1))
     tables = (
         np.empty((intervals, TERMS)),
         np.empty(intervals),
@@ -115,23 +134,24 @@ def problem_of(scene, steps_per_cycle, times=None):
     )
     particular = scene.forcing.pieces(np.arange(intervals) * span)
     _segments(particular, span, *tables)
-    xx, _, _ = flight_covariance(diffusion, span)
+    xx, _, _ = flight_covariance(1.0, span)
+    roots = np.sqrt(diffusions)
     return Problem(
         restitution,
         scene.overturning.angle,
-        diffusion,
+        diffusions,
         start_numbers(scene.start),
         particular,
         *tables,
         np.array([math.cosh(span), math.sinh(span)]),
-        np.array(noise_factor(diffusion, span)),
+        _factors(diffusions, envelope, span),
         span,
         scene.forcing.time_scale / (FINEST * steps_per_cycle),
         BRIEF * span,
-        REACH * math.sqrt(xx / span**3),
-        REACH * math.sqrt(xx),
+        REACH * math.sqrt(xx / span**3) * roots,
+        REACH * math.sqrt(xx) * roots,
         grid.marks,
-        scene.period is not None,
+        scene.repeats and scene.period is not None,
     )
 
 
@@ -149,12 +169,17 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
         first, second = normal(stream), normal(stream)
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
-        xx, vx, vv = problem.spread
+        xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
         x = keep * u + swap * w + side * (drift[0] + xx * first)
         w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
         if x >= 0.0:
             return x, w, side, span
         u, w, side, time = land(x, w, side, segment, 0.0, span, span, problem, impacts, origin)
+    if problem.diffusion[j] == 0.0:
+        return _undisturbed(u, w, side, segment, time, end, problem, impacts, origin)
+    if u == 0.0 and w == 0.0:
+        # At rest the first step would begin with an impact if the force pressed the block down.
+        side = 1 if polynomial(segment.force, time)[0] > 0.0 else -1
     until = max(until, end)
     while time < end and u < cutoff:
         if u == 0.0 and w > 0.0:
@@ -162,8 +187,20 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
             if after != 0:
                 side = after
                 continue
-        u, w, side, time = near(stream, u, w, side, segment, time, end, problem, impacts, origin)
+        u, w, side, time = near(stream, u, w, side, segment, j, time, end, problem, impacts, origin)
     return u, w, side, time
+
+
+@kernel(borrows=True)
+def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
+    """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
+    side = 0 if u == 0.0 and w == 0.0 else side
+    x, v, side, time = advance(
+        side * u, side * w, side, segment, start, end, problem.restitution, problem.cutoff, impacts, origin
+    )
+    if side == 0:
+        return 0.0, 0.0, 1, time
+    return side * x, side * v, side, time
 
 
 @kernel(borrows=True)
@@ -173,7 +210,7 @@ def is_clear(u, w, side, j, problem):
     span, cutoff, half = problem.span, problem.cutoff, 0.5 * problem.span * problem.span
     above = u + span * w + half * min(0.0, low - 1.0)
     below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
-    return above >= problem.margin and below >= problem.margin
+    return above >= problem.margin[j] and below >= problem.margin[j]
 
 
 @kernel

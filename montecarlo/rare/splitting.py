@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
@@ -231,6 +232,7 @@ def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=20
     if scene.noise.kind in _UNBRANCHED:
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
     refuse_transient(scene.forcing, "splitting")
+    refuse_envelope(scene.noise, "splitting")
     walkers = _at_least("walkers", walkers, _FEWEST_WALKERS)
     repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
     run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)

@@ -16,7 +16,6 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.scene import limits
 
 SHORT, LONG = (5, 2), (9, 3)
@@ -76,7 +75,7 @@ class Gaussian:
         """Return the Gaussian after a flight on one side in which nothing happens."""
         cosh, sinh, shifts = dynamics.affine(start, duration)
         matrix = np.array([[cosh, sinh], [sinh, cosh]])
-        xx, xv, vv = flight_covariance(dynamics.diffusion, duration)
+        xx, xv, vv = dynamics.covariance(start, duration)
         covariance = matrix @ self.covariance @ matrix.T + [[xx, xv], [xv, vv]]
         return Gaussian(matrix @ self.mean + shifts[side], covariance)
 
@@ -117,9 +116,15 @@ class Departure:
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
-        self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.diffusion)
+        self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.during(0.0, 1e-9 * period).diffusion)
         self._quiet = self._quiet_time()
         self._carried, self._next = [self._undisturbed(self._quiet)], None
+
+    @property
+    def rests(self):
+        """Whether the block is at rest and the forcing does not lift it off."""
+        still = not self._initial.mean.any() and not self._initial.covariance.any()
+        return still and abs(self.dynamics.forcing.value(0.0)) <= 1.0
 
     def flight(self, time):
         """Gaussian that an undisturbed flight leads to."""
@@ -128,8 +133,7 @@ class Departure:
     def spread(self, time):
         """Gaussian that tells how far a start has spread: about rest where the forcing has not lifted the block off."""
         gaussian, forcing = self.flight(time), self.dynamics.forcing
-        rests = not self._initial.mean.any() and not self._initial.covariance.any() and abs(forcing.value(0.0)) <= 1.0
-        if rests and forcing.since_lift_off(time)[0] > time:
+        if self.rests and forcing.since_lift_off(time)[0] > time:
             gaussian.mean = np.zeros(2)
         return gaussian
 
@@ -208,7 +212,7 @@ class Departure:
         Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
-        dynamics, growth = self.dynamics, self.windows.growth
+        dynamics, growth = self.dynamics.during(time, 1e-6 * self.period), self.windows.growth
         gap, change = 1.0 - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
@@ -221,7 +225,7 @@ class Departure:
     def _rattles(self, now, duration):
         """Whether mass that matters may come to rest at x = 0 within a step."""
         slow = max(1.0 - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
-        slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.diffusion * duration)
+        slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.during(now.time, duration).diffusion * duration)
         angle, velocity = (
             (lines[:-1] < size) & (lines[1:] > -size)
             for lines, size in zip(now.window.lines, (slow * duration, slow), strict=True)
@@ -232,7 +236,7 @@ class Departure:
         """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
         dynamics, window, masses = self.dynamics, now.window, np.abs(now.window.masses(now.coefficients))
         for duration in longest * 0.5 ** np.arange(7):
-            reach = self.windows.reach * math.sqrt(flight_covariance(dynamics.diffusion, duration)[0])
+            reach = self.windows.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
             segment = dynamics.segment(now.time, duration)
             events = classify(*window.lines, segment, duration, dynamics.cutoff, reach)
             if masses[events].sum() < NEGLIGIBLE:
@@ -240,23 +244,23 @@ class Departure:
         return 0.0
 
 
-def first_resolved(departure: Departure, space: Space, steps):
-    """Step boundary, one cycle at most, at which a mesh takes over from the windows.
+def first_resolved(departure: Departure, space: Space, edges):
+    """Return the number of the step edge, of those (n,) of a cycle at most, at which a mesh takes over from windows.
 
     It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
     at least `BARELY` resolved there: the windows would have to follow it through the event.
     """
-    before = None
-    for step in range(1, steps):
-        gaussian = departure.flight(step * departure.period / steps)
-        resolved = _resolution(departure.spread(step * departure.period / steps), space)
+    before, last = None, len(edges) - 1
+    for step in range(1, last):
+        gaussian = departure.flight(edges[step])
+        resolved = _resolution(departure.spread(edges[step]), space)
         if resolved >= RESOLVED:
             return step
         if departure.undisturbed(gaussian):
             before = step if resolved >= BARELY else None
         elif before:
             return before
-    return steps
+    return last
 
 
 def _resolution(gaussian, space):
@@ -268,6 +272,7 @@ def _resolution(gaussian, space):
 
 def _drift_time(dynamics: Dynamics):
     """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    dynamics = dynamics.during(0.0, 1e-9)
     drift = abs(abs(dynamics.forcing.value(0.0)) - 1.0)
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
     return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)

@@ -12,9 +12,13 @@ from fpk_rocking.density.step.deposit import CHUNKS, deposit, gather
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.landing import classify, settle_in_cells, trace_cells
 from fpk_rocking.density.step.noise_paths import hermite_nodes, principal_axes
+from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS, PeriodicForcing
 from fpk_rocking.physics.gaussian import flight_covariance
+
+FAINTEST = 1e-3
+"""Least diffusion over that at g = 1: no mesh resolves a density without noise."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,21 +30,44 @@ class Dynamics:
     forcing : Forcing or Harmonics
     diffusion, restitution, cutoff : float
         D, e and the angle of overturning.
+    envelope : Trapezoid, Exponential or Table, optional
+        g, where the diffusion is D g².
     """
 
     forcing: PeriodicForcing
     diffusion: float
     restitution: float
     cutoff: float
+    envelope: Trapezoid | Exponential | Table | None = None
 
     @classmethod
     def of(cls, scene):
         """Take the dynamics of a scene with white noise."""
-        return cls(scene.forcing, scene.noise.diffusion, scene.block.restitution, scene.overturning.angle)
+        noise = scene.noise
+        return cls(scene.forcing, noise.diffusion, scene.block.restitution, scene.overturning.angle, noise.envelope)
+
+    def during(self, start, duration):
+        """Return the dynamics with a constant diffusion, its mean over a step, and at least `FAINTEST` of D."""
+        if self.envelope is None:
+            return self
+        begin, end = self.envelope.squared(np.array([start, start + duration]))
+        mean = max((end - begin) / duration, FAINTEST)
+        return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
+
+    def covariance(self, start, duration):
+        """Covariance xx, xv, vv that a flight gathers."""
+        if self.envelope is None:
+            return flight_covariance(self.diffusion, duration)
+        nodes, weights = np.polynomial.legendre.leggauss(16)
+        late = 0.5 * duration * (1.0 - nodes)
+        strength = np.maximum(self.envelope.value(start + duration - late) ** 2, FAINTEST)
+        weights = self.diffusion * duration * weights * strength
+        sinh, cosh = np.sinh(late), np.cosh(late)
+        return tuple(float(weights @ part) for part in (sinh**2, sinh * cosh, cosh**2))
 
     def segment(self, start, duration):
         """Return the forcing over a step as the kernels take it."""
-        return segment_of(self.forcing.pieces([start])[0], np.empty(TERMS), duration)
+        return segment_of(self.forcing.over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
         """Affine flight z -> F z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
@@ -92,6 +119,7 @@ class Trace:
     """
 
     def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True):
+        dynamics = dynamics.during(start, duration)
         self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
         (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
         (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)

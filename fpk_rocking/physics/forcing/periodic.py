@@ -85,6 +85,10 @@ class PeriodicForcing:
         ((value, slope, *_),) = self.pieces([time])
         return float(value), float(slope)
 
+    def over(self, start, duration):  # noqa: ARG002  (a step is short against the shortest period)
+        """Coefficients (TERMS,) of P in the time since the start of a step."""
+        return self.pieces([start])[0]
+
     def value(self, time):
         """Force f at a time."""
         return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)

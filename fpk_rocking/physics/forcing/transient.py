@@ -82,6 +82,25 @@ class TransientForcing:
         q = np.where(ended, q * decay, (near[:, 1:] * order * powers[:, :-1]).sum(axis=1))
         return _particular(p, q, self.series(times))
 
+    def over(self, start, duration):
+        """Coefficients (TERMS,) of P in the time since the start of a step.
+
+        In a step with kinks the force is replaced by the linear one under which flights over the step are the same.
+        """
+        first, last = (
+            int(np.floor(time / self.unit + shift)) for time, shift in ((start, 1e-6), (start + duration, -1e-6))
+        )
+        if first == last or start >= self.duration:
+            return self.pieces([start])[0]
+        (p0, q0), (p1, q1) = self.particular(start), self.particular(start + duration)
+        cosh, sinh = math.cosh(duration), math.sinh(duration)
+        # What forces 1 and t add to a flight over the step.
+        unit = [[cosh - 1.0, sinh - duration], [sinh, cosh - 1.0]]
+        push = p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
+        force = np.zeros((1, TERMS))
+        force[0, :2] = np.linalg.solve(unit, push)
+        return _particular(np.array([p0]), np.array([q0]), force)[0]
+
     @functools.cached_property
     def _grid(self):
         """Spacing, and P and P' at the nodes (n + 1, 2) of a grid from 0 to the end."""

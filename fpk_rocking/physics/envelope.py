@@ -1,0 +1,187 @@
+"""Envelopes: the strength g(τ) of a noise that rises and dies away, η(τ) g(τ) in place of η(τ)."""
+
+import dataclasses
+import functools
+import itertools
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from fpk_rocking.base import checks
+
+_LONGEST = 0.02
+"""Part of its time of peak in which an exponential envelope is taken as linear, where an engine asks for that."""
+
+
+class _Linear:
+    """An envelope that is linear between `corners`, times and values of shape (n,), and constant beyond them."""
+
+    spacing = math.inf
+
+    def value(self, times):
+        """Return g at times (n,)."""
+        return np.interp(times, *self.corners)
+
+    @property
+    def kinks(self):
+        """Times at which the slope changes."""
+        return self.corners[0]
+
+    def series(self, times, terms):
+        """Return Taylor coefficients (n, terms) of g about times (n,), none of which is a kink."""
+        places, values = self.corners
+        slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
+        out = np.zeros((len(times), terms))
+        out[:, 0], out[:, 1] = self.value(times), slopes[np.searchsorted(places, times)]
+        return out
+
+    def squared(self, times):
+        """Return the integral of g² from 0 to times (n,)."""
+        places, values = self.corners
+        inside = np.diff(places) * (values[1:] ** 2 + values[1:] * values[:-1] + values[:-1] ** 2) / 3.0
+        before = np.concatenate([[values[0] ** 2 * places[0]], inside]).cumsum()
+        k = np.searchsorted(places, times, side="right") - 1
+        since = times - places[np.maximum(k, 0)]
+        begin, end = values[np.maximum(k, 0)], self.value(times)
+        return np.where(k < 0, values[0] ** 2 * times, before[k] + since * (begin**2 + begin * end + end**2) / 3.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Trapezoid(_Linear):
+    """Envelope that rises linearly from 0 to 1, holds, and decays linearly to 0.
+
+    Parameters
+    ----------
+    rise, hold, decay : float
+        Nondimensional times, at least 0 and not all 0.
+    """
+
+    kind: ClassVar[str] = "trapezoid"
+    rise: float
+    hold: float
+    decay: float
+
+    def __post_init__(self):
+        for name in ("rise", "hold", "decay"):
+            _set(self, name, checks.number(f"noise.envelope.{name}", getattr(self, name), at_least=0.0))
+        if not 0.0 < self.rise + self.hold + self.decay < math.inf:
+            raise ValueError(checks.refusal("noise.envelope", self, "times of which one is above 0"))
+
+    @functools.cached_property
+    def corners(self):
+        """Times and values between which it is linear."""
+        # A jump takes no time, but no two corners may be at one.
+        least = 1e-9 * (self.rise + self.hold + self.decay)
+        times = np.cumsum([0.0, max(self.rise, least), max(self.hold, least), max(self.decay, least)])
+        return times, np.array([0.0, 1.0, 1.0, 0.0])
+
+    def __str__(self):
+        return f"trapezoid of {self.rise:g}, {self.hold:g} and {self.decay:g}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Table(_Linear):
+    """Envelope that is linear between given values, and constant before the first and after the last.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Nondimensional, ascending, from 0 on; 2 to 1000 of them.
+    values : sequence of float
+        g at these times, at least 0 and not all 0.
+    """
+
+    kind: ClassVar[str] = "table"
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self):
+        _set(self, "times", checks.several("noise.envelope.times", self.times, most=_MOST, at_least=0.0))
+        _set(self, "values", checks.several("noise.envelope.values", self.values, most=_MOST, at_least=0.0))
+        if len(self.times) < 2 or not all(a < b for a, b in itertools.pairwise(self.times)):
+            raise ValueError(checks.refusal("noise.envelope.times", self.times, "two or more ascending times"))
+        if len(self.values) != len(self.times) or not any(self.values):
+            accepted = f"as many as noise.envelope.times, {len(self.times)}, and not all 0"
+            raise ValueError(checks.refusal("noise.envelope.values", self.values, accepted))
+
+    @functools.cached_property
+    def corners(self):
+        """Times and values between which it is linear."""
+        return np.array(self.times), np.array(self.values)
+
+    def __str__(self):
+        return f"table of {len(self.times)} values up to {max(self.values):g}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Exponential:
+    """Envelope (τ/t) exp(1 - τ/t), which is 1 at its peak at τ = t.
+
+    Parameters
+    ----------
+    peak : float
+        t, nondimensional, above 0.
+    """
+
+    kind: ClassVar[str] = "exponential"
+    kinks: ClassVar = np.zeros(0)
+    peak: float
+
+    def __post_init__(self):
+        _set(self, "peak", checks.number("noise.envelope.peak", self.peak, above=0.0))
+
+    @property
+    def spacing(self):
+        """Longest interval in which it may be taken as linear, to 5e-5 of its peak."""
+        return _LONGEST * self.peak
+
+    def value(self, times):
+        """Return g at times (n,)."""
+        part = np.asarray(times) / self.peak
+        return part * np.exp(1.0 - part)
+
+    def series(self, times, terms):
+        """Return Taylor coefficients (n, terms) of g about times (n,)."""
+        # g^(k) = (-1)^k (u - k) exp(1 - u) / t^k with u = τ/t.
+        order = np.arange(terms)
+        inverse = np.array([1.0 / math.factorial(k) for k in order]) * (-1.0 / self.peak) ** order
+        part = np.asarray(times)[:, None] / self.peak
+        return (part - order) * np.exp(1.0 - part) * inverse
+
+    def squared(self, times):
+        """Return the integral of g² from 0 to times (n,)."""
+        part = np.asarray(times) / self.peak
+        return math.e**2 * self.peak * (0.25 - np.exp(-2.0 * part) * (0.5 * part * (part + 1.0) + 0.25))
+
+    def __str__(self):
+        return f"exponential with its peak at {self.peak:g}"
+
+
+ENVELOPES = {cls.kind: cls for cls in (Trapezoid, Exponential, Table)}
+"""Envelopes by their kind."""
+
+QUIET = 1e-4
+"""Part of the diffusion at g = 1 below which white noise counts as none, so that a block can rest: g below 0.01."""
+
+
+def mean_squares(envelope, edges):
+    """Return the mean of g² in intervals with the edges (n + 1,), those below `QUIET` as 0; ones for no envelope."""
+    if envelope is None:
+        return np.ones(len(edges) - 1)
+    means = np.diff(envelope.squared(edges)) / np.diff(edges)
+    return np.where(means < QUIET, 0.0, means)
+
+
+def refuse_envelope(noise, what):
+    """Refuse a noise with an envelope, where something is not defined for it."""
+    if noise.envelope is not None:
+        accepted = f"nothing: {what} is not defined for a noise that changes with time"
+        raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
+
+
+_MOST = 1000
+
+
+def _set(value, name, checked):
+    object.__setattr__(value, name, checked)

@@ -1,0 +1,84 @@
+"""The cases of fragility, re-run coarse, and the examples of docs/fragility.md.
+
+Seeds are fixed. The bound of a difference of two probabilities is 4.5 standard errors, a false alarm of 7e-6 each for
+another seed.
+"""
+
+import pathlib
+import re
+
+import numpy as np
+import pytest
+from test_cases_montecarlo import written
+
+DOCUMENT = pathlib.Path(__file__).parents[1] / "docs" / "fragility.md"
+
+
+def test_blocks(case, tmp_path):
+    coarse = {"scales": (0.6, 1.2, 2.4), "density_scales": (1.2,), "realizations": 1500}
+    values = case("fragility_of_blocks").run(tmp_path, **coarse)
+    paths, density = np.array(values["paths"]["overturned"]), np.array(values["density"]["overturned"])
+    assert paths.shape == (3, 3)
+    assert np.all(paths[0] >= paths[2])  # a bookcase before a statue
+    # What white noise in place of 400 harmonics costs: at most .03 more (docs/paper.md), here with the estimate.
+    spread = 4.5 * np.sqrt(0.25 / 1500) + np.array(values["density"]["error_estimate"])[:, 0, 0] + 0.03
+    assert np.all(np.abs(paths[:, 1] - density[:, 0]) < spread)
+    assert written(tmp_path, "blocks", values)
+
+
+def test_surface(case, tmp_path):
+    coarse = {
+        "sizes": (0.4, 1.0, 2.0),
+        "slendernesses": (3.0, 5.0, 8.0),
+        "scales": (0.7, 1.5, 4.0),
+        "realizations": 300,
+    }
+    values = case("fragility_surface").run(tmp_path, **coarse)
+    overturned, spread = np.array(values["overturned"]), 4.5 * np.sqrt(2.0 * 0.25 / 300)
+    # Larger blocks stand better, slender ones worse.
+    assert np.all(np.diff(overturned, axis=0) < spread)
+    assert np.all(np.diff(overturned, axis=1) > -spread)
+    assert np.ptp(overturned) > 0.9
+    assert written(tmp_path, "surface", values)
+
+
+def test_examples_of_the_document(tmp_path, monkeypatch, capsys):
+    """All but the one that needs a cluster, in the order of the page."""
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    shorter = {
+        "4.0, 20)": "4.0, 5)",
+        "2.0, 8)": "2.0, 2)",
+        "9.0, 8)": "9.0, 2)",
+        "realizations=2000": "realizations=100",
+    }
+    names = {}
+    for text in blocks:
+        if "Client(" not in text:
+            for long, short in shorter.items():
+                text = text.replace(long, short)  # noqa: PLW2901
+            exec(compile(text, DOCUMENT, "exec"), names)
+    assert {path.name for path in tmp_path.iterdir()} == {"rack.csv", "rack.npz", "blocks.csv", "blocks.jsonl"}
+    assert "Lognormal (overturned): " in capsys.readouterr().out
+    assert names["found"].shape == (2, 2)
+    assert names["found"].failed == ()
+
+
+@pytest.mark.parametrize("name", ["fragility_of_blocks", "fragility_surface"])
+def test_command_lines_of_the_cases(case, name, monkeypatch):
+    """Every option of a command line reaches the case."""
+    module, asked = case(name), {}
+
+    def run(out, **options):
+        asked.update(out=str(out), **options)
+        return {key: {"engine": "", "axis": "", "wall_s": 0.0, "fits": [], "place": []} for key in KEYS} | {
+            "blocks": []
+        }
+
+    monkeypatch.setattr(module, "run", run)
+    monkeypatch.setattr("sys.argv", [name, "--out", "folder", "--realizations", "7", "--seed", "3"])
+    assert module.main() == 0
+    assert (asked["out"], asked["realizations"], asked["seed"]) == ("folder", 7, 3)
+
+
+KEYS = "paths", "density", "by_size", "by_slenderness"
