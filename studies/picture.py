@@ -112,7 +112,8 @@ def small_figure(result):
     figure.axes[0].set_ylabel("probability")
     for m, axes in enumerate(figure.axes):
         axes.set_title(result.label(m) if len(result.scenes) > 1 else "")
-        axes.legend(loc="upper left", fontsize=8)
+        samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
+        axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
     return figure
 
 

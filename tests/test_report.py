@@ -96,7 +96,7 @@ def test_numbers_are_those_of_the_result(report):
     assert page.rows[0] == ["cycle", "time", "survival", "overturned left", "overturned right"]
     survival = [float(row[2]) for row in page.rows[1:]]
     assert survival == pytest.approx(DENSITY.survival, rel=1e-5)
-    assert page.texts.count(DENSITY.headline) == 2
+    assert page.texts.count(DENSITY.title) == 2
     assert "trust: ok" in page.texts
     assert any("restitution = 0.5" in text for text in page.texts)
     assert "One < two & more." in page.texts

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import pathlib
 import re
 import sys
 
@@ -18,6 +19,7 @@ from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
 from montecarlo import Splitting, histories, simulate, tally
 from studies import Fragility, Sweep
 
+DOCUMENT = pathlib.Path(__file__).parents[1] / "docs" / "results.md"
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 WHITE = dataclasses.replace(MAIN, noise=WhiteNoise(0.006))
 
@@ -295,6 +297,16 @@ def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_dif
     differing = compare(Other(MAIN), density).trust
     assert differing.verdict == "caution"
     assert differing.reasons == ("Survival differs by up to 0.06, more than the results say of their errors.",)
+
+
+def test_the_example_of_the_document(monkeypatch, capsys):
+    for name in ("pandas", "xarray"):
+        pytest.importorskip(name)
+    monkeypatch.chdir(DOCUMENT.parents[1])
+    (example,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile(example, DOCUMENT, "exec"), {})
+    printed = " ".join(re.findall(r"^# +(.*)$", example, re.MULTILINE))
+    assert capsys.readouterr().out.split() == printed.split()
 
 
 def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):

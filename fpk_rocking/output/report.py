@@ -39,7 +39,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
     path : path
         By custom with the suffix .html.
     shown : Shown
-        What it is about: its headline, verdict, picture and table stand there.
+        What it is about: its title, verdict, picture and table stand there.
     values : dict
         Plain values, kept in the file as JSON under the id "summary".
     sentences : sequence of str
@@ -69,7 +69,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         _json_html("summary", values),
         f"{_json_html('film', made)}<script>{script}</script>" if made else "",
     ]
-    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(shown.headline))
+    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(shown.title))
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
     return len(page.encode())

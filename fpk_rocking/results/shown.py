@@ -38,7 +38,12 @@ class Shown:
 
     def __repr__(self):
         reason = textwrap.shorten(self.trust.reasons[0], _SHORT, placeholder=" ...")
-        return f"<{type(self).__name__}: {self.headline}; trust: {self.trust.verdict}. {reason}>"
+        return f"<{self.title}; trust: {self.trust.verdict}. {reason}>"
+
+    @property
+    def title(self):
+        """Kind and headline."""
+        return f"{type(self).__name__}: {self.headline}"
 
     def _repr_html_(self):
         rows = "".join(
@@ -46,7 +51,7 @@ class Shown:
             for name, text in self._said()
         )
         return (
-            f"<div><p><strong>{html.escape(f'{type(self).__name__}: {self.headline}')}</strong></p>"
+            f"<div><p><strong>{html.escape(self.title)}</strong></p>"
             f"{trust_html(self.trust)}{picture_html(self.plot(), self.headline, dots=72)}"
             f"<details><summary>Figures</summary><table>{rows}</table></details></div>"
         )
