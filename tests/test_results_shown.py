@@ -113,6 +113,20 @@ def test_the_card_holds_all_it_shows(result):
     assert 5_000 < len(card) < 150_000
 
 
+def test_texts_cannot_become_elements_of_the_card():
+    class Named(Density):
+        engine = "<b>"
+
+        @property
+        def facts(self):
+            return super().facts | {"note": "<i>"}
+
+    failed = Sweep(tuple(rows("ok", "")), {"<u>": (1.0, 2.0)}, 2.0)
+    for card in (Named(MAIN)._repr_html_(), failed._repr_html_()):
+        assert not re.search("<[biu]>", card)
+    assert "&lt;i&gt;" in Named(MAIN)._repr_html_()
+
+
 def test_the_picture_is_a_figure_and_no_window(result):
     figure = result.plot()
     assert all(axes.has_data() for axes in figure.axes)
@@ -297,6 +311,9 @@ def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_dif
     differing = compare(Other(MAIN), density).trust
     assert differing.verdict == "caution"
     assert differing.reasons == ("Survival differs by up to 0.06, more than the results say of their errors.",)
+    # Seven standard errors, and two.
+    assert compare(ensemble, Other(MAIN)).trust.verdict == "caution"
+    assert compare(fakes.FakeEnsemble(MAIN, realizations=400), Other(MAIN)).trust.verdict == "ok"
 
 
 def test_the_example_of_the_document(monkeypatch, capsys):
