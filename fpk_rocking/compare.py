@@ -334,6 +334,7 @@ def _trust(both, difference, standard_error):
         for reason in result.trust.reasons
         if result.trust.verdict != VERDICTS[0]
     ]
+    found += [Doubt(CAUTION, sentence) for sentence in _shared_seed(both)]
     stated = sum(result.facts.get("error_estimate", 0.0) for result in both)
     beyond = float((np.abs(difference) - _DEVIATIONS * standard_error - stated).max())
     if beyond > 0.0:
@@ -349,12 +350,14 @@ def _remarks(first, second) -> tuple[str, ...]:
     noises = [result.scene.noise for result in (first, second)]
     if noises[0] != noises[1]:
         sentences.append(f"The noise differs: {noise_text(noises[0])}, against {noise_text(noises[1])}.")
-    seeds = [(result.facts.get("seed"), result.engine) for result in (first, second)]
-    if seeds[0] == seeds[1] and seeds[0][0] is not None:
-        sentences.append(
-            f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."
-        )
-    return tuple(sentences)
+    return (*sentences, *_shared_seed((first, second)))
+
+
+def _shared_seed(both) -> list[str]:
+    seeds = [(result.facts.get("seed"), result.engine) for result in both]
+    if seeds[0] != seeds[1] or seeds[0][0] is None:
+        return []
+    return [f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."]
 
 
 def _plain(value):

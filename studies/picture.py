@@ -120,7 +120,8 @@ def small_figure(result):
 def _curves(axes, result, m, shown):
     for one in shown:
         _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
-    axes.set(ylim=(-0.03, 1.03), xlabel="scale of the shaking")
+    # Set, for there may be no answer at all, and nothing that a logarithmic axis could begin with.
+    axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03), xlabel="scale of the shaking")
     _logarithmic(axes.set_xscale, axes.xaxis)
 
 

@@ -16,6 +16,7 @@ from fpk_rocking.results.remarks import doubts, remarks
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
 from fpk_rocking.scene.scene import Scene
+from montecarlo.results.sample import certain
 from montecarlo.results.statistics import wilson_interval
 from studies.lognormal import fit_lognormal
 from studies.measures import intensities
@@ -186,6 +187,7 @@ class Fragility(Shown):
         """What it says of its own errors, as plain values; of those probabilities that have an answer."""
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
+        own = {} if all(map(certain, self.scenes)) else own
         own = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
         tol = {"tol": self.options["tol"]} if "tol" in self.options else {}
         return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | own | tol
@@ -194,7 +196,7 @@ class Fragility(Shown):
     def trust(self):
         """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
         found = [doubt for scene in self.scenes for doubt in doubts(_Told(scene, self.closure))]
-        return trust_of({} if self.realizations == 1 else self.facts, self._unanswered + found)
+        return trust_of(self.facts, self._unanswered + found)
 
     @property
     def headline(self):

@@ -159,8 +159,8 @@ class Sweep(Shown):
         """
         from fpk_rocking.results.pictures import figure_of
 
-        names = self._numbers()
-        values = self.values(name or (names[0] if names else "survival"))
+        name = name or next(iter(self._numbers()), "")
+        values = self.values(name) if name else np.full(self.shape, np.nan)
         first, *others = self.axes.items() or [("scene", range(len(self.rows)))]
 
         def panel(_, axes):
@@ -168,7 +168,7 @@ class Sweep(Shown):
             for line, place in zip(lines, itertools.product(*(given for _, given in others)), strict=True):
                 label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
                 axes.plot(first[1], line, marker="o", markersize=4.0, label=label or None)
-            axes.set(xlabel=first[0], ylabel=name or names[0])
+            axes.set(xlabel=first[0], ylabel=name)
             if others and len(lines) <= _LABELLED:
                 axes.legend(fontsize=8)
 

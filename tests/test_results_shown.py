@@ -10,7 +10,7 @@ import fakes
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Forcing, Scene, WhiteNoise
+from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare
 from fpk_rocking.density.realizations import RealizationAverage
 from fpk_rocking.results.binning import joint_edges, shown_edges
@@ -270,6 +270,16 @@ def test_doubts_about_the_noise_are_part_of_the_verdict_on_a_density(scene, verd
     assert fakes.FakeEnsemble(scene).trust.verdict == "ok"
 
 
+def test_one_path_without_noise_is_certain():
+    """Two realizations say no less than one; with noise, or from a spread start, they say nothing."""
+    quiet = dataclasses.replace(MAIN, noise=NoNoise())
+    spread = quiet.varied(start=Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01))))
+    found = [fakes.FakeEnsemble(scene, realizations=2).trust.verdict for scene in (quiet, MAIN, spread)]
+    assert found == ["ok", "do not use", "do not use"]
+    curves = [dataclasses.replace(fragility(), scenes=(scene,), realizations=1) for scene in (quiet, MAIN)]
+    assert [curve.trust.verdict for curve in curves] == ["ok", "do not use"]
+
+
 @dataclasses.dataclass(frozen=True)
 class Resting(fakes.FakeEvolution):
     resting: float = 0.3
@@ -311,6 +321,7 @@ def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_dif
     differing = compare(Other(MAIN), density).trust
     assert differing.verdict == "caution"
     assert differing.reasons == ("Survival differs by up to 0.06, more than the results say of their errors.",)
+    assert compare(ensemble, ensemble).trust.reasons[0].startswith("Both ensembles use seed 1")
     # Seven standard errors, and two.
     assert compare(ensemble, Other(MAIN)).trust.verdict == "caution"
     assert compare(fakes.FakeEnsemble(MAIN, realizations=400), Other(MAIN)).trust.verdict == "ok"
@@ -335,5 +346,9 @@ def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):
     assert kinds["sweep"].trust.reasons == ('"caution" is the verdict on 1 of 4 scenes.',)
     assert kinds["list"].trust.reasons == ("1 of 2 scenes failed: ValueError: refused",)
     assert Sweep(tuple(rows("", "")), {}, 1.0).trust.verdict == "do not use"
+    assert "2 of 2 scenes failed" in Sweep(tuple(rows("", "")), {}, 1.0)._repr_html_()
+    unknown = {"0,0,0": "ValueError: refused"}
+    nothing = dataclasses.replace(whole, probability=np.full((1, 2, 6), np.nan), reasons=unknown)
+    assert "1 of 12 probabilities have no answer" in nothing._repr_html_()
     assert Sweep(tuple(rows("ok", "do not use")), {}, 1.0).trust.verdict == "do not use"
     assert Sweep(tuple(rows("ok")), {}, 1.0).trust.verdict == "ok"

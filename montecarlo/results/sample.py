@@ -7,6 +7,11 @@ from fpk_rocking.results.result import SurvivalResult
 from montecarlo.results.statistics import wilson_interval
 
 
+def certain(scene):
+    """Whether all paths of a scene are one: there is no noise, and the start is a point."""
+    return scene.noise.kind == "none" and scene.start.covariance is None
+
+
 class Sample(SurvivalResult):
     """What an ensemble and a tally have in common.
 
@@ -26,9 +31,9 @@ class Sample(SurvivalResult):
     def facts(self):
         """What it says of itself beside the survival, as plain values."""
         interval = self.survival_interval()
-        return {
+        spread = {} if certain(self.scene) else {"half_width": float(0.5 * np.diff(interval).max())}
+        return spread | {
             "interval": interval.tolist(),
-            "half_width": float(0.5 * np.diff(interval).max()),
             "method": self.method,
             "realizations": int(self.realizations),
             "seed": int(self.seed),
