@@ -8,7 +8,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import certain
-from studies.cells import Cell, seed_of
+from studies.execution.cells import Cell, seed_of
 from studies.result import Fragility
 from studies.scenes import grid, scaled
 from studies.sweeping import checked_scenes, run
@@ -80,26 +80,26 @@ def fragility(
     Returns
     -------
     Fragility
-        Where an engine refuses a scale, its reason stands there and the probability is nan.
+        Where an engine refuses a scale and answers others, its reason stands there and the probability is nan.
 
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or the store belongs to another study.
+        A parameter is refused, the engine refuses all scales, or the store belongs to another study.
     """
     started = time.perf_counter()
     scenes, axis, places = _scenes(scene, over)
     factors = tuple(sorted(checks.several("scale", scale, most=_MOST, above=0.0)))
     if len(set(factors)) != len(factors):
         raise ValueError(checks.refusal("scale", scale, "numbers that differ from each other"))
-    levels = checks.several("levels", levels, most=_MOST, above=0.0) if len(levels) else ()
+    levels = () if isinstance(levels, tuple | list) and not levels else checks.several("levels", levels, most=_MOST)
     _check_levels(levels, scenes)
     seed = checks.count("seed", seed, at_least=0)
     engine, shaken, closure = _engine(engine, scenes)
-    lasting = {} if cycles is None else {"cycles": cycles}
-    lasting |= {} if times is None else {"times": [float(time) for time in times]}
     for one in shaken:
-        result_times(one, **lasting)
+        result_times(one, cycles, times)
+    lasting = {} if cycles is None else {"cycles": int(cycles)}
+    lasting |= {} if times is None else {"times": [float(time) for time in times]}
     options, realizations = _options(engine, shaken, lasting, realizations, tol)
     shape, cells = (len(scenes), 1 + len(levels), len(factors)), []
     for m, which, n in np.ndindex(shape):
@@ -109,6 +109,8 @@ def fragility(
     verb = VERBS["fpk" if engine == "density" else "mc"]
     rows = run(verb, cells, options, workers=workers, store=store, progress=progress)
     values = [row["values"] for row in rows]
+    if not any(values):
+        raise ValueError(f"no scale of {list(factors)} is answered: {rows[0]['reason']}")
     if any(one.get("closure") for one in values):
         closure = _REPLACED.format("white")
     return Fragility(

@@ -59,7 +59,7 @@ def curves_figure(path, results, title, which=0):
             axes.set_title(first.label(m) if count > 1 else "")
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
-            axes.legend(loc="upper left")
+            axes.legend(loc="best")
     return path
 
 

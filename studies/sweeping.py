@@ -17,11 +17,11 @@ from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, verdict
 from fpk_rocking.scene.scene import Scene
-from studies.cells import Cell, seed_of
+from studies.execution.cells import Cell, seed_of
+from studies.execution.store import Store
+from studies.execution.workers import rows_of
 from studies.scenes import Grid
-from studies.store import Store
 from studies.verbs import VERBS, tasks_of
-from studies.workers import rows_of
 
 _LABELLED = 8
 

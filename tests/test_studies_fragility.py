@@ -14,12 +14,14 @@ from fpk_rocking import cli, load_scene
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
 from montecarlo import Ensemble, histories, simulate
 from studies import Fragility, fragility, scaled
-from studies.cells import seed_of
+from studies.execution.cells import seed_of
 from studies.picture import curves_figure, surface_figure
 from studies.tables import fragility_table
 
 SCALE = 0.5, 0.8, 1.1, 1.4
 BLOCK = Scene.from_block(0.6, 2.4, 3.0, 1.5, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 5.0))
+
+WHITE = dataclasses.replace(BLOCK, noise=WhiteNoise(0.01))
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +203,11 @@ def test_table_and_pictures(tmp_path, curve):
             r"levels\[0\]: got 2.0, accepted: an angle above that of the start, 0, and below",
         ),
         ({"levels": [0.0]}, ValueError, r"levels\[0\]: got 0.0"),
+        ({"levels": 0.5}, TypeError, "levels: got 0.5"),
+        ({"times": 3.0}, ValueError, "times: got 3.0, accepted: nothing: this forcing repeats"),
         ({"realizations": 0}, ValueError, "realizations: got 0"),
+        ({"engine": "rk4", "scene": WHITE}, ValueError, "no scale of .* is answered: ValueError: method: got 'rk4'"),
+        ({"engine": "density", "tol": 1e-9}, ValueError, "no scale of .* is answered: ValueError: tol: got 1e-09"),
         ({"over": {"scale": [1.0]}}, ValueError, "over: got .*, accepted: one parameter other than the scale"),
         (
             {"over": {"noise.variance": [0.1], "forcing.phase": [0.1]}},

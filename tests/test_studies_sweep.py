@@ -16,7 +16,7 @@ from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
 from montecarlo import simulate
 from studies import grid, sweep
-from studies.cells import seed_of
+from studies.execution.cells import seed_of
 
 SCENE = Scene(block=Block(0.5), forcing=Forcing(4.6, 2.7, 0.0), noise=NoNoise())
 AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
@@ -176,6 +176,7 @@ def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
     assert told(found.rows) == told(alone.rows)
     assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]
     assert store.read_bytes().startswith(kept)
+    assert store.read_bytes().endswith(b"}\n")
     # Nothing is left to do, and scenes may be added.
     more = sweep((*GRID.scenes, SCENE), study_verbs.amplitude, seed=7, store=store)
     assert told(more.rows[:5]) == told(alone.rows)
@@ -254,7 +255,7 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     store, script = tmp_path / "rows.jsonl", tmp_path / "script.py"
     script.write_text(SCRIPT)
     run = subprocess.Popen(
-        [sys.executable, script, store, "1.0"], env={"PYTHONPATH": ":".join(sys.path)}, stdout=subprocess.PIPE
+        [sys.executable, script, store, "0.5"], env={"PYTHONPATH": ":".join(sys.path)}, stdout=subprocess.PIPE
     )
     while run.poll() is None and not (store.exists() and store.read_bytes().count(b"\n") >= 2):
         time.sleep(0.05)
@@ -263,9 +264,9 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     run.communicate(timeout=20)
     rows = store.read_bytes().count(b"\n") - 1
     assert 1 <= rows < 5
-    found = sweep(GRID, study_verbs.slow, store=store, seconds=1.0)
+    found = sweep(GRID, study_verbs.slow, store=store, seconds=0.5)
     assert len(found.rows) == 5
-    assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 1.0
+    assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 0.5
 
 
 def test_progress_tells_what_is_left(monkeypatch, capsys):

@@ -37,10 +37,10 @@ def test_every_engine_gives_the_same_bits_for_any_number_of_threads():
 
 
 USE = """
-import fpk_rocking, montecarlo, numpy
+import fpk_rocking, montecarlo, numpy, studies
 from fpk_rocking import load_scene, solve_fpk, __version__
 from montecarlo import simulate
-for package in (fpk_rocking, montecarlo):
+for package in (fpk_rocking, montecarlo, studies):
     print(package.__file__)
 scene = load_scene("scene.toml")
 density = solve_fpk(scene, cycles=2, tol=1e-2)
@@ -75,8 +75,8 @@ def test_the_wheel_of_the_sdist_runs_outside_the_checkout(tmp_path):
     (folder / "scene.toml").write_text((ROOT / "cases" / "scenes" / "second.toml").read_text(encoding="utf-8"))
     clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     lines = run(python, "-c", USE, cwd=folder, env=clean).splitlines()
-    assert all(pathlib.Path(line).is_relative_to(place) for line in lines[:2]), lines
-    assert re.fullmatch(r"\d+\.\d+\.\d+", lines[2])
+    assert all(pathlib.Path(line).is_relative_to(place) for line in lines[:3]), lines
+    assert re.fullmatch(r"\d+\.\d+\.\d+", lines[3])
     command = packages.parents[2] / "bin" / "fpk-rocking"
     asked = ["mc", "scene.toml", "--cycles", 2, "--realizations", 100, "--out", "out"]
     printed = run(command, *asked, cwd=folder, env=clean)

@@ -18,6 +18,7 @@ from fpk_rocking.density import Evolution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.storage import KINDS, result_kind
 from montecarlo import Ensemble, Histories, Tally, histories, simulate, tally
+from studies import Fragility, fragility
 
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01))))
 EDGES = {"angle_edges": [-1.0, 0.0, 1.0], "velocity_edges": [-2.0, 0.0, 2.0]}
@@ -59,6 +60,7 @@ def saved(tmp_path_factory):
     """Class, file and its bytes of a small result of every kind."""
     folder = tmp_path_factory.mktemp("saved")
     results = [evolution(), simulate(**ASKED), tally(**ASKED, **EDGES), histories(**ASKED, samples_per_cycle=2)]
+    results.append(fragility(**ASKED, scale=(1.0, 2.0), levels=(0.5,)))
     files = {}
     for kind, result in zip(KINDS, results, strict=True):
         result.save(folder / f"{kind}.npz")
@@ -259,4 +261,5 @@ def test_a_result_of_another_kind_is_refused(kind, saved, tmp_path):
 def test_every_kind_has_its_class(saved):
     assert {kind: cls for kind, (cls, _, _) in saved.items()} == {
         "evolution": Evolution, "ensemble": Ensemble, "tally": Tally, "histories": Histories,
+        "fragility": Fragility,
     }  # fmt: skip

@@ -11,7 +11,7 @@ import threading
 import time
 
 from fpk_rocking.console import line
-from studies.cells import perform, perform_alone, row_of
+from studies.execution.cells import perform, perform_alone, row_of
 
 _PACKS = 16
 """Packs that n cells are handed over in, over √n: single cells up to 256, few enough packs of many."""
@@ -26,7 +26,7 @@ def rows_of(verb, cells, options, workers):
     Parameters
     ----------
     verb, options
-        As `studies.cells.perform`.
+        As `studies.execution.cells.perform`.
     cells : sequence of Cell
     workers : int or concurrent.futures.Executor
         1: one cell after the other in this process, with all threads. More: as many processes, one thread each. An
