@@ -70,7 +70,7 @@ $(STAMP): constraints.txt pyproject.toml
 	echo "No Python >= 3.11 among: $(PYTHON). Install one, or name it: make PYTHON=/path/to/python $(MAKECMDGOALS)" >&2; exit 1
 	@echo "Installing the pinned versions into $(VENV), about half a minute"
 	$(INSTALL) hatchling
-	$(INSTALL) --no-build-isolation -e '.[cluster,dev,docs,test,view,xarray]'
+	$(INSTALL) --no-build-isolation -e '.[cluster,dev,docs,frames,test,view]'
 	@touch $@
 
 $(PEERS)/.installed: $(STAMP) constraints-peers.txt

@@ -31,6 +31,8 @@ examples:
       probability of overturning against the scale of the shaking, with a lognormal fit
   fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
+  fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
+      numbers, verdict and densities as one file for the browser
 
 fpk-rocking COMMAND --help lists the options of a command
 """
@@ -73,6 +75,10 @@ def main(arguments=None) -> int:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
             if getattr(options, "out", None):
                 console.check_folder("--out", options.out)
+            if getattr(options, "report", None):
+                console.check_folder("--report", options.report.parent)
+                if options.report.is_dir():
+                    raise ValueError(f"--report: got the folder {str(options.report)!r}, accepted: a file to write")
             if getattr(options, "checkpoint", None) and not options.tally:
                 raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
             options.run(options)
@@ -156,6 +162,8 @@ def _add_common(parser, files):
     times = "of a pulse or a record: nondimensional times in place of cycles (default 20 parts of it, and 10 later)"
     parser.add_argument("--times", type=float, nargs="+", metavar="T", help=times)
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help=f"folder for files: {files}")
+    report = "one HTML file with numbers, verdict, pictures and, of engines, the density after every cycle"
+    parser.add_argument("--report", type=pathlib.Path, metavar="FILE", help=report)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
 
 
@@ -198,7 +206,7 @@ def _fpk(options):
         result.save(options.out / "result.npz")
         vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(len(result.times) - 1)}))
         summary.write_summary(options.out / "summary.json", values)
-    _print(options, values, lambda: tables.result_table(result))
+    _print(options, result, values, lambda: tables.result_table(result), [result])
 
 
 def _mc(options):
@@ -209,7 +217,7 @@ def _mc(options):
     if options.out:
         result.save(options.out / "result.npz")
         summary.write_summary(options.out / "summary.json", values)
-    _print(options, values, lambda: tables.result_table(result))
+    _print(options, result, values, lambda: tables.result_table(result), [result])
 
 
 def _compare(options):
@@ -230,7 +238,7 @@ def _compare(options):
             second.save(options.out / "density.npz")
         curves.survival_figure(options.out / "survival.png", [second, first], "Survival and leakage")
         summary.write_summary(options.out / "summary.json", compared.to_dict())
-    _print(options, compared.to_dict(), lambda: tables.comparison_table([compared]))
+    _print(options, compared, compared.to_dict(), lambda: tables.comparison_table([compared]), [second, first])
 
 
 def _fragility(options):
@@ -270,7 +278,7 @@ def _fragility(options):
             curves_figure(options.out / "fragility.png", [result], "Fragility", which=None)
         else:
             surface_figure(options.out / "fragility.png", result, "Fragility")
-    _print(options, values, lambda: fragility_table(result))
+    _print(options, result, values, lambda: fragility_table(result))
 
 
 def _numbers(name, text):
@@ -383,9 +391,15 @@ def _or(value, default):
     return default if value is None else value
 
 
-def _print(options, values, table):
+def _print(options, result, values, table, films=()):
     from fpk_rocking.output import tables
 
+    if options.report:
+        from fpk_rocking.output.report import write_report
+
+        scenes = [one.scene for one in films] or result.scenes
+        size = write_report(options.report, result, values, table()[2], films, scenes)
+        sys.stderr.write(f"fpk-rocking {options.command}: {options.report}: {size / 1000:,.0f} kB\n")
     if options.json:
         sys.stdout.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")
     else:

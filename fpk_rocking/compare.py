@@ -15,11 +15,15 @@ from fpk_rocking.base import checks
 from fpk_rocking.results import distances
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Doubt, Trust, verdict
 
 __all__ = ["Comparison", "Result", "compare", "joint_edges", "shown_cycles"]
 
 _SHOWN_CYCLES = (1, 2, 4, 10, 20, 40, 60, 100, 200)
 _LEVEL = 0.95
+_DEVIATIONS = 4.0
+_DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
 
 
 class Result(typing.Protocol):
@@ -39,8 +43,8 @@ class Result(typing.Protocol):
         """Return P(not overturned and in the bin), shape (n_angle, n_velocity)."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Comparison:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """Two results side by side; the last axis of length 2, where there is one, is (first, second) result.
 
     Attributes
@@ -82,6 +86,8 @@ class Comparison:
         Mean positive part Φ of the Melnikov process of each scene (see `fpk_rocking.melnikov.phase_flux`).
     wall_s : tuple of float
         Seconds each result took.
+    trust : Trust
+        Verdict on both results, and whether they differ by more than they say of their errors.
     remarks : tuple of str
         What a reader has to know to judge the figures.
     """
@@ -109,11 +115,76 @@ class Comparison:
     melnikov_margin: np.ndarray
     phase_flux: np.ndarray
     wall_s: tuple[float, float]
+    trust: Trust
     remarks: tuple[str, ...]
+
+    @property
+    def headline(self):
+        """What was compared and how far it differs, in a few words."""
+        most = np.argmax(np.abs(self.difference))
+        when = f"cycle {self.cycles[most]}" if self.melnikov_loss is not None else f"τ = {self.times[most]:.4g}"
+        return (
+            f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.2g} ({when})"
+        )
+
+    @property
+    def facts(self):
+        """Figures as plain values."""
+        found = {"largest difference of survival": float(np.abs(self.difference).max())}
+        if self.l1.size:
+            found["largest l1"] = float(self.l1.max())
+        sizes = zip(("first", "second"), self.realizations, strict=True)
+        return found | {f"realizations of the {name}": size for name, size in sizes if size}
+
+    def columns(self):
+        """Survival of both and how it differs, by cycle and time: arrays by name."""
+        found = {"cycle": self.cycles, "time": self.times}
+        for which, name in enumerate(("first", "second")):
+            found[f"survival_{name}"] = self.survival[:, which]
+            found[f"low_{name}"], found[f"high_{name}"] = self.interval[:, which].T
+        found |= {name: getattr(self, name) for name in ("difference", "standard_error", "z")}
+        for name in _DISTANCES:
+            found[name] = np.full(self.cycles.size, math.nan)
+            found[name][self.joint_cycles] = getattr(self, name)
+        return found
+
+    def grids(self):
+        """Arrays by name and coordinates for `to_xarray`."""
+        variables = {name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")}
+        variables |= {"survival": (("cycle", "result"), self.survival)}
+        variables |= {"interval": (("cycle", "result", "limit"), self.interval)}
+        variables |= {"leakage": (("during", "result", "side"), self.leakage)}
+        variables |= {name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES}
+        places = {"cycle": self.cycles, "during": self.cycles[1:], "joint_cycle": self.joint_cycles}
+        return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
+
+    def plot(self):
+        """Draw survival of both, and their difference with 95 % intervals; returns a matplotlib figure."""
+        from fpk_rocking.base.look import COLOURS
+        from fpk_rocking.results.pictures import figure_of
+
+        def survival(_, axes):
+            for which, name in enumerate(self.names):
+                error = self.error_estimate[which]
+                values, limits = self.survival[:, which], self.interval[:, which].T
+                limits = limits if np.isnan(error) else (values - error, values + error)
+                axes.fill_between(self.cycles, *limits, color=COLOURS[which], alpha=0.3, linewidth=0.0)
+                axes.plot(self.cycles, values, color=COLOURS[which], marker=".", label=name)
+            axes.set(xlabel="forcing cycles" if self.melnikov_loss is not None else "number of the time")
+            axes.set(ylabel="P(not overturned)", ylim=(-0.03, 1.03))
+            axes.legend(fontsize=8)
+
+        def difference(_, axes):
+            axes.axhline(0.0, color="black", linewidth=0.8)
+            axes.errorbar(self.cycles, self.difference, 1.96 * self.standard_error, marker="o", markersize=3.0)
+            axes.set(xlabel=axes.figure.axes[0].get_xlabel(), ylabel="first less second, 95 % interval")
+
+        return figure_of(survival, difference)
 
     def to_dict(self) -> dict:
         """Return plain lists, numbers and strings for JSON, nan as None."""
-        return {field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+        found = {field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+        return found | {"trust": self.trust.plain}
 
 
 def compare(first, second, joint_cycles=None) -> Comparison:
@@ -172,6 +243,7 @@ def compare(first, second, joint_cycles=None) -> Comparison:
         outside=columns[:, 4:],
         **_melnikov(both),
         wall_s=(float(first.wall_s), float(second.wall_s)),
+        trust=_trust(both, difference, standard_error),
         remarks=_remarks(first, second),
     )
 
@@ -254,17 +326,38 @@ def _z(difference, standard_error, sizes) -> np.ndarray:
         return np.where(difference == 0.0, 0.0, difference / standard_error)
 
 
+def _trust(both, difference, standard_error):
+    """Join the verdicts on two results, with what their difference adds."""
+    found = [
+        Doubt(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
+        for result in both
+        for reason in result.trust.reasons
+        if result.trust.verdict != VERDICTS[0]
+    ]
+    found += [Doubt(CAUTION, sentence) for sentence in _shared_seed(both)]
+    stated = sum(result.facts.get("error_estimate", 0.0) for result in both)
+    beyond = float((np.abs(difference) - _DEVIATIONS * standard_error - stated).max())
+    if beyond > 0.0:
+        sentence = (
+            f"Survival differs by up to {np.abs(difference).max():.2g}, more than the results say of their errors."
+        )
+        found.append(Doubt(CAUTION if beyond <= USELESS else UNUSABLE, sentence))
+    return verdict(found, "Neither result is in doubt, and survival differs by no more than they say of their errors.")
+
+
 def _remarks(first, second) -> tuple[str, ...]:
     sentences = list(remarks(first, second))
     noises = [result.scene.noise for result in (first, second)]
     if noises[0] != noises[1]:
         sentences.append(f"The noise differs: {noise_text(noises[0])}, against {noise_text(noises[1])}.")
-    seeds = [(result.facts.get("seed"), result.engine) for result in (first, second)]
-    if seeds[0] == seeds[1] and seeds[0][0] is not None:
-        sentences.append(
-            f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."
-        )
-    return tuple(sentences)
+    return (*sentences, *_shared_seed((first, second)))
+
+
+def _shared_seed(both) -> list[str]:
+    seeds = [(result.facts.get("seed"), result.engine) for result in both]
+    if seeds[0] != seeds[1] or seeds[0][0] is None:
+        return []
+    return [f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."]
 
 
 def _plain(value):

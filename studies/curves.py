@@ -7,6 +7,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
+from montecarlo.results.sample import certain
 from studies.execution.cells import Cell, seed_of
 from studies.result import Fragility
 from studies.scenes import grid, scaled
@@ -175,9 +176,8 @@ def _options(engine, scenes, lasting, realizations, tol):
     """Return the options of the verb, and the realizations of a sample, 0 of a density."""
     if engine == "density":
         return lasting | {"tol": tol}, 0
-    sure = all(scene.noise.kind == "none" and scene.start.covariance is None for scene in scenes)
     realizations = checks.count("realizations", realizations)
-    realizations = 1 if sure else realizations
+    realizations = 1 if all(map(certain, scenes)) else realizations
     return lasting | {"realizations": realizations, "method": engine}, realizations
 
 

@@ -4,9 +4,10 @@ import numpy as np
 
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
+from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 
-__all__ = ["curves_figure", "draw_map", "draw_surface", "surface_figure"]
+__all__ = ["curves_figure", "draw_map", "draw_surface", "small_figure", "surface_figure"]
 
 NAMES = {
     "size": "half diagonal R, m",
@@ -52,12 +53,9 @@ def curves_figure(path, results, title, which=0):
         for panel in panels[count:]:
             panel.set_visible(False)
         for m, axes in enumerate(panels[:count]):
-            for one in shown:
-                _curve(axes, first, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
+            _curves(axes, first, m, shown)
             for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
                 _curve(axes, other, m, shown[0], colour, "x", fit=False)
-            axes.set(ylim=(-0.03, 1.03), xlabel="scale of the shaking")
-            _logarithmic(axes.set_xscale, axes.xaxis)
             axes.set_title(first.label(m) if count > 1 else "")
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
@@ -98,6 +96,33 @@ def draw_map(axes, across, up, probability):
     _logarithmic(axes.set_yscale, axes.yaxis)
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
     return filled
+
+
+def small_figure(result):
+    """Return a figure of all probabilities of the first three scenes, or of overturning over a parameter."""
+
+    def surface(figure, axes):
+        figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
+
+    if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
+        return figure_of(surface)
+    shown = range(len(result.names))
+    panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(len(result.scenes), 3))]
+    figure = figure_of(*panels)
+    figure.axes[0].set_ylabel("probability")
+    for m, axes in enumerate(figure.axes):
+        axes.set_title(result.label(m) if len(result.scenes) > 1 else "")
+        samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
+        axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
+    return figure
+
+
+def _curves(axes, result, m, shown):
+    for one in shown:
+        _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
+    # Set, for there may be no answer at all, and nothing that a logarithmic axis could begin with.
+    axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03), xlabel="scale of the shaking")
+    _logarithmic(axes.set_xscale, axes.xaxis)
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):

@@ -4,14 +4,19 @@ import csv
 import dataclasses
 import functools
 import io
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
-from fpk_rocking.results.remarks import remarks
+from fpk_rocking.results.remarks import doubts, remarks
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
 from fpk_rocking.scene.scene import Scene
+from montecarlo.results.sample import certain
 from montecarlo.results.statistics import wilson_interval
 from studies.lognormal import fit_lognormal
 from studies.measures import intensities
@@ -37,8 +42,8 @@ _LAYOUT = Layout(
 )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fragility:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Fragility(Shown):
     """Probabilities of overturning, and of reaching smaller angles, against the scale of the shaking.
 
     Parameters
@@ -162,15 +167,45 @@ class Fragility:
     @property
     def remarks(self):
         """Sentences that have to stand wherever this result is shown."""
-        of = [sentence for scene in self.scenes for sentence in remarks(_Shown(scene, self.closure))]
+        of = [sentence for scene in self.scenes for sentence in remarks(_Told(scene, self.closure))]
         kinds = {}
         for sentence in dict.fromkeys(of):
             kinds.setdefault(sentence.partition(":")[0], []).append(sentence)
         found = [one + f" (Other scenes: {len(more)} likewise.)" * bool(more) for one, *more in kinds.values()]
-        if self.reasons:
-            first = next(iter(self.reasons.values()))
-            found.append(f"{len(self.reasons)} of {self.probability.size} probabilities have no answer: {first}")
-        return found
+        return found + [doubt.sentence for doubt in self._unanswered]
+
+    @property
+    def _unanswered(self):
+        if not self.reasons:
+            return []
+        count, first = self.probability.size, next(iter(self.reasons.values()))
+        sentence = f"{len(self.reasons)} of {count} probabilities have no answer: {first}"
+        return [Doubt(CAUTION if len(self.reasons) < count else UNUSABLE, sentence)]
+
+    @property
+    def facts(self):
+        """What it says of its own errors, as plain values; of those probabilities that have an answer."""
+        limits = self.interval()
+        own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
+        own = {} if all(map(certain, self.scenes)) else own
+        own = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
+        tol = {"tol": self.options["tol"]} if "tol" in self.options else {}
+        return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | own | tol
+
+    @functools.cached_property
+    def trust(self):
+        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        found = [doubt for scene in self.scenes for doubt in doubts(_Told(scene, self.closure))]
+        return trust_of(self.facts, self._unanswered + found)
+
+    @property
+    def headline(self):
+        """What it is and what it found, in a few words."""
+        count, (low, high) = len(self.scenes), self.scale[[0, -1]]
+        fit = self.fits[0][0]
+        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if count == 1 and not fit.reason else ""
+        scenes = f"{count} scene{'s' * (count > 1)}"
+        return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
 
     def describe(self, scene, which=0):
         """Return the lognormal fit of a scene's curve as a sentence."""
@@ -181,6 +216,24 @@ class Fragility:
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
         return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
+
+    def columns(self):
+        """Return the columns of `to_csv`: arrays by name."""
+        rows = list(self.rows())
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    def grids(self):
+        """Probabilities with 95 % limits and coordinates for `to_xarray`; the level of overturning is called inf."""
+        limits, dims = self.interval(), (self.axis, "level", "scale")
+        values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
+        places = {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale}
+        return {name: (dims, one) for name, one in values.items()}, places
+
+    def plot(self):
+        """Draw the curves with their fits, or the surface over a parameter; returns a matplotlib figure."""
+        from studies.picture import small_figure
+
+        return small_figure(self)
 
     def rows(self):
         """Yield each probability as a dict: the columns of `to_csv`."""
@@ -209,21 +262,6 @@ class Fragility:
         table.writerows(rows)
         storage.write_text(path, text.getvalue())
 
-    def to_xarray(self):
-        """Return an `xarray.Dataset`: "probability", "low" and "high" over the axis, "level" and "scale".
-
-        The level of overturning is called inf. xarray is an optional dependency (``pip install fpk-rocking[xarray]``).
-        """
-        import xarray
-
-        limits, dims = self.interval(), (self.axis, "level", "scale")
-        values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
-        return xarray.Dataset(
-            {name: (dims, np.array(one)) for name, one in values.items()},
-            {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale},
-            {"engine": self.engine, "realizations": self.realizations},
-        )
-
     def summary(self):
         """Return what JSON holds: all of it but the scenes."""
         return {
@@ -242,6 +280,7 @@ class Fragility:
             "fits": [[_plain(fit._asdict()) for fit in row] for row in self.fits],
             "intensities": [_plain(one._asdict()) for one in self.intensities],
             "reasons": self.reasons,
+            "trust": self.trust.plain,
             "remarks": self.remarks,
             "wall_s": self.wall_s,
         }
@@ -267,12 +306,13 @@ class Fragility:
         return cls(scenes=scenes, **arrays, **attributes)
 
 
-class _Shown(NamedTuple):
+class _Told(NamedTuple):
     """A scene as `remarks` takes a result."""
 
     scene: Scene
     closure: str
     averaged: bool = False
+    facts: Mapping = MappingProxyType({})
 
 
 def _limits(interval):

@@ -4,14 +4,18 @@ import concurrent.futures
 import contextlib
 import csv
 import dataclasses
+import functools
 import importlib.metadata
 import io
+import itertools
 import time
 
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
+from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, verdict
 from fpk_rocking.scene.scene import Scene
 from studies.execution.cells import Cell, seed_of
 from studies.execution.store import Store
@@ -19,9 +23,11 @@ from studies.execution.workers import rows_of
 from studies.scenes import Grid
 from studies.verbs import VERBS, tasks_of
 
+_LABELLED = 8
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Sweep:
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Shown):
     """Rows of a sweep.
 
     Parameters
@@ -75,17 +81,98 @@ class Sweep:
 
     def to_csv(self, path):
         """Write a table: cell, seed, the parameters of a grid, all values that are one number or text, reason."""
-        names = dict.fromkeys(
-            key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
-        )
-        text = io.StringIO()
+        names, text = self._names(), io.StringIO()
         table = csv.writer(text, lineterminator="\n")
         table.writerow(["cell", "seed", *self.axes, *names, "wall_s", "reason"])
         for row in self.rows:
-            parameters = Grid((), self.axes).parameters(row["cell"]).values() if self.axes else ()
             own = (row["values"].get(name, "") for name in names)
-            table.writerow([row["cell"], row["seed"], *parameters, *own, row["wall_s"], row["reason"]])
+            table.writerow([row["cell"], row["seed"], *self._parameters(row), *own, row["wall_s"], row["reason"]])
         write_text(path, text.getvalue())
+
+    def _names(self):
+        """Names of the values that are one number or text."""
+        return list(
+            dict.fromkeys(
+                key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
+            )
+        )
+
+    def _parameters(self, row):
+        return Grid((), self.axes).parameters(row["cell"]).values() if self.axes else ()
+
+    @property
+    def facts(self):
+        """What it says of itself, as plain values: how many of its scenes failed or got each verdict."""
+        told = [row["values"].get("trust") for row in self.rows]
+        counts = {name: told.count(name) for name in VERDICTS if name in told}
+        return {"scenes": len(self.rows), "failed": len(self.failed)} | counts | {"wall_s": self.wall_s}
+
+    @functools.cached_property
+    def trust(self):
+        """Whether to use it: the worst verdict of its scenes; "caution" where some failed, "do not use" where all."""
+        found, count = [], len(self.rows)
+        if self.failed:
+            sentence = f"{len(self.failed)} of {count} scenes failed: {self.failed[0]['reason']}"
+            found.append(Doubt(CAUTION if len(self.failed) < count else UNUSABLE, sentence))
+        for weight in (CAUTION, UNUSABLE):
+            name = VERDICTS[weight]
+            if name in self.facts:
+                found.append(Doubt(weight, f'"{name}" is the verdict on {self.facts[name]} of {count} scenes.'))
+        judged = self.facts.get(VERDICTS[0], 0)
+        return verdict(found, f'"{VERDICTS[0]}" is the verdict on {judged} of {count} scenes.')
+
+    @property
+    def headline(self):
+        """What it is, in a few words."""
+        over = " × ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
+        return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
+
+    def columns(self):
+        """Return the columns of `to_csv`: arrays by name."""
+        found = {"cell": [row["cell"] for row in self.rows]}
+        found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
+        found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}
+        found |= {name: [row[name] for row in self.rows] for name in ("wall_s", "reason")}
+        return {name: np.array(values) for name, values in found.items()}
+
+    def grids(self):
+        """Every value that is a number over the axes of the grid, or over the cells of a list, for `to_xarray`."""
+        dims = tuple(self.axes) or ("cell",)
+        return {name: (dims, self.values(name)) for name in self._numbers()}, dict(self.axes)
+
+    def _numbers(self):
+        found = {key: value for row in self.rows for key, value in row["values"].items()}
+        last = {name: value[-1] if isinstance(value, list) and value else value for name, value in found.items()}
+        return [name for name, value in last.items() if isinstance(value, int | float)]
+
+    def plot(self, name=None):
+        """Draw one of the values, by default the first, over the first axis with a line for each point of the others.
+
+        Parameters
+        ----------
+        name : str, optional
+            As `values` takes it.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from fpk_rocking.results.pictures import figure_of
+
+        name = name or next(iter(self._numbers()), "")
+        values = self.values(name) if name else np.full(self.shape, np.nan)
+        first, *others = self.axes.items() or [("scene", range(len(self.rows)))]
+
+        def panel(_, axes):
+            lines = values.reshape(len(first[1]), -1).T
+            for line, place in zip(lines, itertools.product(*(given for _, given in others)), strict=True):
+                label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
+                axes.plot(first[1], line, marker="o", markersize=4.0, label=label or None)
+            axes.set(xlabel=first[0], ylabel=name)
+            if others and len(lines) <= _LABELLED:
+                axes.legend(fontsize=8)
+
+        return figure_of(panel)
 
 
 def sweep(scenes, verb="mc", *, workers=1, seed=1, store=None, progress=None, **options):

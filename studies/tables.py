@@ -4,6 +4,8 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
+from fpk_rocking.output.tables import told
+
 __all__ = ["fragility_table"]
 
 
@@ -40,4 +42,4 @@ def fragility_table(result):
     size = f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates"
     title = f"Fragility by {result.engine}, {size}"
     fits = [result.describe(m, which) for m in range(len(result.place)) for which in range(len(result.names))]
-    return title, table, (*fits, f"{result.wall_s:.1f} s.", *result.remarks)
+    return title, table, told(result.trust, *fits, f"{result.wall_s:.1f} s.", *result.remarks)

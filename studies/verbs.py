@@ -8,18 +8,19 @@ from montecarlo.engines.running import ENGINES
 
 
 def mc(scene, *, seed, **options):
-    """Survival after each cycle of `montecarlo.simulate`, with the count of those that stand."""
+    """Survival after each cycle of `montecarlo.simulate`, with the count of those that stand and the verdict."""
     result = simulate(scene, seed=seed, **options)
     return {
         "survival": result.survival.tolist(),
         "survivors": int(result.survivors[-1]),
         "realizations": result.realizations,
         "method": result.method,
+        "trust": result.trust.verdict,
     }
 
 
 def fpk(scene, *, seed, **options):  # noqa: ARG001  (a verb has a seed; a density has no use for it)
-    """Survival after each cycle of `fpk_rocking.solve_fpk`, with its errors."""
+    """Survival after each cycle of `fpk_rocking.solve_fpk`, with its errors and the verdict."""
     result = solve_fpk(scene, **options)
     return {
         "survival": np.asarray(result.survival).tolist(),
@@ -27,6 +28,7 @@ def fpk(scene, *, seed, **options):  # noqa: ARG001  (a verb has a seed; a densi
         "mass_defect": result.mass_defect,
         "negative_mass": result.negative_mass,
         "closure": result.closure,
+        "trust": result.trust.verdict,
     }
 
 

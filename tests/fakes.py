@@ -89,6 +89,7 @@ class FakeEvolution(DensityResult):
     mass_defect: float = 1e-15
     negative_mass: float = 0.0
     diffusion: float = 0.00628
+    tol: float = 1e-3
     closure: str = "Band noise stands as white noise of equal Melnikov variance."
 
     @property
@@ -105,7 +106,8 @@ class FakeEvolution(DensityResult):
 
     @property
     def facts(self):
-        own = {name: getattr(self, name) for name in ("error_estimate", "mass_defect", "negative_mass", "diffusion")}
+        names = "error_estimate", "mass_defect", "negative_mass", "diffusion", "tol"
+        own = {name: getattr(self, name) for name in names}
         return own | {"lost": self.lost.tolist()}
 
     @property

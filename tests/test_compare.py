@@ -266,7 +266,7 @@ def test_a_block_that_the_forcing_hardly_lifts_off_is_doubted():
 def test_doubts_stand_in_tables_and_summaries_of_one_density():
     density = fakes.FakeEvolution(_with((1.0, 6.0), 100))
     (doubt,) = (one for one in remarks(density) if one.startswith("Not to be trusted"))
-    assert doubt in tables.result_table(density)[2]
+    assert tables.result_table(density)[2][0].startswith(f"trust: do not use. {doubt}")
     assert doubt in summary.result_summary(density)["remarks"]
 
 

@@ -149,3 +149,18 @@ def test_a_point_that_is_no_number_has_no_density(band):
     density = band.at(1)
     assert np.isnan(density([np.nan, 0.3, 0.3], [0.1, np.nan, 0.1])).tolist() == [True, True, False]
     assert np.isnan(density.marginal_angle([np.nan, 0.3])).tolist() == [True, False]
+
+
+def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
+    facts = band.facts
+    assert (facts["tol"], facts["bins_tol"]) == (1e-2, pytest.approx(0.1 / 3.0))
+    assert facts["bins_error_estimate"] == band.bins_error_estimate
+    assert band.trust.verdict == "ok"
+    assert band.columns()["at_rest"].tolist() == band.at_rest.tolist()
+    assert len(repr(band)) < 300
+    loose = dataclasses.replace(band, settings=band.settings | {"bins_tol": np.inf}, bins_error_estimate=0.9)
+    assert loose.trust.verdict == "ok"
+    loose.save(tmp_path / "loose.npz")
+    assert "bins_tol" not in Evolution.load(tmp_path / "loose.npz").facts
+    assert dataclasses.replace(band, bins_error_estimate=0.9).trust.verdict == "caution"
+    assert repr(band.at(2)).startswith(f"<Density: probability {band.survival[2]:.4f} on ")

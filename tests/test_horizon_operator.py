@@ -348,3 +348,16 @@ def test_bad_arguments_are_named(operator):
     ):
         with pytest.raises(error, match=f"^{name}: got"):
             call()
+
+
+def test_it_shows_itself_with_a_verdict(operator, mean):
+    assert repr(operator).startswith(f"<CycleOperator: escape rate {operator.escape_rate:.4g} per cycle")
+    assert operator.trust.verdict == "ok"
+    assert len(operator._repr_html_()) < 150_000
+    assert operator.columns()["modulus"][0] == pytest.approx(np.exp(-operator.escape_rate), rel=1e-9)
+    variables, places = operator.grids()
+    dims, bins = variables["bin_probability"]
+    assert bins.shape == tuple(places[name].size for name in dims)
+    assert bins.sum() == pytest.approx(1.0, abs=2e-3)
+    assert repr(mean).startswith(f"<PlaneMap: integral {mean.integral:.4g} on ")
+    assert len(mean.plot().axes) == 2

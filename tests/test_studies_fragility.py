@@ -179,7 +179,8 @@ def test_table_and_pictures(tmp_path, curve):
     shown.print(table)
     assert title == "Fragility by exact, 2,000 realizations a point"
     assert f"{curve.overturned[0, 2]:.4f}" in shown.file.getvalue()
-    assert sentences[0].startswith("Lognormal (overturned): median ")
+    assert sentences[0] == str(curve.trust)
+    assert sentences[1].startswith("Lognormal (overturned): median ")
     surface = fragility(BLOCK, scale=(1.0, 2.0, 4.0), over={"slenderness": (3.0, 5.0)}, cycles=2, realizations=100)
     curves_figure(tmp_path / "curves.png", [curve, curve], "A curve", which=None)
     surface_figure(tmp_path / "surface.png", surface, "A surface")

@@ -19,6 +19,7 @@ _FLOATS = (
     "diffusion", "tol", "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass",
     "wall_s",
 )  # fmt: skip
+_OWN_ERRORS = "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass"
 _LAYOUT = Layout(
     {
         "times": "f8 k+1",
@@ -34,7 +35,7 @@ _LAYOUT = Layout(
 )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Evolution(DensityResult):
     """Evolution of the joint density of angle and velocity over whole forcing cycles.
 
@@ -110,9 +111,14 @@ class Evolution(DensityResult):
     @property
     def facts(self):
         """What it says of its own errors, as plain values."""
-        own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        own = {name: float(getattr(self, name)) for name in _OWN_ERRORS}
         lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
-        return own | lists | {"diffusion": float(self.diffusion)}
+        wanted = {name: self.settings[name] for name in ["bins_tol"] if np.isfinite(self.settings.get(name, np.inf))}
+        return own | lists | {"diffusion": float(self.diffusion), "tol": float(self.tol)} | wanted
+
+    def columns(self):
+        """Survival, what overturned to either side, lost and at rest, by cycle and time: arrays by name."""
+        return super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
 
     def at(self, cycle):
         """Return the density after a number of cycles, of blocks that are not an atom at rest.

@@ -26,7 +26,7 @@ _SAMPLES, _SEED = 200_000, 1
 """Realizations whose diffusions are drawn for the quadrature, and their seed."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class RealizationAverage(DensityResult):
     """Evolutions for the diffusions of single realizations, and their weights in an ensemble: a result for `compare`.
 
@@ -83,6 +83,7 @@ class RealizationAverage(DensityResult):
     def facts(self):
         """What it says of its own errors, as plain values."""
         own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        own |= {"tol": self.evolutions[0].tol}
         return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
 
     def at(self, cycle):  # noqa: ARG002  (the same call as of an evolution)

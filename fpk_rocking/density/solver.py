@@ -127,7 +127,7 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
         negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
-        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1])},
+        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},
         coefficients=fine.coefficients,
         space=run.space,
     )

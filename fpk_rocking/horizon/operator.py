@@ -1,5 +1,6 @@
 """`CycleOperator`: the map of densities over one forcing cycle, and what it says about the long run."""
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -15,7 +16,10 @@ from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.results.binning import joint_edges, shown_edges
+from fpk_rocking.results.remarks import closure_of, doubts
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.trust import trust_of
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -42,7 +46,7 @@ class Outlook(NamedTuple):
     error_estimate: np.ndarray
 
 
-class CycleOperator(LinearOperator):
+class CycleOperator(Shown, LinearOperator):
     """The map of densities over one forcing cycle of a scene with white noise.
 
     As a SciPy linear operator it acts on vectors (unknowns,) whose Euclidean products are the integrals of products of
@@ -94,6 +98,8 @@ class CycleOperator(LinearOperator):
         density the finest mesh does not resolve, are refused.
     """
 
+    averaged = False
+
     def __init__(self, scene, tol=1e-3):
         checks.instance("scene", scene, Scene)
         refuse_transient(scene.forcing, "the operator of a cycle")
@@ -122,6 +128,57 @@ class CycleOperator(LinearOperator):
         for _ in range(self._fine.leg.count):
             vector = apply(vector)
         return vector
+
+    @property
+    def facts(self):
+        """What it says of itself, as plain values."""
+        names = "escape_rate", "escape_error", "mean_cycles", "memory_cycles", "tol", "diffusion", "negative_mass"
+        return {name: float(getattr(self, name)) for name in names} | {"residual": float(np.max(self.residuals))}
+
+    @functools.cached_property
+    def trust(self):
+        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        return trust_of(self.facts, doubts(self))
+
+    @property
+    def headline(self):
+        """What it found, in a few words."""
+        return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
+
+    def columns(self):
+        """Leading eigenvalues of the cycle: arrays by name."""
+        parts = {"real": self.eigenvalues.real, "imaginary": self.eigenvalues.imag}
+        return {"mode": np.arange(len(self.eigenvalues)), "modulus": np.abs(self.eigenvalues)} | parts
+
+    def grids(self):
+        """Eigenvalues and the quasi-stationary density in bins for `to_xarray`; see `columns`."""
+        edges = self._shown_edges()
+        middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
+        variables = {name: ("mode", values) for name, values in self.columns().items() if name != "mode"}
+        variables |= {"leakage": ("side", self.leakage)}
+        variables |= {
+            "bin_probability": (("bin_angle", "bin_velocity"), self.quasi_stationary.bin_probabilities(*edges))
+        }
+        return variables, {"side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
+
+    def plot(self):
+        """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib figure."""
+        from fpk_rocking.results.pictures import figure_of, function_panel
+
+        def density(figure, axes):
+            function_panel(figure, axes, self.quasi_stationary, self._shown_edges(), "quasi-stationary density")
+
+        def eigenvalues(_, axes):
+            turn = np.exp(2j * math.pi * np.linspace(0.0, 1.0, 201))
+            axes.plot(turn.real, turn.imag, color="black", linewidth=0.8)
+            axes.plot(self.eigenvalues.real, self.eigenvalues.imag, "o", markersize=5.0)
+            axes.set(xlabel="real part", ylabel="imaginary part", title="eigenvalues of a cycle", aspect="equal")
+
+        return figure_of(density, eigenvalues)
+
+    def _shown_edges(self):
+        edges = joint_edges(self.scene)
+        return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
     @property
     def space(self):

@@ -7,7 +7,7 @@ import numpy as np
 from fpk_rocking.density.space.space import Space
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class PlaneMap:
     """A function of the state (angle, velocity) from which a block starts, 0 for one that has overturned.
 
@@ -30,6 +30,19 @@ class PlaneMap:
     phase: float
     error_estimate: float
     starts: tuple[tuple[float, float, float], ...] = ()
+
+    def __repr__(self):
+        cells = " x ".join(str(line.size - 1) for line in self.mesh_lines)
+        return f"<PlaneMap: integral {self.integral:.4g} on {cells} cells, estimated error {self.error_estimate:.1g}>"
+
+    def plot(self):
+        """Draw its values over the plane; returns a matplotlib figure."""
+        from fpk_rocking.results.pictures import figure_of, function_panel
+
+        def values(figure, axes):
+            function_panel(figure, axes, self, self.mesh_lines, f"value of the start, Ψ = {self.phase:.4g}", 1.0)
+
+        return figure_of(values)
 
     def __call__(self, angle, velocity):
         """Values at points.

@@ -1,48 +1,15 @@
-"""One look for every figure: sizes, fonts and the colour-blind-safe colours of Okabe and Ito."""
+"""Pages of panels in the one look of every figure, and files of them."""
 
 import contextlib
 import pathlib
 import textwrap
 
+from fpk_rocking.base.look import COLOURS, OVERTURNED, SURFACE, drawing
 from fpk_rocking.results.storage import replaced_atomically
 
 __all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "page", "save", "shades"]
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
-OVERTURNED = "#D55E00"
-SURFACE = "GnBu"
-
 _NOTE_WIDTH = 13.0  # letters an inch
-_SETTINGS = {
-    "font.size": 10,
-    "axes.titlesize": 11,
-    "axes.labelsize": 10,
-    "axes.grid": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "lines.linewidth": 1.6,
-    "figure.dpi": 110,
-    "savefig.dpi": 120,
-}
-
-
-@contextlib.contextmanager
-def drawing():
-    """Yield matplotlib's figure class with the project's settings in force; no window system is used."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    def figure(**options):
-        made = Figure(**options)
-        FigureCanvasAgg(made)
-        return made
-
-    with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):
-        yield figure
 
 
 @contextlib.contextmanager

@@ -22,9 +22,10 @@ def result_summary(result) -> dict:
     -------
     dict
         ``noise``, ``cycles`` or, where there are none, ``times``, ``survival``, ``overturned`` [left, right],
-        ``wall_s`` and ``remarks``; of a density also ``error_estimate``, ``mass_defect``, ``negative_mass``, ``lost``,
-        ``at_rest`` and ``diffusion``; of an ensemble also ``interval`` (95 %), ``method``, ``realizations``, ``seed``
-        and ``steps_per_cycle``.
+        ``wall_s``, ``trust`` (``verdict`` and ``reasons``) and ``remarks``; of a density also ``error_estimate``,
+        ``bins_error_estimate``, ``mass_defect``, ``negative_mass``, ``lost``, ``at_rest``, ``diffusion``, ``tol`` and
+        ``bins_tol`` where it is finite; of an ensemble also ``interval`` (95 %), its largest ``half_width`` if there is
+        chance, ``method``, ``realizations``, ``seed`` and ``steps_per_cycle``.
     """
     common = {
         "noise": noise_text(result.scene.noise),
@@ -33,7 +34,7 @@ def result_summary(result) -> dict:
         "overturned": np.asarray(result.overturned).tolist(),
         "wall_s": float(result.wall_s),
     }
-    return common | result.facts | {"remarks": list(remarks(result))}
+    return common | result.facts | {"trust": result.trust.plain, "remarks": list(remarks(result))}
 
 
 def _counted(result):

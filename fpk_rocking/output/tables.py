@@ -10,7 +10,7 @@ from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import label_of
 from fpk_rocking.results.times import shown_times
 
-__all__ = ["comparison_table", "result_table", "show"]
+__all__ = ["comparison_table", "result_table", "show", "told"]
 
 _NARROWEST = 100
 
@@ -40,7 +40,11 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     for cycle, (left, right) in enumerate(result.overturned):
         limits = [] if interval is None else [_limits(interval[cycle], 5)]
         table.add_row(shown[cycle], f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
-    return f"{label_of(result)}: {noise_text(result.scene.noise)}", table, (result.account, *remarks(result))
+    return (
+        f"{label_of(result)}: {noise_text(result.scene.noise)}",
+        table,
+        told(result.trust, result.account, *remarks(result)),
+    )
 
 
 def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
@@ -80,7 +84,15 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
     note = "z: difference of survival in combined standard errors. Floor: what sampling alone explains."
-    return title, table, (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
+    said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
+    for compared in comparisons:
+        said = told(compared.trust, *said)
+    return title, table, said
+
+
+def told(trust, *sentences) -> tuple[str, ...]:
+    """Return the verdict, and below it those sentences that are no reason of it."""
+    return str(trust), *(sentence for sentence in sentences if sentence not in trust.reasons)
 
 
 def _table() -> Table:

@@ -6,9 +6,11 @@ import numpy as np
 
 from fpk_rocking.base import checks
 
-__all__ = ["ascending_edges", "joint_edges"]
+__all__ = ["ascending_edges", "joint_edges", "shown_edges"]
 
 _BINS_PER_UNIT = 10
+_LEFT_OUT = 5e-4
+_MOST = 96
 
 
 def ascending_edges(name, value, *, finite) -> np.ndarray:
@@ -78,6 +80,38 @@ def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
     velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
     velocity += 4.0 * math.sqrt(scene.white_equivalent().noise.diffusion)
     return _edges(cut_off), _edges(velocity)
+
+
+def shown_edges(edges, probabilities, least) -> list[np.ndarray]:
+    """Bin edges for pictures: where the probability is, neither too few nor too many.
+
+    Parameters
+    ----------
+    edges : pair of ndarray
+        Of bins in angle and velocity.
+    probabilities : ndarray, shape (angle bins, velocity bins)
+    least : int
+        Bins an axis that are wanted; 0 where none may be cut.
+
+    Returns
+    -------
+    list of two ndarray
+        The edges around all but 1e-3 of the probability on each axis, a bin more on either side; cut into equal parts
+        where these are fewer than `least`, merged where they are more than 96.
+    """
+    found = np.maximum(probabilities, 0.0)
+    return [_shown(edges[axis], found.sum(axis=1 - axis), least) for axis in (0, 1)]
+
+
+def _shown(edges, found, least):
+    below = np.cumsum(found) / max(found.sum(), np.finfo(float).tiny)
+    first, last = np.searchsorted(below, _LEFT_OUT, "right"), np.searchsorted(below, 1.0 - _LEFT_OUT)
+    kept = edges[max(first - 1, 0) : min(last, found.size - 1) + 3]
+    count = kept.size - 1
+    if count < least:
+        parts = -(-least // count)
+        return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), kept)
+    return np.append(kept[: -1 : -(-count // _MOST)], kept[-1])
 
 
 def _edges(bound) -> np.ndarray:

@@ -3,9 +3,11 @@
 import dataclasses
 import math
 
-from fpk_rocking.physics import equivalence
 
-__all__ = ["closure_of", "noise_text", "remarks"]
+from fpk_rocking.physics import equivalence
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt
+
+__all__ = ["closure_of", "doubts", "noise_text", "remarks"]
 
 _FILTERS = {"exponential": "exponential", "low-pass": "low-pass", "kanai-tajimi": "Kanai-Tajimi"}
 
@@ -73,20 +75,24 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
-        trusted for the band and its harmonics; each once, and empty if nothing applies.
+        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise
+        for a density, and whether that is to be trusted for the band and its harmonics; each once, and empty if nothing
+        applies.
     """
     sentences = []
     for result in results:
-        noise = result.scene.noise
-        sentences += _squat(result.scene.block.dimensions)
-        if getattr(noise, "remark", ""):
-            sentences.append(noise.remark)
-        if result.closure:
-            sentences.append(result.closure)
-        if _stands_for(results, result):
-            sentences += _doubts(result.scene, result.survival, result.averaged, getattr(result, "atom", False))
+        sentences += filter(None, (getattr(result.scene.noise, "remark", ""), result.closure))
+        sentences += [doubt.sentence for doubt in doubts(result, beside=results)]
     return tuple(dict.fromkeys(sentences))
+
+
+def doubts(result, beside=()) -> list[Doubt]:
+    """Return what speaks against a result whatever its own errors: model and noise; `beside`: results shown with it."""
+    found = _squat(result.scene.block.dimensions)
+    if _stands_for((result, *beside), result):
+        filtered = getattr(result, "atom", False)
+        found += _closure_doubts(result.scene, result.survival, result.averaged, filtered)
+    return found
 
 
 def _squat(size):
@@ -94,10 +100,11 @@ def _squat(size):
     if size is None or max(size.slenderness_error) <= SLENDER:
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
-    return [
+    sentence = (
         f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of gravity "
         f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
-    ]
+    )
+    return [Doubt(CAUTION, sentence)]
 
 
 def _stands_for(results, result) -> bool:
@@ -110,7 +117,7 @@ def _stands_for(results, result) -> bool:
     return bool(result.closure) or any(math.isclose(white, diffusion) for white in whites)
 
 
-def _doubts(scene, survival, averaged, filtered):
+def _closure_doubts(scene, survival, averaged, filtered):
     """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
 
     A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a band
@@ -120,36 +127,41 @@ def _doubts(scene, survival, averaged, filtered):
     part = equivalence.cover(noise)
     if noise.kind == "filtered":
         if part < equivalence.TRUSTED_COVER:
-            yield (
+            sentence = (
                 f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise as "
                 f"strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise itself."
             )
+            yield Doubt(UNUSABLE, sentence)
         return
     low, high = noise.band
     spread = equivalence.realized_spread(noise, scene.block.restitution)
     if scene.forcing.largest <= equivalence.LIFTED and survival[-1] < equivalence.STANDING and not filtered:
-        yield (
+        sentence = (
             f"Not to be trusted where blocks rest: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts the "
             "block off, so under band noise it rests now and then; under white noise it never does, and survival was "
             f"found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Take Monte Carlo, or solve_fpk with "
             'closure="filtered".'
         )
+        yield Doubt(UNUSABLE, sentence)
     if part < equivalence.TRUSTED_COVER and filtered:
-        yield (
+        sentence = (
             f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; low-pass "
             "noise was tried for bands that cover all of it. Take Monte Carlo."
         )
+        yield Doubt(CAUTION, sentence)
     elif part < equivalence.TRUSTED_COVER:
-        yield (
+        sentence = (
             f"Not to be trusted: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white "
             f"noise ({equivalence.TRUSTED_COVER:g} is wanted); below, survival under the equivalent white noise was "
             f"found wrong by up to {equivalence.WORST:g}, either way. Take Monte Carlo (docs/paper.md)."
         )
+        yield Doubt(UNUSABLE, sentence)
     if spread > equivalence.TRUSTED_SPREAD and not averaged:
         excess = min(equivalence.EXCESS * spread**2, 1.0)
-        yield (
+        sentence = (
             f"Few harmonics: the diffusions that single realizations of {noise.harmonics} stand for scatter by "
             f"{100 * spread:.0f} % ({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), and blocks survive more "
             f"often than under their mean, by up to about {excess:.2g} within 40 cycles. "
             "fpk_rocking.density.realizations.solve_realizations averages over them."
         )
+        yield Doubt(CAUTION, sentence)

@@ -1,10 +1,16 @@
 """The interface of a result, whichever engine it comes from, for comparisons, tables, pictures and files."""
 
+import functools
 from typing import Protocol
 
 import numpy as np
 
+from fpk_rocking.base import checks
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.remarks import doubts
+from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.times import cycles_of
+from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 
 
@@ -38,6 +44,8 @@ class Result(Protocol):
         What else it says of itself, as plain values: of a sample its seed and sizes, of a density its errors.
     account : str
         The most important of them as a sentence.
+    trust : Trust
+        Whether to use it.
     """
 
     scene: Scene
@@ -52,6 +60,7 @@ class Result(Protocol):
     averaged: bool
     facts: dict
     account: str
+    trust: Trust
 
     def survival_interval(self, level=0.95):
         """Confidence limits of the survival of a sample, shape (cycles + 1, 2); None of what is no sample."""
@@ -63,17 +72,104 @@ class Result(Protocol):
         """Density after a cycle as a function on a mesh; None of what is known in bins only."""
 
 
-class DensityResult:
-    """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate`` and the like."""
+class SurvivalResult(Shown):
+    """What results of all engines have in common; a subclass has what `Result` says and leaves out here.
 
-    engine = "Fokker-Planck density"
-    realizations = None
+    `shown_bins` is how many bins an axis pictures show at least, 0 where only some bins are known.
+    """
+
     averaged = False
 
     @property
     def cycles(self):
         """Number of forcing cycles; None where the forcing does not repeat."""
         return cycles_of(self)
+
+    @property
+    def bin_edges(self):
+        """Edges of the bins that it is shown in: those of `joint_edges`."""
+        return joint_edges(self.scene)
+
+    @functools.cached_property
+    def trust(self):
+        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        return trust_of(self.facts, doubts(self))
+
+    @property
+    def headline(self):
+        """What it is, and the survival at the end with its error, in a few words."""
+        interval, survival = self.survival_interval(), float(self.survival[-1])
+        if interval is None:
+            error = f"{survival:.4f} ± {self.facts['error_estimate']:.1g}"
+        else:
+            error = f"{survival:.4f} ({interval[-1][0]:.4f} to {interval[-1][1]:.4f})"
+        until = f"τ = {self.times[-1]:.4g}" if self.cycles is None else f"{self.cycles} cycles"
+        return f"{label_of(self)}, survival {error} after {until}"
+
+    def columns(self):
+        """Survival, its interval if any, and what overturned to either side, by cycle and time: arrays by name."""
+        found = {} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}
+        found |= {"time": self.times, "survival": self.survival}
+        interval = self.survival_interval()
+        if interval is not None:
+            found |= dict(zip(("survival_low", "survival_high"), np.asarray(interval).T, strict=True))
+        return found | dict(zip(("overturned_left", "overturned_right"), np.asarray(self.overturned).T, strict=True))
+
+    def grids(self):
+        """Arrays by name and coordinates for `to_xarray`; "bin_probability" is that of `bin_edges`."""
+        edges, rows = self.bin_edges, range(len(self.times))
+        bins = np.array([self.bin_probabilities(row, *edges) for row in rows])
+        variables = {
+            "survival": ("time", self.survival),
+            "overturned": (("time", "side"), self.overturned),
+            "bin_probability": (("time", "bin_angle", "bin_velocity"), bins),
+        }
+        coordinates = {"time": self.times, "side": ["left", "right"]}
+        coordinates |= {
+            name: 0.5 * (line[1:] + line[:-1]) for name, line in zip(("bin_angle", "bin_velocity"), edges, strict=True)
+        }
+        interval = self.survival_interval()
+        if interval is not None:
+            variables["survival_interval"] = ("time", "limit"), interval
+            coordinates["limit"] = ["low", "high"]
+        return variables, coordinates
+
+    def plot(self, what=None, cycle=None):
+        """Draw the result.
+
+        Parameters
+        ----------
+        what : str, optional
+            "survival", with its 95 % interval or its estimated error; "bins", the probability in each bin over its
+            area; "density", the density itself, of what has one. By default survival and bins.
+        cycle : int, optional
+            Of bins and density; by default the last after which more than one in a thousand stand.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        TypeError, ValueError
+            There is no such picture of this result, or no such cycle.
+        """
+        from fpk_rocking.results.pictures import figure_of, result_panels
+
+        if cycle is None:
+            cycle = int(max(np.flatnonzero(np.asarray(self.survival) > 1e-3), default=0))
+        known = ["survival", "bins"] + ["density"] * (cycle > 0 and self.at(cycle) is not None)
+        if what is not None and what not in known:
+            raise ValueError(checks.refusal("what", what, ", ".join(map(repr, known))))
+        return figure_of(*result_panels(self, what, cycle))
+
+
+class DensityResult(SurvivalResult):
+    """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate`` and the like."""
+
+    engine = "Fokker-Planck density"
+    shown_bins = 64
+    realizations = None
 
     def survival_interval(self, level=0.95):  # noqa: ARG002  (the same call as of a sample)
         """Return None: a density is no sample; see its ``error_estimate``."""

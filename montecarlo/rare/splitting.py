@@ -12,6 +12,9 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.results.remarks import doubts
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.engines.random import stream_keys
@@ -21,6 +24,7 @@ from montecarlo.rare.prospects import prospects_of
 
 _FEWEST_WALKERS = 10
 _FEWEST_REPEATS = 2
+_USUAL_REPEATS = 20
 _SKEWED = 0.5
 """Part of the repeats that have to be effective."""
 
@@ -33,8 +37,8 @@ _UNBRANCHED = {
 }
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Splitting:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Splitting(Shown):
     """Estimates of overturning by independent repeats of adaptive multilevel splitting; nondimensional.
 
     Each repeat, and so their mean, is unbiased for P(overturned by kT) at every cycle k and to either side, for any
@@ -127,6 +131,66 @@ class Splitting:
     def skewed(self):
         """Whether at the last cycle less than half of the repeats are effective: take more walkers, then ask again."""
         return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
+
+    closure = ""
+    averaged = False
+
+    @property
+    def facts(self):
+        """What it says of itself, as plain values; "relative_error" is that of the last probability, if it is not 0."""
+        names = "walkers", "repeats", "extinct", "skewed", "seed", "steps_per_cycle", "wall_s"
+        found, last = {name: getattr(self, name) for name in names}, float(self.probability[-1])
+        return found | ({"relative_error": float(self.standard_error[-1]) / last} if last else {})
+
+    @functools.cached_property
+    def trust(self):
+        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        found = doubts(self)
+        if self.skewed:
+            few = (
+                f"Skewed: {self.effective_repeats[-1]:.1f} of {self.repeats} repeats are effective; take more walkers."
+            )
+            found.append(Doubt(UNUSABLE, few))
+        if self.repeats < _USUAL_REPEATS:
+            few = f"{self.repeats} repeats: {_USUAL_REPEATS} or more are wanted for a standard error."
+            found.append(Doubt(CAUTION, few))
+        return trust_of(self.facts, found)
+
+    @property
+    def headline(self):
+        """What it found, in a few words."""
+        error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
+        return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
+
+    def columns(self):
+        """Probability of having overturned and its standard error by cycle: arrays by name."""
+        sides = dict(zip(("overturned_left", "overturned_right"), self.overturned.T, strict=True))
+        cycle = np.arange(self.cycles + 1)
+        return {"cycle": cycle, "probability": self.probability, "standard_error": self.standard_error} | sides
+
+    def grids(self):
+        """Arrays by name and coordinates for `to_xarray`."""
+        variables = {name: ("cycle", getattr(self, name)) for name in ("probability", "standard_error")}
+        variables["repeat_overturned"] = ("repeat", "cycle", "side"), self.repeat_overturned
+        variables |= {name: ("repeat", getattr(self, name)) for name in ("levels", "killed")}
+        return variables, {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]}
+
+    def plot(self):
+        """Draw the probability of having overturned, with two standard errors; returns a matplotlib figure."""
+        from fpk_rocking.results.pictures import figure_of
+
+        def probability(_, axes):
+            from matplotlib.ticker import MaxNLocator
+
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            seen = self.probability > 0.0
+            bars = 2.0 * self.standard_error[seen]
+            label = "two standard errors"
+            axes.errorbar(np.flatnonzero(seen), self.probability[seen], bars, marker="o", markersize=4.0, label=label)
+            axes.set(xlabel="forcing cycles", ylabel="P(overturned)", yscale="log" if seen.any() else "linear")
+            axes.legend(fontsize=8)
+
+        return figure_of(probability)
 
 
 def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=200, progress=None):

@@ -17,7 +17,7 @@ _LAYOUT = Layout(
 )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
@@ -95,6 +95,13 @@ class Ensemble(Sample):
         standing = np.isfinite(self.angle[:, cycle])
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
+
+    def grids(self):
+        """Arrays by name and coordinates for `to_xarray`, every realization's among them."""
+        variables, coordinates = super().grids()
+        states = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
+        ends = {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
+        return variables | states | ends, coordinates
 
     def save(self, path):
         """Save the ensemble, whole or not at all; `path` by custom ends in .npz."""

@@ -1,12 +1,16 @@
 """The result of `histories`: states between the Poincaré points of some realizations, and their impacts."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.remarks import doubts
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.trust import trust_of
 from fpk_rocking.scene.scene import Scene
 
 _LAYOUT = Layout(
@@ -24,8 +28,8 @@ _LAYOUT = Layout(
 )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Histories:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Histories(Shown):
     """Time histories of independent realizations; all quantities are nondimensional, n = cycles * samples + 1.
 
     Parameters
@@ -87,6 +91,56 @@ class Histories:
     def impacts(self):
         """Number of impacts of each realization, shape (realizations,)."""
         return np.bincount(self.impact_realization, minlength=self.realizations)
+
+    closure = ""
+    averaged = False
+
+    @property
+    def facts(self):
+        """What it says of itself, as plain values."""
+        names = "method", "realizations", "seed", "steps_per_cycle", "samples_per_cycle", "wall_s"
+        return {name: getattr(self, name) for name in names}
+
+    @functools.cached_property
+    def trust(self):
+        """Whether to use it: what speaks against the model, for single paths have no error to estimate."""
+        return trust_of({}, doubts(self), "Single paths: nothing is estimated from them.")
+
+    @property
+    def headline(self):
+        """What it is, in a few words."""
+        ended = np.count_nonzero(self.overturn_side)
+        return (
+            f"{self.realizations:,} path{'s' * (self.realizations != 1)} by Monte Carlo {self.method} until "
+            f"τ = {self.time[-1]:.4g}, {ended:,} overturned, {self.impact_time.size:,} impacts"
+        )
+
+    def columns(self):
+        """States of all realizations below each other: arrays by name."""
+        numbers = np.repeat(np.arange(self.realizations), self.time.size)
+        states = {"angle": self.angle.ravel(), "velocity": self.velocity.ravel()}
+        return {"realization": numbers, "time": np.tile(self.time, self.realizations)} | states
+
+    def grids(self):
+        """Arrays by name and coordinates for `to_xarray`."""
+        variables = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
+        variables |= {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
+        variables |= {name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")}
+        return variables, {"time": self.time}
+
+    def plot(self, realizations=3):
+        """Draw angles against time and paths in the plane of the first realizations; returns a matplotlib figure."""
+        from fpk_rocking.results.pictures import figure_of
+
+        def angles(_, axes):
+            axes.plot(self.time, self.angle[:realizations].T, linewidth=0.9)
+            axes.set(xlabel="time τ", ylabel="angle Θ")
+
+        def plane(_, axes):
+            axes.plot(self.angle[:realizations].T, self.velocity[:realizations].T, linewidth=0.7)
+            axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
+
+        return figure_of(angles, plane)
 
     def poincare(self):
         """Return angle and velocity at τ = kT, each of shape (realizations, cycles + 1); nan after overturning."""

@@ -3,11 +3,16 @@
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.results.times import cycles_of
+from fpk_rocking.results.result import SurvivalResult
 from montecarlo.results.statistics import wilson_interval
 
 
-class Sample:
+def certain(scene):
+    """Whether all paths of a scene are one: there is no noise, and the start is a point."""
+    return scene.noise.kind == "none" and scene.start.covariance is None
+
+
+class Sample(SurvivalResult):
     """What an ensemble and a tally have in common.
 
     A subclass has ``realizations``, ``times``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
@@ -15,12 +20,7 @@ class Sample:
     """
 
     closure = ""
-    averaged = False
-
-    @property
-    def cycles(self):
-        """Number of forcing cycles; None where the forcing does not repeat."""
-        return cycles_of(self)
+    shown_bins = 24
 
     @property
     def engine(self):
@@ -30,8 +30,10 @@ class Sample:
     @property
     def facts(self):
         """What it says of itself beside the survival, as plain values."""
-        return {
-            "interval": self.survival_interval().tolist(),
+        interval = self.survival_interval()
+        spread = {} if certain(self.scene) else {"half_width": float(0.5 * np.diff(interval).max())}
+        return spread | {
+            "interval": interval.tolist(),
             "method": self.method,
             "realizations": int(self.realizations),
             "seed": int(self.seed),

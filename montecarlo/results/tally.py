@@ -31,7 +31,7 @@ LAYOUT = Layout(
 _NEAR = 1e-6
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Tally(Sample):
     """Counts over independent realizations of a scene; all quantities are nondimensional.
 
@@ -57,6 +57,7 @@ class Tally(Sample):
     steps_per_cycle: int
     wall_s: float
     counts: Counts
+    shown_bins = 0
 
     def __post_init__(self):
         views = [array.view() for array in self.counts]
@@ -73,6 +74,12 @@ class Tally(Sample):
     def times(self):
         """Times τ from 0 on, shape (cycles + 1,): whole cycles where the forcing repeats, else times of their own."""
         return self.counts.times
+
+    @property
+    def bin_edges(self):
+        """Edges of the bins that it is shown in: those of `joint_edges` where they are kept, else all that are."""
+        usual, kept = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
+        return usual if all(np.isin(*pair).all() for pair in zip(usual, kept, strict=True)) else kept
 
     @functools.cached_property
     def _gone(self):

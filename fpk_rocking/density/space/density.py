@@ -8,7 +8,7 @@ from fpk_rocking.density.space.nonnegative import nonnegative_view
 from fpk_rocking.density.space.space import Space, shapes
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Density:
     """Joint density of the blocks that have not overturned; it integrates to their probability.
 
@@ -21,6 +21,11 @@ class Density:
 
     space: Space
     coefficients: np.ndarray
+
+    def __repr__(self):
+        cells = " x ".join(str(line.size - 1) for line in self.mesh_lines)
+        mass = float(self.space.masses(self.coefficients).sum())
+        return f"<Density: probability {mass:.4f} on {cells} cells of degree {self.degree}>"
 
     def __call__(self, angle, velocity):
         """Density at points.

@@ -1,0 +1,161 @@
+"""A run or a comparison as one HTML file: numbers, verdict, pictures, densities to slide through.
+
+Nothing in it is loaded from anywhere, and a policy in the file forbids it to the browser.
+"""
+
+import base64
+import html
+import importlib.metadata
+import json
+import pathlib
+
+import numpy as np
+
+from fpk_rocking.base.look import OVERTURNED, SURFACE
+from fpk_rocking.results.pictures import edges_of
+from fpk_rocking.results.result import label_of
+from fpk_rocking.results.shown import picture_html, trust_html
+from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.times import shown_times
+
+__all__ = ["write_report"]
+
+_FRAMES = 121
+_COLOURS = 256
+_CANVAS = 460, 360
+_UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
+_FILM = (
+    "Probability in a bin over its area. Bars at the sides: probability overturned to that side, full height = 1. "
+    "The slider takes the arrow keys, too."
+)
+_HERE = pathlib.Path(__file__).parent
+
+
+def write_report(path, shown, values, sentences=(), films=(), scenes=()):
+    """Write a report, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        By custom with the suffix .html.
+    shown : Shown
+        What it is about: its title, verdict, picture and table stand there.
+    values : dict
+        Plain values, kept in the file as JSON under the id "summary".
+    sentences : sequence of str
+        What belongs below the table, the verdict aside.
+    films : sequence of Result
+        Whose densities are shown after every cycle they have in common, of more than 121 cycles as many of them.
+    scenes : sequence of Scene
+        Listed at the end.
+
+    Returns
+    -------
+    int
+        Size of the file in bytes.
+    """
+    made = _film(films) if films else None
+    script = (_HERE / "report.js").read_text(encoding="utf-8")
+    parts = [
+        trust_html(shown.trust),
+        picture_html(shown.plot(), shown.headline),
+        _film_html(made) if made else "",
+        "<h2>Numbers</h2>",
+        _table_html(shown.columns()),
+        *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
+        "<h2>Scene</h2>" * bool(scenes),
+        *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
+        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_UNITS}</p>",
+        _json_html("summary", values),
+        f"{_json_html('film', made)}<script>{script}</script>" if made else "",
+    ]
+    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(shown.title))
+    page = page.replace("<!--BODY-->", "\n".join(parts))
+    write_text(path, page)
+    return len(page.encode())
+
+
+def _table_html(columns):
+    """Return a table of columns (n,) by name, without those that are empty or unknown throughout."""
+    texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
+    texts = {name: column for name, column in texts.items() if any(column)}
+    head = "".join(f"<th>{html.escape(name.replace('_', ' '))}</th>" for name in texts)
+    rows = ("".join(f"<td>{html.escape(text)}</td>" for text in row) for row in zip(*texts.values(), strict=True))
+    return f"<div class='wide'><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table></div>"
+
+
+def _text(value):
+    if isinstance(value, float):
+        return f"{value:.6g}" if np.isfinite(value) else ""
+    return str(value)
+
+
+def _json_html(name, values):
+    """Return plain values as JSON in HTML; "<" is written so that no text of theirs can end the element."""
+    text = json.dumps(values, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
+    return f"<script type='application/json' id='{name}'>{text}</script>"
+
+
+def _film(results):
+    """Return what the script draws: of each result the bins, and of each cycle codes 0 to 255 of the root of density.
+
+    Codes are on one scale for all results after a cycle, from 0 to the largest density there, "most".
+    """
+    import matplotlib as mpl
+
+    rows = min(len(result.times) for result in results)
+    rows = np.unique(np.linspace(0, rows - 1, min(rows, _FRAMES)).astype(int)).tolist()
+    edges = edges_of(results, rows)
+    areas = np.multiply.outer(*map(np.diff, edges))
+    densities = [[result.bin_probabilities(row, *edges) / areas for row in rows] for result in results]
+    densities = np.maximum(densities, 0.0)
+    most = densities.max(axis=(0, 2, 3))
+    lists, scales = [], np.maximum(most, np.finfo(float).tiny)[:, None, None]
+    for result, found in zip(results, densities, strict=True):
+        codes = np.round((_COLOURS - 1) * np.sqrt(found / scales)).astype(np.uint8)
+        lists.append(
+            {
+                "name": label_of(result),
+                "survival": np.asarray(result.survival)[rows].tolist(),
+                "overturned": np.asarray(result.overturned)[rows].tolist(),
+                "codes": [base64.b64encode(frame.tobytes()).decode("ascii") for frame in codes],
+            }
+        )
+    first = results[0]
+    standing = np.flatnonzero(np.asarray(first.survival)[rows] > 1e-3)
+    return {
+        "when": [_when(first, time) for time in shown_times(first)[rows].tolist()],
+        "angle": edges[0].tolist(),
+        "velocity": edges[1].tolist(),
+        "most": most.tolist(),
+        "begin": int(max(standing, default=0)),
+        "colours": [mpl.colors.to_hex(colour) for colour in mpl.colormaps[SURFACE](np.linspace(0.0, 1.0, _COLOURS))],
+        "overturned": OVERTURNED,
+        "films": lists,
+    }
+
+
+def _when(result, time):
+    return f"τ = {time:.4g}" if result.cycles is None else f"after {time:g} cycle{'s' * (time != 1)}"
+
+
+def _film_html(film):
+    width, height = _CANVAS
+    drawings = "".join(
+        f"<figure><figcaption>{html.escape(one['name'])}</figcaption>"
+        f"<canvas id='film{n}' width='{width}' height='{height}' role='img' aria-label=''></canvas>"
+        f"<p id='said{n}'></p></figure>"
+        for n, one in enumerate(film["films"])
+    )
+    shades = ",".join(film["colours"][:: _COLOURS // 8])
+    return (
+        "<h2>Density</h2>"
+        f"<p>{_FILM}</p>"
+        "<noscript><p>Scripts are off: the picture above stays, the densities of all cycles need them.</p></noscript>"
+        f"<label>cycle or time <input id='cycle' type='range' min='0' max='{len(film['when']) - 1}' step='1' "
+        f"value='{film['begin']}'></label> <output id='when' for='cycle'></output>"
+        f"<div class='films'>{drawings}</div>"
+        f"<p>0 <span class='shades' style='background:linear-gradient(to right,{shades})'></span> "
+        "<span id='most'></span> "
+        "(root scale, anew for each cycle)</p>"
+    )

@@ -1,0 +1,98 @@
+"""Small pictures of results, for ``plot()``: survival, and densities over the plane; matplotlib comes with them."""
+
+import numpy as np
+
+from fpk_rocking.base.look import COLOURS, SURFACE, drawing
+from fpk_rocking.results.binning import shown_edges
+from fpk_rocking.results.times import shown_times, time_name
+
+__all__ = ["edges_of", "figure_of", "function_panel", "plane_panel", "result_panels", "survival_panel"]
+
+_PANEL = 4.6, 3.3
+_LATTICE = 161
+
+
+def figure_of(*panels):
+    """Return a figure with panels side by side.
+
+    Parameters
+    ----------
+    *panels : callable
+        Each is called with the figure and one of its axes, and draws there.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with drawing() as new_figure:
+        figure = new_figure(figsize=(_PANEL[0] * len(panels), _PANEL[1]), layout="constrained")
+        for panel, axes in zip(panels, np.atleast_1d(figure.subplots(1, len(panels))), strict=True):
+            panel(figure, axes)
+    return figure
+
+
+def result_panels(result, what, cycle):
+    """Return the panels of a result with bins; see `fpk_rocking.results.result.SurvivalResult.plot`."""
+
+    def survival(_, axes):
+        survival_panel(axes, result)
+
+    def bins(figure, axes):
+        edges = edges_of([result], [cycle])
+        areas = np.multiply.outer(*map(np.diff, edges))
+        plane_panel(figure, axes, edges, result.bin_probabilities(cycle, *edges) / areas, "probability in a bin / area")
+        axes.set_title(_when(result, cycle))
+
+    def density(figure, axes):
+        edges = edges_of([result], [cycle])
+        function_panel(figure, axes, result.at(cycle), edges, "density")
+        axes.set_title(_when(result, cycle))
+
+    panels = {"survival": survival, "bins": bins, "density": density}
+    return [panels[one] for one in ([what] if what else ["survival", "bins"])]
+
+
+def edges_of(results, cycles):
+    """Return the edges of the bins in which results are shown after some cycles; see `shown_edges`."""
+    coarsest = min(results, key=lambda result: result.shown_bins)
+    edges = coarsest.bin_edges
+    found = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
+    return shown_edges(edges, found, coarsest.shown_bins)
+
+
+def survival_panel(axes, *results):
+    """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands."""
+    for result, colour in zip(results, COLOURS, strict=False):
+        survival, interval = np.asarray(result.survival), result.survival_interval()
+        label = f"{result.engine}, 95 % interval"
+        if interval is None:
+            error = result.facts["error_estimate"]
+            interval, label = np.stack([survival - error, survival + error], -1), f"{result.engine}, estimated error"
+        axes.fill_between(shown_times(result), *np.asarray(interval).T, color=colour, alpha=0.3, linewidth=0.0)
+        axes.plot(shown_times(result), survival, color=colour, marker=".", label=label)
+    axes.set(xlabel=time_name(results[0].scene), ylabel="P(not overturned)", ylim=(-0.03, 1.03))
+    axes.legend(loc="best", fontsize=8)
+
+
+def plane_panel(figure, axes, edges, values, name, power=0.5):
+    """Draw values (n, m) over cells of the plane between edges (n + 1,), (m + 1,); the root, 0.5, shows the low parts."""
+    from matplotlib.colors import PowerNorm
+
+    scale = PowerNorm(power, 0.0, max(float(values.max()), np.finfo(float).tiny))
+    mesh = axes.pcolormesh(*edges, values.T, cmap=SURFACE, norm=scale)
+    figure.colorbar(mesh, ax=axes, label=name)
+    axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
+    axes.grid(visible=False)
+
+
+def function_panel(figure, axes, function, edges, name, power=0.5):
+    """Draw a function of angle and velocity on a lattice between the outer edges."""
+    fine = [np.linspace(line[0], line[-1], _LATTICE) for line in edges]
+    values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
+    plane_panel(figure, axes, fine, values, name, power)
+
+
+def _when(result, cycle):
+    if result.cycles is None:
+        return f"τ = {result.times[cycle]:.4g}, survival {result.survival[cycle]:.4f}"
+    return f"after {cycle} cycle{'s' * (cycle != 1)}, survival {result.survival[cycle]:.4f}"

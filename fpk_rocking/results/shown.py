@@ -1,0 +1,114 @@
+"""What every result offers to the hand: a line, a card for notebooks, a picture, tables of pandas and xarray."""
+
+import base64
+import html
+import importlib
+import io
+import textwrap
+
+import numpy as np
+
+__all__ = ["Shown", "picture_html", "trust_html"]
+
+_COLOURS = {"ok": "#00704a", "caution": "#9a5b00", "do not use": "#b00020"}
+_SHORT = 100
+
+
+class Shown:
+    """How a result shows itself; all of it is made of the following, which a subclass has.
+
+    Attributes
+    ----------
+    trust : Trust
+        Whether to use it, see `fpk_rocking.results.trust`.
+    headline : str
+        What it is and what it found, in a few words.
+    facts : dict
+        What else it says of itself, as plain values.
+
+    Methods
+    -------
+    plot()
+        A picture, a matplotlib figure.
+    columns()
+        A table: a dict of arrays (n,) by name.
+    grids()
+        All arrays of it: a dict of (dimensions, array) by name, and one of coordinates, as `xarray.Dataset` takes them.
+    """
+
+    def __repr__(self):
+        reason = textwrap.shorten(self.trust.reasons[0], _SHORT, placeholder=" ...")
+        return f"<{self.title}; trust: {self.trust.verdict}. {reason}>"
+
+    @property
+    def title(self):
+        """Kind and headline."""
+        return f"{type(self).__name__}: {self.headline}"
+
+    def _repr_html_(self):
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th><td>{html.escape(text)}</td></tr>"
+            for name, text in self._said()
+        )
+        return (
+            f"<div><p><strong>{html.escape(self.title)}</strong></p>"
+            f"{trust_html(self.trust)}{picture_html(self.plot(), self.headline, dots=72)}"
+            f"<details><summary>Figures</summary><table>{rows}</table></details></div>"
+        )
+
+    def _said(self):
+        """Yield the names and texts of facts that are one number or text."""
+        for name, value in self.facts.items():
+            if isinstance(value, str | int | np.integer):
+                yield name, str(value)
+            elif isinstance(value, float):
+                yield name, f"{value:.4g}"
+
+    def to_dataframe(self):
+        """Return the table of this result as a `pandas.DataFrame`; ``pip install 'fpk-rocking[frames]'`` has pandas."""
+        return _library("pandas").DataFrame({name: np.array(values) for name, values in self.columns().items()})
+
+    def to_xarray(self):
+        """Return the arrays of this result as an `xarray.Dataset`; ``pip install 'fpk-rocking[frames]'`` has xarray.
+
+        Its facts that are one number or text are attributes, and so are the verdict "trust" and its "reasons".
+        """
+        variables, coordinates = self.grids()
+        copied = {name: (dims, np.array(values)) for name, (dims, values) in variables.items()}
+        told = {name: value for name, value in self.facts.items() if isinstance(value, str | int | float)}
+        about = told | {"trust": self.trust.verdict, "reasons": " ".join(self.trust.reasons)}
+        places = {name: np.array(values) for name, values in coordinates.items()}
+        return _library("xarray").Dataset(copied, places, about)
+
+
+def _library(name):
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        needed = f"{name}: not installed, accepted: pip install 'fpk-rocking[frames]', which has it"
+        raise ModuleNotFoundError(needed, name=name) from None
+
+
+def trust_html(trust):
+    """Return a verdict as a paragraph of HTML."""
+    colour, reasons = _COLOURS[trust.verdict], html.escape(" ".join(trust.reasons))
+    return f"<p><strong style='color:{colour}'>trust: {html.escape(trust.verdict)}</strong>. {reasons}</p>"
+
+
+def picture_html(figure, meaning, dots=110):
+    """Return a figure as an image of HTML that holds its own data.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    meaning : str
+        Text for those who do not see it.
+    dots : int
+        An inch.
+    """
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=dots)
+    data = base64.b64encode(picture.getvalue()).decode("ascii")
+    return f"<img alt='{html.escape(meaning)}' src='data:image/png;base64,{data}'>"

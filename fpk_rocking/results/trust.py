@@ -1,0 +1,101 @@
+"""Whether the numbers of a result may be used: one verdict for all kinds of results, from what each says of itself."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["CAUTION", "UNUSABLE", "Doubt", "Trust", "trust_of", "verdict"]
+
+CAUTION, UNUSABLE = 1, 2
+"""How much a doubt weighs."""
+
+VERDICTS = "ok", "caution", "do not use"
+
+USELESS = 0.1
+"""Possible error of a probability above which it is not to be used."""
+
+UNASKED = 0.05
+"""Possible error of a probability above which there is caution where no tolerance was asked for, as of a sample."""
+
+_MASS, _NEGATIVE, _RESIDUAL = 1e-9, 1e-2, 1e-6
+
+
+class Doubt(NamedTuple):
+    """What speaks against a result: how much it weighs, `CAUTION` or `UNUSABLE`, and a sentence."""
+
+    weight: int
+    sentence: str
+
+
+class Trust(NamedTuple):
+    """The verdict on a result: "ok", "caution" or "do not use", and its reasons, sentences with the weightiest first."""
+
+    verdict: str
+    reasons: tuple[str, ...]
+
+    def __str__(self):
+        return f"trust: {self.verdict}. {' '.join(self.reasons)}"
+
+    @property
+    def plain(self):
+        """The same as JSON holds it."""
+        return {"verdict": self.verdict, "reasons": list(self.reasons)}
+
+
+def verdict(doubts, otherwise) -> Trust:
+    """Return the verdict of all doubts, and the reason `otherwise` where there is none."""
+    doubts = sorted(dict.fromkeys(doubts), key=lambda doubt: -doubt.weight)
+    weight = doubts[0].weight if doubts else 0
+    return Trust(VERDICTS[weight], tuple(doubt.sentence for doubt in doubts) or (otherwise,))
+
+
+def trust_of(facts, doubts=(), otherwise="No error is estimated.") -> Trust:
+    """Judge a result by its own figures, each against two limits, and by doubts that are known beside them.
+
+    Parameters
+    ----------
+    facts : dict
+        Figures by the names below, numbers or lists of them of which the largest counts; others are passed over.
+        "tol" is the error that was asked for.
+    doubts : iterable of Doubt
+        What else speaks against it, such as `fpk_rocking.results.remarks.doubts`.
+    otherwise : str
+        Reason where nothing speaks against it and no figure is judged.
+
+    Returns
+    -------
+    Trust
+    """
+    found, within = list(doubts), []
+    for name, (what, caution, unusable) in _limits(facts.get("tol", UNASKED), facts).items():
+        values = np.asarray(facts.get(name, ()), float)
+        if values.size == 0 or math.isinf(caution):
+            continue
+        value = float(values.max())
+        # Written so that nan is not within a limit.
+        if value <= caution:
+            within.append(f"{what} {value:.2g}, within {caution:.2g}.")
+        else:
+            weight = CAUTION if value <= unusable else UNUSABLE
+            limit = caution if weight == CAUTION else unusable
+            found.append(Doubt(weight, f"{what} {value:.2g}, above {limit:.2g}."))
+    return verdict(found, within[0] if within else otherwise)
+
+
+def _limits(tol, facts):
+    """Return by the name of a figure what it is, and above which values there is caution and no use."""
+    useless = max(USELESS, tol)
+    return {
+        "error_estimate": ("Estimated error of the probabilities", tol, useless),
+        "half_width": ("Half width of the 95 % interval of the probabilities", tol, useless),
+        # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
+        "escape_error": ("Estimated relative error of the escape rate", math.e * tol, math.e * useless),
+        "relative_error": ("Relative standard error of the probability", 0.2, 0.5),
+        "bins_error_estimate": ("Estimated error of the binned density (L1)", facts.get("bins_tol", math.inf), math.inf),
+        "lost": ("Mass lost beyond the velocity bound", tol, useless),
+        "mass_defect": ("Mass defect", _MASS, tol),
+        "negative_mass": ("Negative mass of the density", _NEGATIVE, useless),
+        "residual": ("Residual of the modes", _RESIDUAL, tol),
+    }
+

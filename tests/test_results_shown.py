@@ -1,0 +1,345 @@
+"""Results in the hand: the line, the card, the picture, the tables, and the verdict; of every kind of result."""
+
+import dataclasses
+import math
+import pathlib
+import re
+import sys
+
+import fakes
+import numpy as np
+import pytest
+
+from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from fpk_rocking.compare import compare
+from fpk_rocking.density.realizations import RealizationAverage
+from fpk_rocking.results.binning import joint_edges, shown_edges
+from fpk_rocking.results.remarks import doubts, remarks
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
+from montecarlo import Splitting, histories, simulate, tally
+from studies import Fragility, Sweep
+
+DOCUMENT = pathlib.Path(__file__).parents[1] / "docs" / "results.md"
+MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+WHITE = dataclasses.replace(MAIN, noise=WhiteNoise(0.006))
+
+
+class Density(fakes.FakeEvolution):
+    """With the line and the card of a real one in place of those that dataclasses make."""
+
+    __repr__ = fakes.DensityResult.__repr__
+
+
+def splitting(repeats=30, spread=0.1):
+    rng = np.random.default_rng(1)
+    last = 1e-5 * (1.0 + spread * rng.standard_normal((repeats, 1))) * [0.3, 0.7]
+    return Splitting(
+        scene=WHITE,
+        walkers=100,
+        seed=1,
+        steps_per_cycle=200,
+        wall_s=0.5,
+        repeat_overturned=np.stack([np.zeros((repeats, 2)), 0.1 * last, last], axis=1),
+        levels=np.full(repeats, 7),
+        killed=np.full(repeats, 70),
+    )
+
+
+def fragility(axis="scene", size=1):
+    values = np.linspace(0.05, 0.95, 12 * size).reshape(size, 2, 6)
+    values[:, 1] = np.minimum(1.0, 1.2 * values[:, 0])
+    return Fragility(
+        scenes=(MAIN,) * size,
+        axis=axis,
+        place=np.arange(size) + 1.0,
+        level=np.array([0.7]),
+        scale=np.geomspace(0.5, 2.0, 6),
+        probability=np.round(values, 2),
+        error_estimate=np.full(values.shape, np.nan),
+        engine="exact",
+        realizations=1000,
+        noise_scaled=True,
+        options={"cycles": 4, "seed": 1},
+        closure="",
+        reasons={},
+        wall_s=1.0,
+    )
+
+
+def rows(*verdicts):
+    for number, one in enumerate(verdicts):
+        values = {"survival": [1.0, 0.5 + 0.1 * number], "method": "exact", "trust": one} if one else {}
+        reason = "" if one else "ValueError: refused"
+        yield {"cell": number, "seed": 1, "digest": "", "wall_s": 1.0, "values": values, "reason": reason}
+
+
+KINDS = {
+    "density": lambda: Density(MAIN),
+    "average": lambda: RealizationAverage(MAIN, np.ones(2), np.array([0.4, 0.6]), (Density(WHITE), Density(WHITE))),
+    "ensemble": lambda: simulate(MAIN, cycles=2, realizations=400, method="rk4"),
+    "tally": lambda: tally(MAIN, cycles=2, realizations=400, method="rk4"),
+    "histories": lambda: histories(MAIN, cycles=2, realizations=3, method="rk4"),
+    "splitting": splitting,
+    "comparison": lambda: compare(fakes.FakeEnsemble(MAIN, realizations=4000), Density(MAIN)),
+    "fragility": fragility,
+    "surface": lambda: fragility("size", 3),
+    "sweep": lambda: Sweep(tuple(rows("ok", "ok", "ok", "caution")), {"a": (1.0, 2.0), "b": (3.0, 4.0)}, 2.0),
+    "list": lambda: Sweep(tuple(rows("ok", "")), {}, 2.0),
+}
+
+
+@pytest.fixture(scope="module")
+def kinds():
+    return {name: make() for name, make in KINDS.items()}
+
+
+@pytest.fixture(params=KINDS)
+def result(request, kinds):
+    return kinds[request.param]
+
+
+def test_the_line_is_short_and_ends_with_the_verdict(result):
+    line = repr(result)
+    assert "\n" not in line
+    assert len(line) < 320
+    assert "array(" not in line
+    assert re.match(rf"<{type(result).__name__}: .+; trust: {result.trust.verdict}\. .+>$", line)
+
+
+def test_the_card_holds_all_it_shows(result):
+    card = result._repr_html_()
+    assert f"trust: {result.trust.verdict}" in card
+    assert re.findall(r"(?:src|href)='(.{22})", card) == ["data:image/png;base64,"]
+    assert 5_000 < len(card) < 150_000
+
+
+def test_texts_cannot_become_elements_of_the_card():
+    class Named(Density):
+        engine = "<b>"
+
+        @property
+        def facts(self):
+            return super().facts | {"note": "<i>"}
+
+    failed = Sweep(tuple(rows("ok", "")), {"<u>": (1.0, 2.0)}, 2.0)
+    for card in (Named(MAIN)._repr_html_(), failed._repr_html_()):
+        assert not re.search("<[biu]>", card)
+    assert "&lt;i&gt;" in Named(MAIN)._repr_html_()
+
+
+def test_the_picture_is_a_figure_and_no_window(result):
+    figure = result.plot()
+    assert all(axes.has_data() for axes in figure.axes)
+    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+
+
+def test_all_columns_have_one_length_and_are_a_data_frame(result):
+    columns = result.columns()
+    assert len({len(column) for column in columns.values()}) == 1
+    pandas = pytest.importorskip("pandas")
+    frame = result.to_dataframe()
+    assert isinstance(frame, pandas.DataFrame)
+    for name, column in columns.items():
+        assert frame[name].tolist() == pytest.approx(list(column), nan_ok=True) or frame[name].dtype == object
+
+
+def test_all_arrays_are_a_dataset(result):
+    xarray = pytest.importorskip("xarray")
+    found = result.to_xarray()
+    assert isinstance(found, xarray.Dataset)
+    variables, coordinates = result.grids()
+    for name, (dims, values) in variables.items():
+        assert found[name].dims == ((dims,) if isinstance(dims, str) else dims)
+        np.testing.assert_array_equal(found[name], values)
+    assert coordinates.keys() <= {*found.coords}
+    assert found.attrs["trust"] == result.trust.verdict
+
+
+@pytest.mark.parametrize("name", ["pandas", "xarray"])
+def test_a_missing_library_is_named_with_the_extra_that_has_it(kinds, monkeypatch, name):
+    monkeypatch.setitem(sys.modules, name, None)
+    convert = kinds["density"].to_dataframe if name == "pandas" else kinds["density"].to_xarray
+    with pytest.raises(
+        ModuleNotFoundError, match=rf"{name}: not installed, accepted: pip install 'fpk-rocking\[frames\]'"
+    ):
+        convert()
+
+
+def test_tables_say_what_the_result_says(kinds):
+    ensemble = kinds["ensemble"]
+    columns, (arrays, places) = ensemble.columns(), ensemble.grids()
+    assert np.array_equal(columns["overturned_right"], ensemble.overturned[:, 1])
+    assert np.array_equal(columns["survival_high"], ensemble.survival_interval()[:, 1])
+    dims, bins = arrays["bin_probability"]
+    assert dims == ("time", "bin_angle", "bin_velocity")
+    assert bins.sum(axis=(1, 2)) == pytest.approx(ensemble.survival)
+    mean = np.nanmean(ensemble.angle[:, 2])
+    assert bins[2].sum(axis=1) @ places["bin_angle"] / ensemble.survival[2] == pytest.approx(mean, abs=0.05)
+    assert np.array_equal(bins, kinds["tally"].grids()[0]["bin_probability"][1])
+
+
+def test_a_tally_is_shown_in_the_bins_that_it_kept(kinds):
+    edges = np.array([-1.6, -0.7, 0.0, 0.4, 1.6]), np.array([-4.0, 0.0, 1.0, 4.0])
+    own = tally(MAIN, cycles=2, realizations=400, method="rk4", angle_edges=edges[0], velocity_edges=edges[1])
+    assert all(np.array_equal(*pair) for pair in zip(own.bin_edges, edges, strict=True))
+    assert own.grids()[0]["bin_probability"][1].sum(axis=(1, 2)) == pytest.approx(own.survival)
+    assert own.plot("bins").axes[0].get_xlim() == (-1.6, 1.6)
+    assert all(np.array_equal(*pair) for pair in zip(kinds["tally"].bin_edges, joint_edges(MAIN), strict=True))
+
+
+def test_what_to_plot(kinds):
+    density, ensemble = kinds["density"], kinds["ensemble"]
+    assert [len(density.plot(what).axes) for what in ("survival", "bins", "density")] == [1, 2, 2]
+    line = density.plot("survival").axes[0].lines[0]
+    assert np.array_equal(line.get_ydata(), density.survival)
+    assert density.plot("bins", 4).axes[0].get_title() == "after 4 cycles, survival 0.6561"
+    with pytest.raises(ValueError, match=r"what: got 'density', accepted: 'survival', 'bins'$"):
+        ensemble.plot("density")
+    with pytest.raises(ValueError, match="cycle: got 3"):
+        ensemble.plot("bins", 3)
+
+
+def test_pictures_show_the_bins_that_hold_the_probability():
+    edges = np.arange(-10.0, 11.0), np.arange(-100.0, 101.0)
+    found = np.zeros((20, 200))
+    found[12:14] = 1.0 / 400.0
+    angle, velocity = shown_edges(edges, found, 24)
+    assert (angle[0], angle[-1]) == (1.0, 5.0)
+    assert set(edges[0][11:16]) <= set(angle)
+    assert angle.size == 25
+    assert (velocity[0], velocity[-1]) == (-100.0, 100.0)
+    assert velocity.size - 1 <= 96
+    assert shown_edges(edges, found, 0)[0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("facts", "verdict", "reason"),
+    [
+        ({"error_estimate": 9e-4, "tol": 1e-3}, "ok", "Estimated error of the probabilities 0.0009, within 0.001."),
+        ({"error_estimate": 2e-3, "tol": 1e-3}, "caution", "Estimated error of the probabilities 0.002, above 0.001."),
+        ({"error_estimate": 0.11, "tol": 1e-3}, "do not use", "probabilities 0.11, above 0.1."),
+        ({"error_estimate": math.nan, "tol": 1e-3}, "do not use", "probabilities nan, above 0.1."),
+        ({"half_width": 0.049}, "ok", "Half width of the 95 % interval of the probabilities 0.049, within 0.05."),
+        ({"half_width": 0.051}, "caution", "0.051, above 0.05."),
+        ({"half_width": 0.101}, "do not use", "0.1, above 0.1."),
+        ({"escape_error": 2.7e-3, "tol": 1e-3}, "ok", "relative error of the escape rate 0.0027, within 0.0027."),
+        ({"escape_error": 2.8e-3, "tol": 1e-3}, "caution", "rate 0.0028, above 0.0027."),
+        ({"relative_error": 0.3}, "caution", "Relative standard error of the probability 0.3, above 0.2."),
+        ({"bins_tol": 0.03, "bins_error_estimate": 0.04}, "caution", "binned density (L1) 0.04, above 0.03."),
+        ({"bins_error_estimate": 0.04}, "ok", "No error is estimated."),
+        ({"error_estimate": 0.0, "tol": 1e-2, "lost": [0.0, 0.02, 0.0]}, "caution", "velocity bound 0.02, above 0.01."),
+        ({"error_estimate": 0.0, "tol": 1e-2, "mass_defect": 1e-8}, "caution", "Mass defect 1e-08, above 1e-09."),
+        ({"error_estimate": 0.0, "tol": 1e-2, "mass_defect": 0.011}, "do not use", "Mass defect 0.011, above 0.01."),
+        ({"error_estimate": 0.0, "tol": 1e-2, "negative_mass": 0.02}, "caution", "Negative mass of the density 0.02"),
+        ({}, "ok", "No error is estimated."),
+    ],
+)  # fmt: skip
+def test_the_verdict_of_figures(facts, verdict, reason):
+    trust = trust_of(facts)
+    assert trust.verdict == verdict
+    assert trust.reasons[0].endswith(reason) or reason in trust.reasons[0]
+    assert str(trust) == f"trust: {verdict}. {trust.reasons[0]}"
+
+
+def test_the_weightiest_doubt_decides_and_stands_first():
+    known = [Doubt(CAUTION, "Few."), Doubt(UNUSABLE, "Wrong."), Doubt(CAUTION, "Few.")]
+    trust = trust_of({"error_estimate": 0.02, "tol": 1e-2}, known)
+    assert trust.verdict == "do not use"
+    assert trust.reasons[:2] == ("Wrong.", "Few.")
+    assert trust.plain == {"verdict": "do not use", "reasons": list(trust.reasons)}
+    assert len(trust.reasons) == 3
+
+
+def banded(band, harmonics=100):
+    return dataclasses.replace(MAIN, noise=BandNoise(0.04, band, harmonics))
+
+
+@pytest.mark.parametrize(
+    ("scene", "verdict", "reason"),
+    [
+        (MAIN, "ok", "Estimated error"),
+        (banded((1.0, 6.0)), "do not use", "Not to be trusted: the band"),
+        (banded((0.0, 10.0), 30), "caution", "Few harmonics"),
+    ],
+)
+def test_doubts_about_the_noise_are_part_of_the_verdict_on_a_density(scene, verdict, reason):
+    density = Density(scene)
+    assert density.trust.verdict == verdict
+    assert density.trust.reasons[0].startswith(reason)
+    assert {doubt.sentence for doubt in doubts(density)} <= set(remarks(density))
+    assert fakes.FakeEnsemble(scene).trust.verdict == "ok"
+
+
+def test_one_path_without_noise_is_certain():
+    """Two realizations say no less than one; with noise, or from a spread start, they say nothing."""
+    quiet = dataclasses.replace(MAIN, noise=NoNoise())
+    spread = quiet.varied(start=Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01))))
+    found = [fakes.FakeEnsemble(scene, realizations=2).trust.verdict for scene in (quiet, MAIN, spread)]
+    assert found == ["ok", "do not use", "do not use"]
+    curves = [dataclasses.replace(fragility(), scenes=(scene,), realizations=1) for scene in (quiet, MAIN)]
+    assert [curve.trust.verdict for curve in curves] == ["ok", "do not use"]
+
+
+def test_a_density_for_a_band_is_doubted_where_the_forcing_hardly_lifts_blocks():
+    hardly = MAIN.varied(forcing={"amplitude": 1.1})
+    assert Density(hardly).trust.verdict == "do not use"
+    assert any("survival was found wrong by up to 0.28" in sentence for sentence in remarks(Density(hardly)))
+    assert Density(MAIN.varied(forcing={"amplitude": 1.2})).trust.verdict == "ok"
+    assert Density(hardly.white_equivalent(), closure="").trust.verdict == "ok"
+
+
+def test_splitting_is_doubted_where_its_repeats_are_few_or_skewed():
+    assert splitting().trust.verdict == "ok"
+    assert splitting(8).trust.reasons[0].startswith("8 repeats: 20 or more")
+    skewed = splitting(30, 3.0)
+    assert skewed.skewed
+    assert skewed.trust.verdict == "do not use"
+
+
+def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_differ():
+    ensemble, density = fakes.FakeEnsemble(MAIN, realizations=4000), Density(MAIN)
+    assert compare(ensemble, density).trust.verdict == "ok"
+    bad = compare(fakes.FakeEnsemble(MAIN, realizations=300), Density(banded((1.0, 6.0))))
+    assert bad.trust.verdict == "do not use"
+    assert [reason.partition(": ")[2][:10] for reason in bad.trust.reasons] == ["Not to be ", "Half width"]
+    assert bad.to_dict()["trust"] == bad.trust.plain
+
+    class Other(fakes.FakeEvolution):
+        @property
+        def survival(self):
+            return super().survival - 0.06 * (np.arange(11) > 4)
+
+    differing = compare(Other(MAIN), density).trust
+    assert differing.verdict == "caution"
+    assert differing.reasons == ("Survival differs by up to 0.06, more than the results say of their errors.",)
+    assert compare(ensemble, ensemble).trust.reasons[0].startswith("Both ensembles use seed 1")
+    # Seven standard errors, and two.
+    assert compare(ensemble, Other(MAIN)).trust.verdict == "caution"
+    assert compare(fakes.FakeEnsemble(MAIN, realizations=400), Other(MAIN)).trust.verdict == "ok"
+
+
+def test_the_example_of_the_document(monkeypatch, capsys):
+    for name in ("pandas", "xarray"):
+        pytest.importorskip(name)
+    monkeypatch.chdir(DOCUMENT.parents[1])
+    (example,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile(example, DOCUMENT, "exec"), {})
+    printed = " ".join(re.findall(r"^# +(.*)$", example, re.MULTILINE))
+    assert capsys.readouterr().out.split() == printed.split()
+
+
+def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):
+    whole = kinds["fragility"]
+    assert whole.trust.verdict == "ok"
+    one = dataclasses.replace(whole, reasons={"0,0,1": "ValueError: refused"})
+    assert one.trust.reasons[0] == "1 of 12 probabilities have no answer: ValueError: refused"
+    assert dataclasses.replace(whole, realizations=100).trust.verdict == "caution"
+    assert kinds["sweep"].trust.reasons == ('"caution" is the verdict on 1 of 4 scenes.',)
+    assert kinds["list"].trust.reasons == ("1 of 2 scenes failed: ValueError: refused",)
+    assert Sweep(tuple(rows("", "")), {}, 1.0).trust.verdict == "do not use"
+    assert "2 of 2 scenes failed" in Sweep(tuple(rows("", "")), {}, 1.0)._repr_html_()
+    unknown = {"0,0,0": "ValueError: refused"}
+    nothing = dataclasses.replace(whole, probability=np.full((1, 2, 6), np.nan), reasons=unknown)
+    assert "1 of 12 probabilities have no answer" in nothing._repr_html_()
+    assert Sweep(tuple(rows("ok", "do not use")), {}, 1.0).trust.verdict == "do not use"
+    assert Sweep(tuple(rows("ok")), {}, 1.0).trust.verdict == "ok"
