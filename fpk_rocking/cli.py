@@ -333,9 +333,10 @@ def _solved(options, scene):
 
 def _rows(options, scene):
     """Return the cycles or the times that are asked for; without either, the default ones."""
-    if options.times is None and options.cycles is None and scene.period is not None:
-        return {"cycles": _CYCLES}
-    return {"times": options.times, "cycles": options.cycles}
+    rows = {"times": options.times} if options.times is not None else {}
+    if options.cycles is not None or (scene.period is not None and not rows):
+        rows["cycles"] = _or(options.cycles, _CYCLES)
+    return rows
 
 
 def _simulated(options, scene):

@@ -4,7 +4,7 @@ import csv
 import dataclasses
 import functools
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -167,12 +167,17 @@ class Fragility(Shown):
     @property
     def remarks(self):
         """Sentences that have to stand wherever this result is shown."""
-        of = [sentence for scene in self.scenes for sentence in remarks(_Told(scene, self.closure))]
+        of = [sentence for told in self._told for sentence in remarks(told)]
         kinds = {}
         for sentence in dict.fromkeys(of):
             kinds.setdefault(sentence.partition(":")[0], []).append(sentence)
         found = [one + f" (Other scenes: {len(more)} likewise.)" * bool(more) for one, *more in kinds.values()]
         return found + [doubt.sentence for doubt in self._unanswered]
+
+    @property
+    def _told(self):
+        most = np.nan_to_num(self.overturned).max(axis=1)
+        return [_Told(scene, self.closure, (1.0 - part,)) for scene, part in zip(self.scenes, most, strict=True)]
 
     @property
     def _unanswered(self):
@@ -195,7 +200,7 @@ class Fragility(Shown):
     @functools.cached_property
     def trust(self):
         """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
-        found = [doubt for scene in self.scenes for doubt in doubts(_Told(scene, self.closure))]
+        found = [doubt for told in self._told for doubt in doubts(told)]
         return trust_of(self.facts, self._unanswered + found)
 
     @property
@@ -311,6 +316,7 @@ class _Told(NamedTuple):
 
     scene: Scene
     closure: str
+    survival: Sequence
     averaged: bool = False
     facts: Mapping = MappingProxyType({})
 

@@ -69,6 +69,8 @@ BINNED = {"cycle": 1, "angle_edges": EDGES, "velocity_edges": EDGES}
 KEPT = {"cycle": 1, "angle_edges": TALLY.counts.angle_edges, "velocity_edges": TALLY.counts.velocity_edges}
 WRONG_ENSEMBLES = st.one_of(fuzz.NOT_NUMBERS, st.just(WHITE), st.just(EVOLUTION))
 
+SAMPLES = fuzz.NOT_COUNTS.filter(lambda value: value is not None) | TOO_MANY
+
 ENTRIES = {
     "simulate": (simulate, {"scene": BAND} | SMALL, RUN),
     "simulate white": (simulate, {"scene": WHITE} | SMALL, RUN),
@@ -77,7 +79,7 @@ ENTRIES = {
         {"scene": WHITE} | SMALL,
         RUN | {"angle_edges": OTHER_EDGES, "velocity_edges": OTHER_EDGES, "checkpoint": OTHER_PATHS},
     ),
-    "histories": (histories, {"scene": BAND} | SMALL, RUN | {"samples_per_cycle": fuzz.NOT_COUNTS | TOO_MANY}),
+    "histories": (histories, {"scene": BAND} | SMALL, RUN | {"samples_per_cycle": SAMPLES}),
     "split": (
         split,
         {"scene": WHITE, "cycles": 1, "walkers": 10, "repeats": 2},
