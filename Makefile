@@ -57,7 +57,7 @@ lint: $(STAMP)  ## ruff
 	$(BIN)/ruff check
 
 clean:  ## remove environments, caches and results
-	rm -rf $(VENV) $(PEERS) build dist results .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PEERS) build dist results .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.

@@ -32,7 +32,9 @@ _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
 
-def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, progress=None):
+def solve_fpk(
+    scene: Scene, *, cycles: int, tol: float = 1e-3, bins_tol: float | None = None, progress: Progress | None = None
+) -> Evolution:
     """Evolve the joint density of angle and velocity of a rocking block.
 
     Band noise is replaced by white noise of equal Melnikov variance, and the result's `closure` says so. The solution

@@ -3,6 +3,7 @@
 import math
 
 from fpk_rocking.physics import equivalence
+from fpk_rocking.results.result import Result
 
 __all__ = ["closure_of", "noise_text", "remarks"]
 
@@ -48,7 +49,7 @@ def closure_of(scene, white) -> str:
     )
 
 
-def remarks(*results) -> tuple[str, ...]:
+def remarks(*results: Result) -> tuple[str, ...]:
     """Sentences that have to stand wherever these results are shown.
 
     Parameters
@@ -59,8 +60,9 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
-        trusted for the band and its harmonics; each once, and empty if nothing applies.
+        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise
+        for a density, and whether that is to be trusted for the band and its harmonics; each once, and empty if nothing
+        applies.
     """
     sentences = []
     for result in results:
@@ -80,10 +82,11 @@ def _squat(size):
     if size is None or max(size.slenderness_error) <= SLENDER:
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
-    return [
-        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of gravity "
-        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
-    ]
+    sentence = (
+        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of "
+        f"gravity too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+    )
+    return [sentence]
 
 
 def _stands_for(results, result) -> bool:
@@ -106,8 +109,9 @@ def _doubts(scene, averaged):
     if noise.kind == "filtered":
         if part < equivalence.TRUSTED_COVER:
             yield (
-                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise as "
-                f"strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise itself."
+                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise "
+                f"as strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise "
+                "itself."
             )
         return
     low, high = noise.band

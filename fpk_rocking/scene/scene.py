@@ -7,8 +7,10 @@ docs/theory.md. A scene says nothing about how it is solved.
 import dataclasses
 import pathlib
 import tomllib
+from typing import Any, Self
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import File
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics
@@ -69,11 +71,11 @@ class Scene:
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
 
     @property
-    def period(self):
+    def period(self) -> float:
         """T = 2π/Ω in nondimensional time: one cycle."""
         return self.forcing.period
 
-    def varied(self, **parts):
+    def varied(self, **parts: Any) -> Self:
         """Return the scene with some values changed, for a study over them.
 
         Parameters
@@ -100,7 +102,7 @@ class Scene:
                 parts[name] = cls(**checks.arguments(name, kept | given, cls))
         return dataclasses.replace(self, **parts)
 
-    def white_equivalent(self):
+    def white_equivalent(self) -> Self:
         """Return the same scene with white noise of the equivalent diffusion.
 
         Band noise and filtered noise are replaced by a closure (see `fpk_rocking.melnikov.equivalent_diffusion`), no
@@ -115,7 +117,7 @@ class Scene:
             return self
         return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise)))
 
-    def filtered_equivalent(self):
+    def filtered_equivalent(self) -> Self:
         """Return the same scene with filtered noise in place of band noise.
 
         The filter is the low-pass one with ζ = 1/√2 that gives the same variance and the same Melnikov variance σ_M².
@@ -149,20 +151,20 @@ class Scene:
     @classmethod
     def from_block(
         cls,
-        width,
-        height,
-        peak_acceleration,
-        frequency_hz,
+        width: float,
+        height: float,
+        peak_acceleration: float,
+        frequency_hz: float,
         *,
-        restitution=None,
-        phase=0.0,
-        noise_rms_acceleration=0.0,
-        noise_band_hz=None,
-        harmonics=100,
-        gravity=9.80665,
-        start=Start(),
-        overturning=Overturning(),
-    ):
+        restitution: float | None = None,
+        phase: float = 0.0,
+        noise_rms_acceleration: float = 0.0,
+        noise_band_hz: tuple[float, float] | None = None,
+        harmonics: int = 100,
+        gravity: float = 9.80665,
+        start: Start = Start(),
+        overturning: Overturning = Overturning(),
+    ) -> Self:
         """Build a scene from the size of a slender block and the shaking of its base.
 
         Parameters
@@ -214,7 +216,7 @@ class Scene:
         )
 
     @classmethod
-    def from_toml(cls, text):
+    def from_toml(cls, text: str) -> Self:
         """Read a scene from TOML text.
 
         Parameters
@@ -240,7 +242,7 @@ class Scene:
         tables = checks.arguments("", document, cls)
         return cls(**{name: _READERS[name](name, table) for name, table in tables.items()})
 
-    def to_toml(self):
+    def to_toml(self) -> str:
         """Return the TOML text that `from_toml` reads back as an equal scene."""
         tables = _fields(self)
         if self.block.dimensions is not None:
@@ -248,7 +250,7 @@ class Scene:
         return "\n".join(_table(name, part) for name, part in tables.items())
 
 
-def load_scene(path):
+def load_scene(path: File) -> Scene:
     """Read a scene file, or one of the scenes that come with the package.
 
     Parameters
