@@ -27,7 +27,7 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 	$(BIN)/python cases/gallery.py
 
 test: $(STAMP)  ## the test suite
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 docs: $(STAMP)  ## the site, into build/docs; a warning is an error
 	$(BIN)/sphinx-build -q -W --keep-going -d build/doctrees docs build/docs

@@ -19,8 +19,8 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
     python cases/fig06_jpdf_evolution.py --out results/fig06
     python cases/view.py results/fig06
 
-Files: ``fig06.png``, ``survival.png``, ``summary.json``, ``jpdf.pvd`` (density) and ``jpdf_rk4.pvd`` (histogram of the
-realizations), each with its .vtu files.
+Files: ``fig06.png`` (surfaces), ``maps.png`` (the same as maps), ``survival.png``, ``summary.json``, ``jpdf.pvd``
+(density) and ``jpdf_rk4.pvd`` (histogram of the realizations), each with its .vtu files.
 """
 
 import argparse
@@ -29,7 +29,7 @@ import sys
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, summary, surfaces, tables, vtk
+from fpk_rocking.output import curves, maps, summary, surfaces, tables, vtk
 from fpk_rocking.output.opengl import probe_rendering
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.remarks import remarks
@@ -78,6 +78,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     vtk.write_series(out, "jpdf_rk4", band, cycles)
     title = "Joint density of angle and velocity after whole forcing cycles (cf. paper Fig. 6)"
     surfaces.surface_figure(out / "fig06.png", [density, band], cycles, title)
+    maps.density_maps(out / "maps.png", [density, band], after_start, title)
     curves.survival_figure(out / "survival.png", [density, band, white], "Survival and leakage of the main scene")
 
     rendering = probe_rendering()
@@ -107,7 +108,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
     options = parser.parse_args()
     rendering = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)["rendering"]
-    print(f"\nFiles in {options.out}: fig06.png, survival.png, summary.json, jpdf.pvd, jpdf_rk4.pvd")
+    print(f"\nFiles in {options.out}: fig06.png, maps.png, survival.png, summary.json, jpdf.pvd, jpdf_rk4.pvd")
     if rendering["works"]:
         print(f"Look around in the density: python cases/view.py {options.out}")
     else:

@@ -25,7 +25,11 @@ PICTURES = {
     "fig03_critical_amplitude": {"fig03.png": "fig03.png"},
     "fig04_phase_flux": {"fig04.png": "fig04.png"},
     "fig05_overturning": {"fig05.png": "fig05.png"},
-    "fig06_jpdf_evolution": {"fig06.png": "fig06.png", "survival.png": "fig06_survival.png"},
+    "fig06_jpdf_evolution": {
+        "fig06.png": "fig06.png",
+        "maps.png": "fig06_maps.png",
+        "survival.png": "fig06_survival.png",
+    },
     "fig07_survival_against_noise": {"fig07.png": "fig07.png"},
     "fig08_mean_poincare": {"fig08.png": "fig08.png"},
     "fig09_mean_map_and_noise": {"fig09.png": "fig09.png"},

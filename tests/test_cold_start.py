@@ -103,7 +103,7 @@ def test_every_engine_and_every_call_has_its_task():
 @pytest.mark.parametrize(
     ("task", "asked"),
     [
-        ("fpk_rocking.density.ahead:solve", ["fpk", "--cycles", "2"]),
+        ("fpk_rocking.density.ahead:solve", ["fpk", "--cycles", "4"]),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
         ("montecarlo.ahead:exact", ["mc", "--method", "exact", "--cycles", "2"]),
         ("montecarlo.ahead:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),

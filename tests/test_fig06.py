@@ -46,10 +46,11 @@ def test_files(coarse):
     folder, values = coarse
     ends = (".pvd", "_0000.vtu", "_0002.vtu", "_0004.vtu")
     series = {f"{name}{end}" for name in ("jpdf", "jpdf_rk4") for end in ends}
-    assert {path.name for path in folder.iterdir()} == series | {"fig06.png", "survival.png", "summary.json"}
+    others = {"fig06.png", "maps.png", "survival.png", "summary.json"}
+    assert {path.name for path in folder.iterdir()} == series | others
     assert json.loads((folder / "summary.json").read_text(encoding="utf-8")) == values
     assert any("inferred from its Figs" in remark for remark in values["remarks"])
-    for picture in ("fig06.png", "survival.png"):
+    for picture in ("fig06.png", "maps.png", "survival.png"):
         pixels = matplotlib.image.imread(folder / picture)[..., :3]
         assert min(pixels.shape[:2]) > 600
         assert np.unique((255 * pixels[::4, ::4]).astype(int).reshape(-1, 3), axis=0).shape[0] > 100

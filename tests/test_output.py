@@ -1,5 +1,6 @@
 """Pictures, tables and summaries: what they show, and complete or not there."""
 
+import itertools
 import math
 import subprocess
 import sys
@@ -11,7 +12,8 @@ import pytest
 
 from fpk_rocking import BandNoise, Block, Forcing, Scene
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, opengl, progress, style, summary, surfaces, tables
+from fpk_rocking.output import curves, maps, opengl, progress, style, summary, surfaces, tables
+from fpk_rocking.results.binning import joint_edges
 
 MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 DENSITY = fakes.FakeEvolution(MAIN)
@@ -58,6 +60,25 @@ def test_surface_is_the_mean_over_a_bin():
     x, v = angle.flat[place], velocity.flat[place]
     inside = DENSITY.bin_probabilities(4, [x - 0.05, x + 0.05], [v - 0.05, v + 0.05])[0, 0]
     assert heights.flat[place] == pytest.approx(inside / 0.01, rel=1e-9)
+
+
+def test_maps_of_both_engines(tmp_path, drawn):
+    maps.density_maps(tmp_path / "maps.png", [DENSITY, ENSEMBLE], [2, 4, 10], "Both engines")
+    (figure,) = drawn
+    panels, bars = figure.axes[:6], figure.axes[6:]
+    assert len(bars) == 3
+    edges = joint_edges(MAIN)
+    for axes, (result, cycle) in zip(panels, itertools.product([DENSITY, ENSEMBLE], [2, 4, 10]), strict=True):
+        (image,) = axes.collections
+        bins = result.bin_probabilities(cycle, *edges)
+        area = np.outer(*map(np.diff, edges))
+        np.testing.assert_allclose(image.get_array(), (bins / area).T)
+        assert axes.get_title().startswith(f"{cycle} cycles: {result.survival[cycle]:.3f} standing")
+        low, high = axes.get_ylim()
+        inside = (edges[1][:-1] >= low - 1e-9) & (edges[1][1:] <= high + 1e-9)
+        assert bins[:, inside].sum() > 0.999 * bins.sum()
+    for above, below in zip(panels[:3], panels[3:], strict=True):
+        assert above.collections[0].get_clim() == below.collections[0].get_clim()
 
 
 def test_survival_figure(tmp_path, drawn):

@@ -68,12 +68,23 @@ def test_a_refusal_is_a_row_with_its_reason(scene, monkeypatch, tmp_path):
 def test_sampling_seconds_give_the_standard_error(scene):
     """S = .5 known to .01 takes 2,500 paths; an answer that takes longer is not cheaper."""
     row = benchmark.Row(
-        scene, 1.0, 0.5, 0.001, 0.1, 0.001, [], 2.0, {"white": 0.25, "exact": 0.25}, {"white": 1e-2, "exact": 1e-3}, ""
-    )
+        scene, 1.0, 0.5, 0.001, 0.1, 0.001, 0.01, [(0.02, 0.02), (0.05, 0.04)], 100, 2.0,
+        {"white": 0.25, "exact": 0.25}, {"white": 1e-2, "exact": 1e-3}, "",
+    )  # fmt: skip
     assert row.sampling_seconds("white", 0.01) == pytest.approx(25.0)
-    assert not row.is_cheapest(0.02)
-    assert row.is_cheapest(0.01)
-    assert not row._replace(error=None).is_cheapest(0.01)
+    assert not row.is_cheapest(row.sampling_seconds, 0.02)
+    assert row.is_cheapest(row.sampling_seconds, 0.01)
+    assert not row._replace(error=None).is_cheapest(row.sampling_seconds, 0.01)
+
+
+def test_binning_seconds_give_the_distance(scene):
+    """100 paths have an L1 of .04 in the worse of two binned cycles: .004 takes 10,000."""
+    row = benchmark.Row(
+        scene, 1.0, 0.5, 0.001, 0.1, 0.001, 0.01, [(0.02, 0.02), (0.05, 0.04)], 100, 2.0, {}, {"white": 1e-3}, ""
+    )
+    assert row.binning_seconds("white", 0.004) == pytest.approx(10.0)
+    assert row.is_cheapest(row.binning_seconds, 0.004)
+    assert not row.is_cheapest(row.binning_seconds, 0.01)
 
 
 def test_references_are_kept_and_are_of_their_scene(monkeypatch, tmp_path):

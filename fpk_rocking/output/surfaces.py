@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from fpk_rocking.base.types import File
 from fpk_rocking.output import style
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.remarks import remarks, scene_text
 from fpk_rocking.results.result import Result, label_of
 
 __all__ = ["surface_figure"]
@@ -124,14 +124,9 @@ def _needle(axes, start, highest):
 
 
 def _notes(results, columns):
-    scene = results[0].scene
-    problem = (
-        f"{scene.forcing}, e = {scene.block.restitution:g}, start at ({scene.start.angle:g}, "
-        f"{scene.start.velocity:g}), {noise_text(scene.noise)}; all nondimensional."
-    )
     drawn = (
         "Surfaces: mean density in 0.1 × 0.1 around each point, one scale a cycle. Walls at the cut-off: probability "
         "overturned to that side, full height = 1."
     )
-    lines = (problem, drawn, *remarks(*results))
+    lines = (scene_text(results[0].scene), drawn, *remarks(*results))
     return [part for line in lines for part in textwrap.wrap(line, 52 * columns)]

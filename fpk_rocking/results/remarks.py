@@ -13,6 +13,12 @@ SLENDER = 0.05
 """Error of the linearized moments up to which a block counts as slender."""
 
 
+def scene_text(scene):
+    """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
+    start = f"start at ({scene.start.angle:g}, {scene.start.velocity:g})"
+    return f"{scene.forcing}, e = {scene.block.restitution:g}, {start}, {noise_text(scene.noise)}; all nondimensional."
+
+
 def noise_text(noise) -> str:
     """One line that names a noise and its parameters (nondimensional).
 

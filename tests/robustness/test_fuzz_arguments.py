@@ -81,7 +81,7 @@ ENTRIES = {
     "split": (
         split,
         {"scene": WHITE, "cycles": 1, "walkers": 10, "repeats": 2},
-        {name: RUN[name] for name in RUN.keys() - {"realizations", "method"}}
+        {name: RUN[name] for name in RUN if name not in {"realizations", "method"}}
         | {"walkers": RUN["realizations"] | st.integers(1, 9), "repeats": RUN["realizations"] | st.just(1)},
     ),
     "restarted_poincare_map": (
