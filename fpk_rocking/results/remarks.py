@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 from fpk_rocking.physics import equivalence
+from fpk_rocking.results.result import Result
 
 __all__ = ["closure_of", "noise_text", "remarks"]
 
@@ -57,12 +58,12 @@ def closure_of(scene, solved) -> str:
         else f"{noise_text(solved.noise)}, which has the same variance and Melnikov variance"
     )
     return (
-        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as {instead}: a closure, to be "
-        "judged by Monte Carlo."
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as {instead}: a closure, to "
+        "be judged by Monte Carlo."
     )
 
 
-def remarks(*results) -> tuple[str, ...]:
+def remarks(*results: Result) -> tuple[str, ...]:
     """Sentences that have to stand wherever these results are shown.
 
     Parameters
@@ -73,8 +74,9 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
-        trusted for the band and its harmonics; each once, and empty if nothing applies.
+        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise
+        for a density, and whether that is to be trusted for the band and its harmonics; each once, and empty if nothing
+        applies.
     """
     sentences = []
     for result in results:
@@ -94,10 +96,11 @@ def _squat(size):
     if size is None or max(size.slenderness_error) <= SLENDER:
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
-    return [
-        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of gravity "
-        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
-    ]
+    sentence = (
+        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of "
+        f"gravity too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+    )
+    return [sentence]
 
 
 def _stands_for(results, result) -> bool:
@@ -113,16 +116,17 @@ def _stands_for(results, result) -> bool:
 def _doubts(scene, survival, averaged, filtered):
     """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
 
-    A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a band
-    has the rest of its blocks.
+    A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a
+    band has the rest of its blocks.
     """
     noise = scene.noise
     part = equivalence.cover(noise)
     if noise.kind == "filtered":
         if part < equivalence.TRUSTED_COVER:
             yield (
-                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise as "
-                f"strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise itself."
+                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise "
+                f"as strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise "
+                "itself."
             )
         return
     low, high = noise.band
@@ -136,8 +140,8 @@ def _doubts(scene, survival, averaged, filtered):
         )
     if part < equivalence.TRUSTED_COVER and filtered:
         yield (
-            f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; low-pass "
-            "noise was tried for bands that cover all of it. Take Monte Carlo."
+            f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; "
+            "low-pass noise was tried for bands that cover all of it. Take Monte Carlo."
         )
     elif part < equivalence.TRUSTED_COVER:
         yield (
