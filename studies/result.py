@@ -4,17 +4,22 @@ import csv
 import dataclasses
 import functools
 import io
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import remarks
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.statistics import wilson_interval
-from studies.lognormal import fit_lognormal
-from studies.measures import intensities
+from studies.lognormal import LognormalFit, fit_lognormal
+from studies.measures import Intensities, intensities
+
+if TYPE_CHECKING:
+    import xarray
 
 _LAYOUT = Layout(
     {
@@ -85,9 +90,9 @@ class Fragility:
     engine: str
     realizations: int
     noise_scaled: bool
-    options: dict
+    options: dict[str, Any]
     closure: str
-    reasons: dict
+    reasons: dict[str, str]
     wall_s: float
 
     def __post_init__(self):
@@ -95,16 +100,16 @@ class Fragility:
             getattr(self, name).flags.writeable = False
 
     @property
-    def overturned(self):
+    def overturned(self) -> Array:
         """Probability that the block overturns, shape (m, n)."""
         return self.probability[:, 0]
 
     @property
-    def reached(self):
+    def reached(self) -> Array:
         """Probability that |Θ| reaches each level, shape (m, l, n)."""
         return self.probability[:, 1:]
 
-    def interval(self, level=0.95):
+    def interval(self, level: float = 0.95) -> Array:
         """Limits of the probabilities, shape (m, l + 1, n, 2).
 
         Wilson's confidence limits of a sample, each of the given level; of a density its error estimate to either side,
@@ -116,18 +121,18 @@ class Fragility:
         return np.clip(limits, 0.0, 1.0)
 
     @functools.cached_property
-    def fits(self):
+    def fits(self) -> list[list[LognormalFit]]:
         """`LognormalFit` of each curve with intervals of 95 %, a list (m) of lists (l + 1)."""
         trials = self.realizations or None
         return [[fit_lognormal(self.scale, curve, trials) for curve in curves] for curves in self.probability]
 
     @functools.cached_property
-    def intensities(self):
+    def intensities(self) -> list[Intensities]:
         """`Intensities` of the motion of each scene at scale 1, a list (m); all are proportional to the scale."""
         return [intensities(scene) for scene in self.scenes]
 
     @functools.cached_property
-    def pooled(self):
+    def pooled(self) -> Self:
         """The same over all scenes alike, as of a motion drawn from them: one scene of m times the realizations.
 
         Its intervals and fits are for a motion drawn from these, not for others of their kind.
@@ -146,11 +151,11 @@ class Fragility:
         )
 
     @property
-    def names(self):
+    def names(self) -> list[str]:
         """Labels of the l + 1 probabilities."""
         return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
 
-    def label(self, scene):
+    def label(self, scene: int) -> str:
         """Return what tells a scene from the others: its parameter, the size of its block, or its number from 0."""
         sizes = [one.block.dimensions for one in self.scenes]
         if self.axis != "scene":
@@ -160,7 +165,7 @@ class Fragility:
         return f"scene {scene}"
 
     @property
-    def remarks(self):
+    def remarks(self) -> list[str]:
         """Sentences that have to stand wherever this result is shown."""
         of = [sentence for scene in self.scenes for sentence in remarks(_Shown(scene, self.closure))]
         kinds = {}
@@ -172,7 +177,7 @@ class Fragility:
             found.append(f"{len(self.reasons)} of {self.probability.size} probabilities have no answer: {first}")
         return found
 
-    def describe(self, scene, which=0):
+    def describe(self, scene: int, which: int = 0) -> str:
         """Return the lognormal fit of a scene's curve as a sentence."""
         fit, name = self.fits[scene][which], self.names[which]
         where = f"{name}, {self.label(scene)}" if len(self.scenes) > 1 else name
@@ -182,7 +187,7 @@ class Fragility:
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
         return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
 
-    def rows(self):
+    def rows(self) -> Iterator[dict[str, Any]]:
         """Yield each probability as a dict: the columns of `to_csv`."""
         limits = self.interval()
         for m, measure in enumerate(self.intensities):
@@ -201,7 +206,7 @@ class Fragility:
                         "reason": self.reasons.get(f"{m},{which},{n}", ""),
                     }
 
-    def to_csv(self, path):
+    def to_csv(self, path: File) -> None:
         """Write all probabilities, with 95 % limits and the intensities of the motion, as a table."""
         rows, text = list(self.rows()), io.StringIO()
         table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -209,7 +214,7 @@ class Fragility:
         table.writerows(rows)
         storage.write_text(path, text.getvalue())
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """Return an `xarray.Dataset`: "probability", "low" and "high" over the axis, "level" and "scale".
 
         The level of overturning is called inf. xarray is an optional dependency (``pip install fpk-rocking[xarray]``).
@@ -224,7 +229,7 @@ class Fragility:
             {"engine": self.engine, "realizations": self.realizations},
         )
 
-    def summary(self):
+    def summary(self) -> dict[str, Any]:
         """Return what JSON holds: all of it but the scenes."""
         return {
             "engine": self.engine,
@@ -246,14 +251,14 @@ class Fragility:
             "wall_s": self.wall_s,
         }
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Save the result, whole or not at all; `path` by custom ends in .npz."""
         arrays, attributes = _LAYOUT.of(self)
         scenes = [scene.to_toml() for scene in self.scenes]
         storage.write_result(path, "fragility", self.scenes[0], arrays, attributes | {"scenes": scenes})
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: File) -> Self:
         """Load a saved result; raises as `fpk_rocking.results.storage.read_result`."""
         layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
         _, arrays, attributes = storage.read_result(path, "fragility", layout)

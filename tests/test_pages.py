@@ -12,6 +12,7 @@ import pytest
 
 import fpk_rocking
 import montecarlo
+import studies
 from fpk_rocking import Scene, cli, load_scene, melnikov
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -118,7 +119,7 @@ def test_links_between_files_lead_somewhere():
 def test_reference_has_every_public_name():
     text = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "reference").glob("*.rst"))
     shown = set(re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)", text, re.MULTILINE))
-    public = {*fpk_rocking.__all__, *montecarlo.__all__, *melnikov.__all__} - {"melnikov"}
+    public = {*fpk_rocking.__all__, *montecarlo.__all__, *studies.__all__, *melnikov.__all__} - {"melnikov"}
     assert public - shown == set()
 
 

@@ -168,7 +168,7 @@ class Scene:
         peak_acceleration: float | None = None,
         frequency_hz: float | None = None,
         *,
-        record: Any = None,
+        record: Record | None = None,
         pulse: str | None = None,
         pulse_cycles: float | None = None,
         restitution: float | None = None,
