@@ -137,7 +137,7 @@ class Passage:
                 continue
             now, sinks = self._step(time, edges[0], now).apply(now)
             gone, time, edges = gone + sinks, edges[0], edges[1:]
-        return Solution(inside, out, coefficients, resolved)
+        return Solution(inside, out, coefficients, resolved=resolved)
 
     def _strength(self, times):
         """Diffusion at times over that at g = 1."""
