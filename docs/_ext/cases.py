@@ -43,7 +43,7 @@ def _page(name):
     figures = [f".. figure:: ../gallery/{kept}\n   :alt: {title}" for kept in PICTURES[name].values()]
     numbers = f"The numbers behind the picture: :download:`{numbers_of(name)} <../gallery/{numbers_of(name)}>`."
     source = f".. literalinclude:: ../../cases/{name}.py\n   :language: python\n   :lines: {line}-"
-    parts = [_headed(title, "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
+    parts = [_headed(escaped(title), "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
     return "\n\n".join(parts) + "\n"
 
 

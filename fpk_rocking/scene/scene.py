@@ -283,8 +283,8 @@ def load_scene(path: File) -> Scene:
     Parameters
     ----------
     path : str or pathlib.Path
-        A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"`` or
-        ``"second_harmonic"``. A file of such a name is read as ``"./main"``.
+        A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"``,
+        ``"second_harmonic"``, ``"rest"`` or ``"record"``. A file of such a name is read as ``"./main"``.
 
     Returns
     -------
