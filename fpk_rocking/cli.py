@@ -325,9 +325,8 @@ def _solved(options, scene):
 
 def _rows(options, scene):
     """Return the cycles or the times that are asked for; without either, the default ones."""
-    if options.times is None and options.cycles is None and scene.period is not None:
-        return {"cycles": _CYCLES}
-    return {"times": options.times, "cycles": options.cycles}
+    asked = {name: getattr(options, name) for name in ("times", "cycles") if getattr(options, name) is not None}
+    return asked or ({} if scene.period is None else {"cycles": _CYCLES})
 
 
 def _simulated(options, scene):
