@@ -129,7 +129,7 @@ def sweep(
         Called as ``progress(done, total)`` after each row; may raise.
     **options
         Of the verb: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
-        `cycles`, `tol` and `bins_tol`.
+        `cycles` or `times`, `tol`, `bins_tol` and `closure`.
 
     Returns
     -------
