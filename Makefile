@@ -53,11 +53,12 @@ bench-full: bench  ## the slow tests, and the benchmarks that take longer
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/peers.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
 
-lint: $(STAMP)  ## ruff
+lint: $(STAMP)  ## ruff: rules and format
 	$(BIN)/ruff check
+	$(BIN)/ruff format --check --quiet
 
 clean:  ## remove environments, caches and results
-	rm -rf $(VENV) $(PEERS) build dist results .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PEERS) build dist results .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.

@@ -14,7 +14,7 @@ from fpk_rocking import console
 
 _DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
 _EXAMPLES = """\
-a scene is a TOML file, or the name of a scene of the package: main, second, fig05, second_harmonic
+a scene is a TOML file, or the name of a scene of the package: main, second, fig05, second_harmonic, rest, record
 
 examples:
   fpk-rocking fpk main

@@ -6,7 +6,7 @@ The results may come from any engine, live or loaded from disk: a density, a Mon
 import dataclasses
 import math
 import numbers
-import typing
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,32 +15,16 @@ from fpk_rocking.base import checks
 from fpk_rocking.results import distances
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Doubt, Trust, verdict
 
-__all__ = ["Comparison", "Result", "compare", "joint_edges", "shown_cycles"]
+__all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
 _SHOWN_CYCLES = (1, 2, 4, 10, 20, 40, 60, 100, 200)
 _LEVEL = 0.95
 _DEVIATIONS = 4.0
 _DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
-
-
-class Result(typing.Protocol):
-    """What a result of either engine offers.
-
-    A Monte Carlo result also has ``realizations``, ``seed``, ``method`` and ``survival_interval(level)``; a density
-    also has ``error_estimate`` and ``closure``.
-    """
-
-    scene: object
-    times: np.ndarray
-    survival: np.ndarray
-    overturned: np.ndarray
-    wall_s: float
-
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges) -> np.ndarray:
-        """Return P(not overturned and in the bin), shape (n_angle, n_velocity)."""
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -187,7 +171,7 @@ class Comparison(Shown):
         return found | {"trust": self.trust.plain}
 
 
-def compare(first, second, joint_cycles=None) -> Comparison:
+def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = None) -> Comparison:
     """Compare two results of one problem.
 
     Parameters

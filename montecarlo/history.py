@@ -5,6 +5,8 @@ import time
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.results.histories import Histories
 
@@ -13,17 +15,17 @@ _SAMPLES, _PARTS = 100, 1000
 
 
 def histories(
-    scene,
+    scene: Scene,
     *,
-    cycles=None,
-    times=None,
-    realizations=1,
-    seed=1,
-    method=None,
-    steps_per_cycle=200,
-    samples_per_cycle=None,
-    progress=None,
-):
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    realizations: int = 1,
+    seed: int = 1,
+    method: str | None = None,
+    steps_per_cycle: int = 200,
+    samples_per_cycle: int | None = None,
+    progress: Progress | None = None,
+) -> Histories:
     """Simulate realizations and keep their time histories and every impact.
 
     Realization r is that of `montecarlo.simulate` with the same seed, method and steps. One exception: the paths of

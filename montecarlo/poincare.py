@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.scene.parts import Start
@@ -39,7 +40,7 @@ class MeanMap(NamedTuple):
     overturned_after: int | None
 
 
-def mean_poincare_map(ensemble, overturned="clamped"):
+def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMap:
     """Mean Poincaré map of a free-running ensemble.
 
     Parameters
@@ -67,8 +68,16 @@ def mean_poincare_map(ensemble, overturned="clamped"):
 
 
 def restarted_poincare_map(
-    scene, *, cycles, realizations, seed=1, method=None, steps_per_cycle=200, overturned="clamped", progress=None
-):
+    scene: Scene,
+    *,
+    cycles: int,
+    realizations: int,
+    seed: int = 1,
+    method: str | None = None,
+    steps_per_cycle: int = 200,
+    overturned: str = "clamped",
+    progress: Progress | None = None,
+) -> MeanMap:
     """Mean Poincaré map with all realizations restarted from the mean after every cycle.
 
     The noise goes on in time: a realization of band noise is one function of time through all restarts, white noise is
@@ -117,7 +126,7 @@ def restarted_poincare_map(
     return _mapped(rows, cutoff)
 
 
-def correlation_dimension(points, shortest, longest):
+def correlation_dimension(points: ArrayLike, shortest: float, longest: float) -> float:
     """Estimate the correlation dimension of a set of points between two lengths.
 
     The number of pairs nearer than r grows like r to this power: 1 on a curve, 2 where a part of the plane is filled,

@@ -4,11 +4,23 @@ import time
 
 import numpy as np
 
+from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.results.ensemble import Ensemble
 
 
-def simulate(scene, *, cycles=None, times=None, realizations, seed=1, method=None, steps_per_cycle=200, progress=None):
+def simulate(
+    scene: Scene,
+    *,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    realizations: int,
+    seed: int = 1,
+    method: str | None = None,
+    steps_per_cycle: int = 200,
+    progress: Progress | None = None,
+) -> Ensemble:
     """Simulate an ensemble of independent realizations in parallel.
 
     Realization r depends only on the seed and on r: not on the number of realizations, nor on that of threads.

@@ -5,7 +5,9 @@ import time
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.binning import ascending_edges, joint_edges
+from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.results.checkpoint import Keeper, resumed
 from montecarlo.results.counts import LARGEST, add, empty_counts
@@ -16,19 +18,19 @@ _BATCH_STATES = 2**22
 
 
 def tally(
-    scene,
+    scene: Scene,
     *,
-    cycles=None,
-    times=None,
-    realizations,
-    seed=1,
-    method=None,
-    steps_per_cycle=200,
-    angle_edges=None,
-    velocity_edges=None,
-    checkpoint=None,
-    progress=None,
-):
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    realizations: int,
+    seed: int = 1,
+    method: str | None = None,
+    steps_per_cycle: int = 200,
+    angle_edges: ArrayLike | None = None,
+    velocity_edges: ArrayLike | None = None,
+    checkpoint: File | None = None,
+    progress: Progress | None = None,
+) -> Tally:
     """Count over an ensemble of independent realizations: survival, joint histograms and moments after each cycle.
 
     The realizations are those of `simulate` with the same parameters, of which nothing else is kept. The counts are

@@ -1,10 +1,13 @@
 """`fragility`: the probability of overturning as a function of the scale of the shaking."""
 
 import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import certain
@@ -22,22 +25,22 @@ _REPLACED = (
 
 
 def fragility(
-    scene,
+    scene: Scene | Sequence[Scene],
     *,
-    scale,
-    cycles=None,
-    times=None,
-    engine=None,
-    levels=(),
-    over=None,
-    scale_noise=True,
-    realizations=10_000,
-    tol=1e-2,
-    seed=1,
-    workers=1,
-    store=None,
-    progress=None,
-):
+    scale: ArrayLike,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    engine: str | None = None,
+    levels: ArrayLike = (),
+    over: Mapping[str, ArrayLike] | None = None,
+    scale_noise: bool = True,
+    realizations: int = 10_000,
+    tol: float = 1e-2,
+    seed: int = 1,
+    workers: int | Executor = 1,
+    store: File | None = None,
+    progress: Progress | None = None,
+) -> Fragility:
     """Compute a fragility curve, a surface, or a curve for each of several motions.
 
     P(max |Θ| ≥ x) is the probability of a first passage of |Θ| = x, which every engine locates as it does overturning:

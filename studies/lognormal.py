@@ -14,6 +14,7 @@ import numpy as np
 from scipy import special
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, Number
 
 _ROUNDS, _SMALL = 100, 1e-9
 _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
@@ -41,12 +42,20 @@ class LognormalFit(NamedTuple):
     level: float
     reason: str
 
-    def __call__(self, scale):
+    def __call__(self, scale: Number) -> Number:
         """Probability at a scale; scalars or arrays."""
         return special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
 
 
-def fit_lognormal(scale, probability, realizations=None, *, level=0.95, samples=999, seed=1):
+def fit_lognormal(
+    scale: ArrayLike,
+    probability: ArrayLike,
+    realizations: ArrayLike | None = None,
+    *,
+    level: float = 0.95,
+    samples: int = 999,
+    seed: int = 1,
+) -> LognormalFit:
     """Fit a lognormal curve.
 
     Parameters

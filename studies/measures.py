@@ -29,7 +29,7 @@ class Intensities(NamedTuple):
     relative_velocity: float
 
 
-def intensities(scene):
+def intensities(scene: Scene) -> Intensities:
     """Return the `Intensities` of a scene's forcing.
 
     The velocity of a periodic forcing is taken without its mean, that of a motion which ends from rest at τ = 0.

@@ -4,12 +4,13 @@ import csv
 import dataclasses
 import functools
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import doubts, remarks
@@ -18,8 +19,11 @@ from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import certain
 from montecarlo.results.statistics import wilson_interval
-from studies.lognormal import fit_lognormal
-from studies.measures import intensities
+from studies.lognormal import LognormalFit, fit_lognormal
+from studies.measures import Intensities, intensities
+
+if TYPE_CHECKING:
+    pass
 
 _LAYOUT = Layout(
     {
@@ -90,9 +94,9 @@ class Fragility(Shown):
     engine: str
     realizations: int
     noise_scaled: bool
-    options: dict
+    options: dict[str, Any]
     closure: str
-    reasons: dict
+    reasons: dict[str, str]
     wall_s: float
 
     def __post_init__(self):
@@ -100,16 +104,16 @@ class Fragility(Shown):
             getattr(self, name).flags.writeable = False
 
     @property
-    def overturned(self):
+    def overturned(self) -> Array:
         """Probability that the block overturns, shape (m, n)."""
         return self.probability[:, 0]
 
     @property
-    def reached(self):
+    def reached(self) -> Array:
         """Probability that |Θ| reaches each level, shape (m, l, n)."""
         return self.probability[:, 1:]
 
-    def interval(self, level=0.95):
+    def interval(self, level: float = 0.95) -> Array:
         """Limits of the probabilities, shape (m, l + 1, n, 2).
 
         Wilson's confidence limits of a sample, each of the given level; of a density its error estimate to either side,
@@ -121,18 +125,18 @@ class Fragility(Shown):
         return np.clip(limits, 0.0, 1.0)
 
     @functools.cached_property
-    def fits(self):
+    def fits(self) -> list[list[LognormalFit]]:
         """`LognormalFit` of each curve with intervals of 95 %, a list (m) of lists (l + 1)."""
         trials = self.realizations or None
         return [[fit_lognormal(self.scale, curve, trials) for curve in curves] for curves in self.probability]
 
     @functools.cached_property
-    def intensities(self):
+    def intensities(self) -> list[Intensities]:
         """`Intensities` of the motion of each scene at scale 1, a list (m); all are proportional to the scale."""
         return [intensities(scene) for scene in self.scenes]
 
     @functools.cached_property
-    def pooled(self):
+    def pooled(self) -> Self:
         """The same over all scenes alike, as of a motion drawn from them: one scene of m times the realizations.
 
         Its intervals and fits are for a motion drawn from these, not for others of their kind.
@@ -151,11 +155,11 @@ class Fragility(Shown):
         )
 
     @property
-    def names(self):
+    def names(self) -> list[str]:
         """Labels of the l + 1 probabilities."""
         return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
 
-    def label(self, scene):
+    def label(self, scene: int) -> str:
         """Return what tells a scene from the others: its parameter, the size of its block, or its number from 0."""
         sizes = [one.block.dimensions for one in self.scenes]
         if self.axis != "scene":
@@ -165,7 +169,7 @@ class Fragility(Shown):
         return f"scene {scene}"
 
     @property
-    def remarks(self):
+    def remarks(self) -> list[str]:
         """Sentences that have to stand wherever this result is shown."""
         of = [sentence for told in self._told for sentence in remarks(told)]
         kinds = {}
@@ -212,7 +216,7 @@ class Fragility(Shown):
         scenes = f"{count} scene{'s' * (count > 1)}"
         return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
 
-    def describe(self, scene, which=0):
+    def describe(self, scene: int, which: int = 0) -> str:
         """Return the lognormal fit of a scene's curve as a sentence."""
         fit, name = self.fits[scene][which], self.names[which]
         where = f"{name}, {self.label(scene)}" if len(self.scenes) > 1 else name
@@ -240,7 +244,7 @@ class Fragility(Shown):
 
         return small_figure(self)
 
-    def rows(self):
+    def rows(self) -> Iterator[dict[str, Any]]:
         """Yield each probability as a dict: the columns of `to_csv`."""
         limits = self.interval()
         for m, measure in enumerate(self.intensities):
@@ -259,7 +263,7 @@ class Fragility(Shown):
                         "reason": self.reasons.get(f"{m},{which},{n}", ""),
                     }
 
-    def to_csv(self, path):
+    def to_csv(self, path: File) -> None:
         """Write all probabilities, with 95 % limits and the intensities of the motion, as a table."""
         rows, text = list(self.rows()), io.StringIO()
         table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -267,7 +271,7 @@ class Fragility(Shown):
         table.writerows(rows)
         storage.write_text(path, text.getvalue())
 
-    def summary(self):
+    def summary(self) -> dict[str, Any]:
         """Return what JSON holds: all of it but the scenes."""
         return {
             "engine": self.engine,
@@ -290,14 +294,14 @@ class Fragility(Shown):
             "wall_s": self.wall_s,
         }
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Save the result, whole or not at all; `path` by custom ends in .npz."""
         arrays, attributes = _LAYOUT.of(self)
         scenes = [scene.to_toml() for scene in self.scenes]
         storage.write_result(path, "fragility", self.scenes[0], arrays, attributes | {"scenes": scenes})
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: File) -> Self:
         """Load a saved result; raises as `fpk_rocking.results.storage.read_result`."""
         layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
         _, arrays, attributes = storage.read_result(path, "fragility", layout)

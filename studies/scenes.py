@@ -7,9 +7,11 @@ All of it is a change of the scene's numbers. A base acceleration a enters as a/
 import dataclasses
 import itertools
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import Dimensions
 
@@ -25,17 +27,17 @@ class Grid(NamedTuple):
     axes: dict[str, tuple[float, ...]]
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Lengths of the axes."""
         return tuple(len(values) for values in self.axes.values())
 
-    def parameters(self, number):
+    def parameters(self, number: int) -> dict[str, float]:
         """Values of the parameters of a scene, by name."""
         values = next(itertools.islice(itertools.product(*self.axes.values()), number, None))
         return dict(zip(self.axes, values, strict=True))
 
 
-def grid(scene, axes):
+def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     """Make the scenes of all combinations of some parameters.
 
     Parameters
@@ -63,7 +65,7 @@ def grid(scene, axes):
     return Grid(tuple(scenes), axes)
 
 
-def varied(scene, name, value):
+def varied(scene: Scene, name: str, value: float) -> Scene:
     """Return a scene with one parameter changed.
 
     Parameters
@@ -98,7 +100,7 @@ def varied(scene, name, value):
     return scene.varied(**{part: {field: int(value) if whole else value}})
 
 
-def scaled(scene, factor, *, noise=True):
+def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
     """Return a scene whose shaking is as many times as strong.
 
     Parameters
@@ -114,11 +116,11 @@ def scaled(scene, factor, *, noise=True):
     Scene
     """
     factor = checks.number("factor", factor, above=0.0)
-    noise = _noise(scene.noise, factor, 1.0) if noise else scene.noise
-    return dataclasses.replace(scene, forcing=_forcing(scene.forcing, factor, 1.0), noise=noise)
+    shaken = _noise(scene.noise, factor, 1.0) if noise else scene.noise
+    return dataclasses.replace(scene, forcing=_forcing(scene.forcing, factor, 1.0), noise=shaken)
 
 
-def resized(scene, *, width=None, height=None):
+def resized(scene: Scene, *, width: float | None = None, height: float | None = None) -> Scene:
     """Return the scene of a block of another size under the same shaking in m/s² and Hz.
 
     The start in radians and seconds is kept, and the cut-off in units of θ_cr. The restitution becomes Housner's for

@@ -9,10 +9,13 @@ import importlib.metadata
 import io
 import itertools
 import time
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
+from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, verdict
@@ -41,21 +44,21 @@ class Sweep(Shown):
         Seconds that it took, without the rows that were there.
     """
 
-    rows: tuple[dict, ...]
+    rows: tuple[dict[str, Any], ...]
     axes: dict[str, tuple[float, ...]]
     wall_s: float
 
     @property
-    def failed(self):
+    def failed(self) -> tuple[dict[str, Any], ...]:
         """Rows of the scenes that have no values."""
         return tuple(row for row in self.rows if row["reason"])
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Lengths of the axes of a grid; the number of scenes of a list."""
         return tuple(map(len, self.axes.values())) or (len(self.rows),)
 
-    def values(self, name):
+    def values(self, name: str) -> Array:
         """Return one number of each row.
 
         Parameters
@@ -79,7 +82,7 @@ class Sweep(Shown):
         found = (row["values"].get(name, np.nan) for row in self.rows)
         return np.array([one[-1] if isinstance(one, list) else one for one in found], float).reshape(self.shape)
 
-    def to_csv(self, path):
+    def to_csv(self, path: File) -> None:
         """Write a table: cell, seed, the parameters of a grid, all values that are one number or text, reason."""
         names, text = self._names(), io.StringIO()
         table = csv.writer(text, lineterminator="\n")
@@ -175,7 +178,16 @@ class Sweep(Shown):
         return figure_of(panel)
 
 
-def sweep(scenes, verb="mc", *, workers=1, seed=1, store=None, progress=None, **options):
+def sweep(
+    scenes: Sequence[Scene] | Grid,
+    verb: str | Callable[..., dict[str, Any]] = "mc",
+    *,
+    workers: int | concurrent.futures.Executor = 1,
+    seed: int = 1,
+    store: File | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Sweep:
     """Run a verb on many scenes.
 
     The result is the same to the last bit for any workers: the random numbers of a scene depend on `seed` and on its
@@ -204,7 +216,7 @@ def sweep(scenes, verb="mc", *, workers=1, seed=1, store=None, progress=None, **
         Called as ``progress(done, total)`` after each row; may raise.
     **options
         Of the verb: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
-        `cycles`, `tol` and `bins_tol`.
+        `cycles` or `times`, `tol`, `bins_tol` and `closure`.
 
     Returns
     -------

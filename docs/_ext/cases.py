@@ -31,19 +31,19 @@ def _written(app):
 
 
 def _text(name):
-    """Return the title and the paragraphs of a case's docstring."""
-    source = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
-    title, _, rest = ast.get_docstring(ast.parse(source)).partition("\n\n")
-    return title.replace("\n", " ").rstrip("."), rest
+    """Return the title and the paragraphs of a case's docstring, and the line at which its code begins."""
+    module = ast.parse((ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8"))
+    title, _, rest = ast.get_docstring(module).partition("\n\n")
+    return title.replace("\n", " ").rstrip("."), rest, module.body[0].end_lineno + 2
 
 
 def _page(name):
-    title, rest = _text(name)
+    title, rest, line = _text(name)
     blocks = [_block(text) for text in rest.split("\n\n")]
     figures = [f".. figure:: ../gallery/{kept}\n   :alt: {title}" for kept in PICTURES[name].values()]
     numbers = f"The numbers behind the picture: :download:`{numbers_of(name)} <../gallery/{numbers_of(name)}>`."
-    source = f".. literalinclude:: ../../cases/{name}.py\n   :language: python"
-    parts = [_headed(title, "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
+    source = f".. literalinclude:: ../../cases/{name}.py\n   :language: python\n   :lines: {line}-"
+    parts = [_headed(escaped(title), "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
     return "\n\n".join(parts) + "\n"
 
 

@@ -6,16 +6,22 @@ Both are offered. Without noise only the first is the condition for zeros, D_m >
 threshold: the process then crosses zero at any amplitude, and how much it does so is the phase flux.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fpk_rocking.analytics.inputs import deviations, numbers
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, Noise, Number
+from fpk_rocking.physics.forcing import Forcing, Harmonics
 
 _SHARES = {"peak": 1.0, "mean square": 0.5}
 
 
-def critical_amplitude(frequency, restitution, noise, criterion="peak"):
+def critical_amplitude(
+    frequency: ArrayLike, restitution: ArrayLike, noise: Noise | Sequence[Noise], criterion: str = "peak"
+) -> Number:
     """Smallest amplitude A of the forcing that meets a Melnikov criterion.
 
     Parameters
@@ -49,7 +55,7 @@ def critical_amplitude(frequency, restitution, noise, criterion="peak"):
     return (0.5 * (1.0 + omega**2) * np.sqrt(lacking / _SHARES[criterion]))[()]
 
 
-def exact_critical_amplitude(frequency, restitution):
+def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Number:
     """Amplitude from which the stable and unstable manifolds really cross, without noise (derived in docs/theory).
 
     Flights are linear, so both manifolds are known at x = 0, and the jump of velocity between them is exact: they
@@ -78,7 +84,9 @@ def exact_critical_amplitude(frequency, restitution):
     return ((1.0 - e) * (1.0 + omega**2) / np.hypot(1.0 + e, (1.0 - e) * omega))[()]
 
 
-def margin(forcing, restitution, noise):
+def margin(
+    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
+) -> Number:
     """How far a forcing is beyond criterion (14): √(D_m² + σ_M²) - M, an energy in the units of the Melnikov process.
 
     Parameters

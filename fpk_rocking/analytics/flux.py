@@ -11,13 +11,15 @@ the flux without noise, in closed form, and ψ is left to quadrature where it ma
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import Harmonics
+from fpk_rocking.base.types import ArrayLike, Noise, Number
+from fpk_rocking.physics.forcing import Forcing, Harmonics
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 _REACH = 9.0
@@ -25,7 +27,9 @@ _MOST_POINTS = 2**20
 _EQUATIONS = (17, 18)
 
 
-def phase_flux(forcing, restitution, noise):
+def phase_flux(
+    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
+) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
 
     Parameters
@@ -56,7 +60,12 @@ def phase_flux(forcing, restitution, noise):
     return np.reshape([_excess_of_sum(along, *pair) for pair in pairs], pairs.shape)[()]
 
 
-def phase_flux_as_printed(forcing, restitution, noise, equation=17):
+def phase_flux_as_printed(
+    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike],
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    equation: int = 17,
+) -> Number:
     """Phase flux with the paper's misprints, for comparison with its figures only.
 
     Eq. 17 as printed weighs the noise with σ σ_M, although the σ_M of (15) contains σ already. Eq. 18, its double
@@ -96,7 +105,15 @@ def phase_flux_as_printed(forcing, restitution, noise, equation=17):
     return (_excess(harmonic, loss, one) + (scale - 1.0) * _mean_near_zero(_density, harmonic, loss, one))[()]
 
 
-def phase_flux_sampled(forcing, restitution, noise, *, strata=256, repeats=16, seed=1):
+def phase_flux_sampled(
+    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike],
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    *,
+    strata: int = 256,
+    repeats: int = 16,
+    seed: int = 1,
+) -> tuple[Number, Number]:
     """Phase flux by direct Monte Carlo of the expectation, to hold `phase_flux` against.
 
     The unit square of the ranks of y₁ and y₂ is cut into strata², one sample in each, anew in each repeat (W. J.

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, Number
 
 __all__ = ["SymmetricOrbit", "symmetric_orbits"]
 
@@ -41,7 +42,7 @@ class SymmetricOrbit:
     impact_speed: float
     impact_phase: float
 
-    def state(self, phase):
+    def state(self, phase: ArrayLike) -> tuple[Number, Number]:
         """State at a phase of the forcing; at an impact, the state just after it.
 
         Parameters
@@ -62,7 +63,7 @@ class SymmetricOrbit:
         return (side * u)[()], (side * w)[()]
 
     @property
-    def jacobian(self):
+    def jacobian(self) -> Array:
         """Derivative (2, 2) of the half-cycle map at the orbit, its fixed point; the determinant is e².
 
         The map carries (angle, velocity) from just after an impact of the orbit to just after the next, half a cycle
@@ -75,7 +76,7 @@ class SymmetricOrbit:
         return -saltation @ np.array([[cosh, sinh], [sinh, cosh]])
 
     @property
-    def multipliers(self):
+    def multipliers(self) -> Array:
         """Eigenvalues (2,) of `jacobian`, the larger in size last; a small error grows by that one each half cycle."""
         # From trace and determinant, which cancel less than the entries of the matrix do.
         e, half, omega = self.restitution, math.pi / self.frequency, self.frequency
@@ -87,12 +88,14 @@ class SymmetricOrbit:
         return np.array([e * e / large if large else 0.0, large])
 
     @property
-    def stable(self):
+    def stable(self) -> bool:
         """Whether the orbit attracts its neighbours: both multipliers smaller than 1 in size. Never so at e = 1."""
         return self.restitution < 1.0 and bool(np.abs(self.multipliers).max() < 1.0)
 
 
-def symmetric_orbits(amplitude, frequency, restitution, cutoff=math.pi / 2):
+def symmetric_orbits(
+    amplitude: float, frequency: float, restitution: float, cutoff: float = math.pi / 2
+) -> tuple[SymmetricOrbit, ...]:
     """Find all symmetric orbits with one impact in each half cycle, without noise.
 
     Parameters

@@ -15,11 +15,12 @@ import numpy as np
 
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import FORCINGS, Harmonics, refuse_transient
+from fpk_rocking.base.types import Array, ArrayLike, Noise, Number
+from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, refuse_transient
 from fpk_rocking.scene.parts import BandNoise
 
 
-def heteroclinic_orbit(times):
+def heteroclinic_orbit(times: ArrayLike) -> tuple[Number, Number]:
     """Orbit from the saddle x = -1 to the saddle x = 1 without forcing and losses; it meets x = 0 at the time 0.
 
     Parameters
@@ -41,7 +42,7 @@ def heteroclinic_orbit(times):
     return (-np.sign(tau) * np.expm1(-np.abs(tau)))[()], np.exp(-np.abs(tau))[()]
 
 
-def transfer(frequency):
+def transfer(frequency: ArrayLike) -> Number:
     """Fourier transform 2/(1 + ω²) of the orbit's velocity e^(-|τ|) (paper eq. 16).
 
     Parameters
@@ -62,7 +63,7 @@ def transfer(frequency):
     return (2.0 / (1.0 + numbers("frequency", frequency) ** 2))[()]
 
 
-def harmonic_amplitude(forcing):
+def harmonic_amplitude(forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike]) -> Number:
     """Amplitude D_m = 2A/(1 + Ω²) of the periodic part of the Melnikov process (paper eqs. 12 to 14).
 
     Parameters
@@ -87,7 +88,7 @@ def harmonic_amplitude(forcing):
     return amplitude * transfer(frequency)
 
 
-def impact_loss(restitution):
+def impact_loss(restitution: ArrayLike) -> Number:
     """Energy M = (1 - e²)/2 that the impact takes from the heteroclinic orbit, which meets x = 0 with the velocity 1.
 
     Parameters
@@ -109,7 +110,7 @@ def impact_loss(restitution):
     return (0.5 * (1.0 - e) * (1.0 + e))[()]
 
 
-def process_mean(forcing, restitution, times):
+def process_mean(forcing: Forcing | Harmonics, restitution: ArrayLike, times: ArrayLike) -> Number:
     """Mean -Σ D_k cos(kΩτ₀ + Ψ_k) - M of the Melnikov process, from left to right (paper eqs. 12 to 14).
 
     D_k = 2A_k/(1 + k²Ω²): of a harmonic forcing, -D_m cos(Ωτ₀ + Ψ) - M.
@@ -142,7 +143,14 @@ def process_mean(forcing, restitution, times):
     return -sum(waves) - impact_loss(restitution)
 
 
-def sampled_process(forcing, restitution, noise, times, frequencies, phases):
+def sampled_process(
+    forcing: Forcing | Harmonics,
+    restitution: float,
+    noise: Noise,
+    times: ArrayLike,
+    frequencies: ArrayLike,
+    phases: ArrayLike,
+) -> Array:
     """Melnikov process of given realizations of the noise, exactly: each harmonic passes the orbit on its own.
 
     Parameters

@@ -1,10 +1,12 @@
 """The result of the density solver: survival, overturning and the density after every cycle, with its own errors."""
 
 import dataclasses
+from typing import Any, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, File
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
@@ -104,12 +106,12 @@ class Evolution(DensityResult):
     space: Space
 
     @property
-    def atom(self):
+    def atom(self) -> bool:
         """Whether `at_rest` is a mass beside the density: under filtered noise, where `settings` has ``nodes``."""
         return "nodes" in self.settings
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of its own errors, as plain values."""
         own = {name: float(getattr(self, name)) for name in _OWN_ERRORS}
         lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
@@ -120,7 +122,7 @@ class Evolution(DensityResult):
         """Survival, what overturned to either side, lost and at rest, by cycle and time: arrays by name."""
         return super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
 
-    def at(self, cycle):
+    def at(self, cycle: int) -> Density:
         """Return the density after a number of cycles, of blocks that are not an atom at rest.
 
         Parameters
@@ -142,7 +144,9 @@ class Evolution(DensityResult):
             raise ValueError("cycle: got 0, accepted: 1 or later; this start is a point, which has no density")
         return Density(self.space, self.coefficients[cycle])
 
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges, *, nonnegative=False):
+    def bin_probabilities(
+        self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike, *, nonnegative: bool = False
+    ) -> Array:
         """Probability of not having overturned and being in each bin.
 
         Parameters
@@ -178,7 +182,7 @@ class Evolution(DensityResult):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
             raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {len(self.times) - 1}"))
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Write the result to a file (.npz), whole or not at all."""
         names = ("times", "survival", "overturned", "lost", "at_rest", "coefficients")
         arrays = {name: getattr(self, name) for name in names}
@@ -186,7 +190,7 @@ class Evolution(DensityResult):
         write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _LAYOUT.attributes})
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: File) -> Self:
         """Read a saved result; raises as `fpk_rocking.results.storage.read_result`."""
         scene, arrays, attributes = read_result(path, _KIND, _LAYOUT)
         coefficients = arrays.pop("coefficients")

@@ -10,10 +10,12 @@ realizations differ less.
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.physics.envelope import refuse_envelope
@@ -47,17 +49,17 @@ class RealizationAverage(DensityResult):
     evolutions: tuple[Evolution, ...]
 
     @property
-    def cycles(self):
+    def cycles(self) -> int:
         """Number of forcing cycles."""
         return self.evolutions[0].cycles
 
     @property
-    def times(self):
+    def times(self) -> Array:
         """Times τ of whole cycles, shape (cycles + 1,)."""
         return self.evolutions[0].times
 
     @property
-    def closure(self):
+    def closure(self) -> str:
         """How the noise was replaced."""
         return (
             f"Band noise replaced by a mixture of {len(self.weights)} white noises, of diffusions from "
@@ -65,47 +67,47 @@ class RealizationAverage(DensityResult):
         )
 
     @property
-    def error_estimate(self):
+    def error_estimate(self) -> float:
         """Estimated error in survival: the mean of the parts'."""
         return float(self.weights @ [evolution.error_estimate for evolution in self.evolutions])
 
     @property
-    def mass_defect(self):
+    def mass_defect(self) -> float:
         """Largest of the parts'."""
         return max(evolution.mass_defect for evolution in self.evolutions)
 
     @property
-    def negative_mass(self):
+    def negative_mass(self) -> float:
         """Mean of the parts': their densities may cancel, so that of the mixture is not larger."""
         return float(self.weights @ [evolution.negative_mass for evolution in self.evolutions])
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of its own errors, as plain values."""
         own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
         own |= {"tol": self.evolutions[0].tol}
         return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
 
-    def at(self, cycle):  # noqa: ARG002  (the same call as of an evolution)
+    def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of an evolution)
         """Return None: its parts are densities on meshes of their own; see `evolutions`."""
         return
 
     @property
-    def wall_s(self):
+    def wall_s(self) -> float:
         """Seconds that all evolutions took."""
         return sum(evolution.wall_s for evolution in self.evolutions)
 
     @property
-    def survival(self):
+    def survival(self) -> Array:
         """Probability (cycles + 1,) of not having overturned by kT."""
         return self.weights @ np.array([evolution.survival for evolution in self.evolutions])
 
     @property
-    def overturned(self):
+    def overturned(self) -> Array:
         """Probability (cycles + 1, 2) of having overturned by kT to the left and to the right."""
         return np.tensordot(self.weights, [evolution.overturned for evolution in self.evolutions], 1)
 
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Probability of not having overturned and being in each bin; see `Evolution.bin_probabilities`."""
         parts = [evolution.bin_probabilities(cycle, angle_edges, velocity_edges) for evolution in self.evolutions]
         return np.tensordot(self.weights, parts, 1)
@@ -144,7 +146,7 @@ def gauss_quadrature(values, count):
     return mean + spread * nodes, vectors[0] ** 2
 
 
-def solve_realizations(scene, *, cycles, tol=1e-3, nodes=5):
+def solve_realizations(scene: Scene, *, cycles: int, tol: float = 1e-3, nodes: int = 5) -> RealizationAverage:
     """Average the density solver over the distribution of a realization's equivalent diffusion.
 
     Parameters

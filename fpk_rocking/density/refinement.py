@@ -104,8 +104,8 @@ def safe_difference(before, last):
     return _SAFETY * max(last, min(_BEFORE * before, _AT_MOST * last))
 
 
-class Progress:
-    """Counts the cycles of all solutions, of which there are at least `least`.
+class Count:
+    """Count of the cycles of all solutions, of which there are at least `least`.
 
     Parameters
     ----------

@@ -7,13 +7,14 @@ import time
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
+from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
 from fpk_rocking.density.memory.propagator import NodePropagator
 from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
-from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
+from fpk_rocking.density.refinement import UNRESOLVED, Count, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
@@ -41,7 +42,16 @@ _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
 
 
-def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closure="white", progress=None):
+def solve_fpk(
+    scene: Scene,
+    *,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    tol: float = 1e-3,
+    bins_tol: float | None = None,
+    closure: str = "white",
+    progress: Progress | None = None,
+) -> Evolution:
     """Evolve the joint density of angle and velocity of a rocking block.
 
     Under filtered noise the states of the filter are carried with the density, and blocks can rest. Band noise is
@@ -91,7 +101,7 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
     extent = rows if solved.repeats else times
     motion, departures = motion_of(white, extent), {}
     grids = _grids(solved, white, motion, tol)
-    least, count = grids[2], Progress(progress, rows, least=3)
+    least, count = grids[2], Count(progress, rows, least=3)
     refuse_large(least.memory, least.stored(rows), solved, rows)
 
     def made(grid, coarser):

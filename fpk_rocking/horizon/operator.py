@@ -8,9 +8,11 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.refusals import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
@@ -100,7 +102,7 @@ class CycleOperator(Shown, LinearOperator):
 
     averaged = False
 
-    def __init__(self, scene, tol=1e-3):
+    def __init__(self, scene: Scene, tol: float = 1e-3) -> None:
         checks.instance("scene", scene, Scene)
         refuse_transient(scene.forcing, "the operator of a cycle")
         refuse_envelope(scene.noise, "the operator of a cycle")
@@ -181,35 +183,35 @@ class CycleOperator(Shown, LinearOperator):
         return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
     @property
-    def space(self):
+    def space(self) -> Space:
         """Mesh and polynomial degree."""
         return self._fine.space
 
-    def vector(self, coefficients):
+    def vector(self, coefficients: Array) -> Array:
         """Vector (unknowns,) of a function with coefficients of shape ``space.shape``."""
         return self._fine.leg.vector(coefficients)
 
-    def density(self, vector):
+    def density(self, vector: Array) -> Density:
         """Density that a vector (unknowns,) stands for."""
         return Density(self.space, self._fine.leg.coefficients(np.asarray(vector, dtype=float)))
 
     @property
-    def quasi_stationary(self):
+    def quasi_stationary(self) -> Density:
         """Density (of mass 1) that keeps its shape while it leaks, at whole cycles: the noisy attractor."""
         return Density(self.space, self._fine.quasi_stationary)
 
     @property
-    def memory_cycles(self):
+    def memory_cycles(self) -> float:
         """Cycles in which the second mode falls by a factor e against the first: how long a start is remembered."""
         first, second = np.abs(self.eigenvalues[:2])
         return float(-1.0 / math.log(second / first))
 
     @property
-    def mean_cycles(self):
+    def mean_cycles(self) -> float:
         """Mean number of the cycle in which a block of the quasi-stationary density overturns."""
         return -1.0 / math.expm1(-self.escape_rate)
 
-    def modes(self, adjoint=False):
+    def modes(self, adjoint: bool = False) -> tuple[Array, list[Array]]:
         """Eigenvalues of the cycle and functions whose span holds their eigenfunctions.
 
         Parameters
@@ -226,7 +228,7 @@ class CycleOperator(Shown, LinearOperator):
         modes = self._fine.left_modes if adjoint else self._fine.modes
         return modes.values**self._fine.leg.count, [self._fine.leg.coefficients(column) for column in modes.basis.T]
 
-    def survival(self, cycles):
+    def survival(self, cycles: ArrayLike) -> Array:
         """Probability of not having overturned after numbers of cycles, from the scene's start.
 
         Parameters
@@ -241,7 +243,7 @@ class CycleOperator(Shown, LinearOperator):
         shape = np.shape(cycles)
         return self.outlook(np.ravel(cycles)).survival.reshape(shape)
 
-    def outlook(self, cycles):
+    def outlook(self, cycles: ArrayLike) -> Outlook:
         """Survival from the scene's start with its errors.
 
         Parameters
@@ -264,7 +266,7 @@ class CycleOperator(Shown, LinearOperator):
         run = level.leg.run
         return Departure(run.dynamics, start or self._white.start, run.grid.windows, self._white.period)
 
-    def survival_map(self, cycles, phase=None):
+    def survival_map(self, cycles: int, phase: float | None = None) -> PlaneMap:
         """Probability of not overturning within a number of cycles, for every start.
 
         From rest, and from the scene's own start where that is a point, it is that of `survival`.
@@ -287,7 +289,7 @@ class CycleOperator(Shown, LinearOperator):
             lambda survival: survival(cycles)[0],
         )
 
-    def first_passage_map(self, cycle, phase=None):
+    def first_passage_map(self, cycle: int, phase: float | None = None) -> PlaneMap:
         """Probability of overturning within one cycle, the first being 1, for every start; see `survival_map`."""
         cycle = checks.count("cycle", cycle)
 
@@ -298,7 +300,7 @@ class CycleOperator(Shown, LinearOperator):
 
         return self._map(passage, phase, lambda survival: -np.diff(survival(cycle - 1, cycle))[0])
 
-    def mean_cycles_map(self, phase=None):
+    def mean_cycles_map(self, phase: float | None = None) -> PlaneMap:
         """Mean time until overturning, in cycles, for every start; see `survival_map`."""
         return self._map(Level.mean_time, phase)
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.space.space import Space
 
 
@@ -44,7 +45,7 @@ class PlaneMap:
 
         return figure_of(values)
 
-    def __call__(self, angle, velocity):
+    def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
         """Values at points.
 
         Parameters
@@ -65,21 +66,21 @@ class PlaneMap:
         return values
 
     @property
-    def mesh_lines(self):
+    def mesh_lines(self) -> tuple[Array, Array]:
         """Mesh lines (angle, velocity), nondimensional."""
         return self.space.lines
 
     @property
-    def degree(self):
+    def degree(self) -> int:
         """Polynomial degree in each direction."""
         return self.space.degree
 
-    def cell_values(self, points):
+    def cell_values(self, points: int) -> Array:
         """Values on a lattice in every cell, one-sided at its edges: (angle cells, velocity cells, points, points)."""
         lattice = np.linspace(0.0, 1.0, points)
         return self.space.cell_values(self.coefficients, lattice, lattice)
 
     @property
-    def integral(self):
+    def integral(self) -> float:
         """Integral over the phase plane; of a survival probability this is the safe area, nondimensional."""
         return float(self.space.masses(self.coefficients).sum())

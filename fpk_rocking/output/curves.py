@@ -1,15 +1,18 @@
 """Pictures of survival and leakage of several results against the cycle, with their sampling errors."""
 
+import pathlib
 import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from fpk_rocking.base.types import File
 from fpk_rocking.compare import compare
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import label_of
+from fpk_rocking.results.result import Result, label_of
 from fpk_rocking.results.times import shown_times, time_name
 
 __all__ = ["survival_figure"]
@@ -20,7 +23,7 @@ _LINE = 0.22
 _NOTE_WIDTH = 115
 
 
-def survival_figure(path, results, title):
+def survival_figure(path: File, results: Sequence[Result], title: str) -> pathlib.Path:
     """Draw survival, its tail on a logarithmic axis, differences to the first result and leakage per cycle and side.
 
     Ensembles carry their 95 % intervals; the interval of a difference is that of two samples of one law. A survival

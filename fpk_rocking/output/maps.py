@@ -1,13 +1,16 @@
 """Pictures of joint densities as maps of the phase plane, one column a cycle, results above one another."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.ticker import MaxNLocator
 
+from fpk_rocking.base.types import File
 from fpk_rocking.output import style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import remarks, scene_text
-from fpk_rocking.results.result import label_of
+from fpk_rocking.results.result import Result, label_of
 
 __all__ = ["density_maps"]
 
@@ -18,7 +21,7 @@ _TICKS = np.array([0.0, 0.1, 0.4, 1.0])
 _SHOWN = 0.9999
 
 
-def density_maps(path, results, cycles, title):
+def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> None:
     """Draw joint densities as maps with one colour scale a cycle.
 
     Every map is the probability in each bin of `joint_edges` over the bin's area, whichever engine it comes from. The

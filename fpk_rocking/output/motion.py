@@ -1,9 +1,11 @@
 """Pictures of blocks and ensembles: time histories, Poincaré points and their mean, overturning, impact speeds."""
 
 import pathlib
+from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base.types import File
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.remarks import noise_text, remarks
@@ -19,7 +21,9 @@ _SIZE = (10.5, 12.4)
 _INTERVALS = "density, 95 % intervals"
 
 
-def motion_figure(path, histories, ensemble, maps, passage, speeds, title):
+def motion_figure(
+    path: File, histories: Any, ensemble: Any, maps: dict[str, Any], passage: Any, speeds: Any, title: str
+) -> pathlib.Path:
     """Draw a few time histories with their impacts, and what many realizations have in common.
 
     Parameters

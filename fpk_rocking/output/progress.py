@@ -3,6 +3,9 @@
 import contextlib
 import sys
 import time
+from collections.abc import Iterator
+
+from fpk_rocking.base import types
 
 __all__ = ["reporting"]
 
@@ -10,7 +13,7 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 
 @contextlib.contextmanager
-def reporting(label):
+def reporting(label: str) -> Iterator[types.Progress]:
     """Show the progress of one piece of work.
 
     Parameters

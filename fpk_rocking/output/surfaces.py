@@ -1,15 +1,18 @@
 """Pictures of joint densities as surfaces, one panel a cycle, results above one another (paper Fig. 6)."""
 
+import pathlib
 import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.ticker import MaxNLocator
 
+from fpk_rocking.base.types import File
 from fpk_rocking.output import style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import remarks, scene_text
-from fpk_rocking.results.result import label_of
+from fpk_rocking.results.result import Result, label_of
 
 __all__ = ["surface_figure"]
 
@@ -19,7 +22,7 @@ _ROW_NAME = {"rotation": 90, "va": "center", "ha": "center", "weight": "bold", "
 _VIEW = {"elev": 32, "azim": -62}
 
 
-def surface_figure(path, results, cycles, title):
+def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> pathlib.Path:
     """Draw joint densities as surfaces, one panel a cycle, and what has overturned as walls at the cut-off.
 
     Every surface is the probability in a bin of `joint_edges` centred on the point, divided by the bin's area: one

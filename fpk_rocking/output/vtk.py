@@ -14,11 +14,15 @@ densities. They are nan where there is no such view.
 """
 
 import pathlib
+from collections.abc import Sequence
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from fpk_rocking.base.types import File
 from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import replaced_atomically, write_text
 
 __all__ = ["write_function", "write_series"]
@@ -26,7 +30,7 @@ __all__ = ["write_function", "write_series"]
 _VIEW = "_nonnegative_view"
 
 
-def write_series(folder, name, result, cycles) -> pathlib.Path:
+def write_series(folder: File, name: str, result: Result, cycles: Sequence[int]) -> pathlib.Path:
     """Write the joint density of angle and velocity after each of some cycles.
 
     A density is written on its own mesh, every cell cut into as many pieces a side as its polynomial degree, so that
@@ -61,7 +65,7 @@ def write_series(folder, name, result, cycles) -> pathlib.Path:
     return listing
 
 
-def write_function(file, function, name) -> pathlib.Path:
+def write_function(file: File, function: Any, name: str) -> pathlib.Path:
     """Write a function on a finite-element mesh: a `Density`, or a `PlaneMap` of the starts.
 
     Parameters

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base.types import Noise
 from fpk_rocking.physics import filters
 
 # From here on up, 1000 harmonics and the equivalent white noise agree to 0.03 in survival; below, they differ by up to
@@ -31,7 +32,7 @@ RESTLESS = 0.28
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
-def noise_variance(noise):
+def noise_variance(noise: Noise) -> float:
     """Variance σ_M² of the Melnikov process of a noise.
 
     Parameters
@@ -67,7 +68,7 @@ def noise_variance(noise):
     raise ValueError(f"noise.kind: got {noise.kind!r}, accepted: 'band', 'white', 'filtered', 'none'")
 
 
-def equivalent_diffusion(noise):
+def equivalent_diffusion(noise: Noise) -> float:
     """Diffusion D_M = σ_M²/2 of the white noise with the same Melnikov variance.
 
     For band noise and filtered noise this is a closure, good where their spectra cover the system's own frequencies
@@ -86,7 +87,7 @@ def equivalent_diffusion(noise):
     return 0.5 * noise_variance(noise)
 
 
-def cover(noise):
+def cover(noise: Noise) -> float:
     """Part of the Melnikov variance of equally strong white noise that a noise takes in: σ_M²/(π G), G its largest.
 
     For a band it is (1/π) ∫ 4/(1+ω²)² dω over it. That of filtered noise is largest at its resonance, if any.
@@ -161,7 +162,7 @@ def jump_diffusion(noise, restitution):
     return noise.variance * float(weights @ values)
 
 
-def realized_spread(noise, restitution):
+def realized_spread(noise: Noise, restitution: float) -> float:
     """Relative standard deviation of the diffusions that single realizations of a band stand for.
 
     Each of the N harmonics has a frequency of its own, so that a realization's diffusion is a mean of N values of

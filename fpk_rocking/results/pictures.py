@@ -75,7 +75,7 @@ def survival_panel(axes, *results):
 
 
 def plane_panel(figure, axes, edges, values, name, power=0.5):
-    """Draw values (n, m) over cells of the plane between edges (n + 1,), (m + 1,); the root, 0.5, shows the low parts."""
+    """Draw values (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
     from matplotlib.colors import PowerNorm
 
     scale = PowerNorm(power, 0.0, max(float(values.max()), np.finfo(float).tiny))

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-
+from typing import Any
 
 from fpk_rocking.physics import equivalence
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt
@@ -59,12 +59,12 @@ def closure_of(scene, solved) -> str:
         else f"{noise_text(solved.noise)}, which has the same variance and Melnikov variance"
     )
     return (
-        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as {instead}: a closure, to be "
-        "judged by Monte Carlo."
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as {instead}: a closure, to "
+        "be judged by Monte Carlo."
     )
 
 
-def remarks(*results) -> tuple[str, ...]:
+def remarks(*results: Any) -> tuple[str, ...]:
     """Sentences that have to stand wherever these results are shown.
 
     Parameters
@@ -101,8 +101,8 @@ def _squat(size):
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of gravity "
-        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of "
+        f"gravity too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
     )
     return [Doubt(CAUTION, sentence)]
 
@@ -120,16 +120,17 @@ def _stands_for(results, result) -> bool:
 def _closure_doubts(scene, survival, averaged, filtered):
     """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
 
-    A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a band
-    has the rest of its blocks.
+    A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a
+    band has the rest of its blocks.
     """
     noise = scene.noise
     part = equivalence.cover(noise)
     if noise.kind == "filtered":
         if part < equivalence.TRUSTED_COVER:
             sentence = (
-                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise as "
-                f"strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise itself."
+                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise "
+                f"as strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise "
+                "itself."
             )
             yield Doubt(UNUSABLE, sentence)
         return
@@ -145,8 +146,8 @@ def _closure_doubts(scene, survival, averaged, filtered):
         yield Doubt(UNUSABLE, sentence)
     if part < equivalence.TRUSTED_COVER and filtered:
         sentence = (
-            f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; low-pass "
-            "noise was tried for bands that cover all of it. Take Monte Carlo."
+            f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; "
+            "low-pass noise was tried for bands that cover all of it. Take Monte Carlo."
         )
         yield Doubt(CAUTION, sentence)
     elif part < equivalence.TRUSTED_COVER:

@@ -1,11 +1,12 @@
 """The interface of a result, whichever engine it comes from, for comparisons, tables, pictures and files."""
 
 import functools
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
@@ -15,60 +16,71 @@ from fpk_rocking.scene.scene import Scene
 
 
 class Result(Protocol):
-    """The joint law of angle and velocity after every forcing cycle, as an engine found it.
+    """The joint law of angle and velocity after every forcing cycle, as an engine found it."""
 
-    Attributes
-    ----------
-    scene : Scene
-        As it was asked for.
-    times : ndarray, shape (cycles + 1,)
-        Times τ that it is for, from 0 on: whole cycles where the forcing repeats, else times of its own, which the rows
-        and what is said of a cycle then count.
-    cycles : int or None
-        Forcing cycles; None where the forcing does not repeat.
-    survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned by kT.
-    overturned : ndarray, shape (cycles + 1, 2)
-        Probability of having overturned by kT to the left and to the right.
-    wall_s : float
-        Seconds that it took.
-    engine : str
-        What it was found by, for tables and legends.
-    realizations : int or None
-        Size of a sample; None for what is none.
-    closure : str
-        How the noise of the scene was replaced by another; empty where it was not.
-    averaged : bool
-        Whether it is an average over the realizations of a noise of few harmonics.
-    facts : dict
-        What else it says of itself, as plain values: of a sample its seed and sizes, of a density its errors.
-    account : str
-        The most important of them as a sentence.
-    trust : Trust
-        Whether to use it.
-    """
+    @property
+    def scene(self) -> Scene:
+        """As it was asked for."""
 
-    scene: Scene
-    times: np.ndarray
-    cycles: int | None
-    survival: np.ndarray
-    overturned: np.ndarray
-    wall_s: float
-    engine: str
-    realizations: int | None
-    closure: str
-    averaged: bool
-    facts: dict
-    account: str
-    trust: Trust
+    @property
+    def times(self) -> Array:
+        """Times τ that it is for, from 0 on, shape (cycles + 1,).
 
-    def survival_interval(self, level=0.95):
+        Whole cycles where the forcing repeats, else times of its own, which the rows and what is said of a cycle then
+        count.
+        """
+
+    @property
+    def cycles(self) -> int | None:
+        """Forcing cycles; None where the forcing does not repeat."""
+
+    @property
+    def survival(self) -> Array:
+        """Probability of not having overturned by kT, shape (cycles + 1,)."""
+
+    @property
+    def overturned(self) -> Array:
+        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds that it took."""
+
+    @property
+    def engine(self) -> str:
+        """What it was found by, for tables and legends."""
+
+    @property
+    def realizations(self) -> int | None:
+        """Size of a sample; None for what is none."""
+
+    @property
+    def closure(self) -> str:
+        """How the noise of the scene was replaced by another; empty where it was not."""
+
+    @property
+    def averaged(self) -> bool:
+        """Whether it is an average over the realizations of a noise of few harmonics."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What else it says of itself, as plain values: of a sample its seed and sizes, of a density its errors."""
+
+    @property
+    def account(self) -> str:
+        """The most important of them as a sentence."""
+
+    @property
+    def trust(self) -> Trust:
+        """Whether to use it."""
+
+    def survival_interval(self, level: float = 0.95) -> Array | None:
         """Confidence limits of the survival of a sample, shape (cycles + 1, 2); None of what is no sample."""
 
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Probability of not having overturned and being in each bin, shape (angle bins, velocity bins)."""
 
-    def at(self, cycle):
+    def at(self, cycle: int) -> Any:
         """Density after a cycle as a function on a mesh; None of what is known in bins only."""
 
 
@@ -165,13 +177,13 @@ class SurvivalResult(Shown):
 
 
 class DensityResult(SurvivalResult):
-    """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate`` and the like."""
+    """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate``."""
 
     engine = "Fokker-Planck density"
     shown_bins = 64
     realizations = None
 
-    def survival_interval(self, level=0.95):  # noqa: ARG002  (the same call as of a sample)
+    def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
         """Return None: a density is no sample; see its ``error_estimate``."""
         return
 

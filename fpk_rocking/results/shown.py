@@ -47,7 +47,8 @@ class Shown:
 
     def _repr_html_(self):
         rows = "".join(
-            f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th><td>{html.escape(text)}</td></tr>"
+            f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th>"
+            f"<td>{html.escape(text)}</td></tr>"
             for name, text in self._said()
         )
         return (

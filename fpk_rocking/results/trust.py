@@ -29,7 +29,7 @@ class Doubt(NamedTuple):
 
 
 class Trust(NamedTuple):
-    """The verdict on a result: "ok", "caution" or "do not use", and its reasons, sentences with the weightiest first."""
+    """The verdict on a result: "ok", "caution" or "do not use", and its reasons as sentences, weightiest first."""
 
     verdict: str
     reasons: tuple[str, ...]
@@ -85,17 +85,16 @@ def trust_of(facts, doubts=(), otherwise="No error is estimated.") -> Trust:
 
 def _limits(tol, facts):
     """Return by the name of a figure what it is, and above which values there is caution and no use."""
-    useless = max(USELESS, tol)
+    useless, bins_tol = max(USELESS, tol), facts.get("bins_tol", math.inf)
     return {
         "error_estimate": ("Estimated error of the probabilities", tol, useless),
         "half_width": ("Half width of the 95 % interval of the probabilities", tol, useless),
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("Estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("Relative standard error of the probability", 0.2, 0.5),
-        "bins_error_estimate": ("Estimated error of the binned density (L1)", facts.get("bins_tol", math.inf), math.inf),
+        "bins_error_estimate": ("Estimated error of the binned density (L1)", bins_tol, math.inf),
         "lost": ("Mass lost beyond the velocity bound", tol, useless),
         "mass_defect": ("Mass defect", _MASS, tol),
         "negative_mass": ("Negative mass of the density", _NEGATIVE, useless),
         "residual": ("Residual of the modes", _RESIDUAL, tol),
     }
-

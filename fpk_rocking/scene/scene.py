@@ -7,8 +7,10 @@ docs/theory.md. A scene says nothing about how it is solved.
 import dataclasses
 import pathlib
 import tomllib
+from typing import Any, Self
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import File
 from fpk_rocking.physics.envelope import ENVELOPES
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
@@ -75,16 +77,16 @@ class Scene:
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
 
     @property
-    def period(self):
+    def period(self) -> float | None:
         """T = 2π/Ω in nondimensional time: one cycle; None where the forcing does not repeat."""
         return self.forcing.period
 
     @property
-    def repeats(self):
+    def repeats(self) -> bool:
         """Whether one cycle is like another: the forcing repeats, and the noise has no envelope."""
         return self.period is not None and self.noise.envelope is None
 
-    def varied(self, **parts):
+    def varied(self, **parts: Any) -> Self:
         """Return the scene with some values changed, for a study over them.
 
         Parameters
@@ -111,7 +113,7 @@ class Scene:
                 parts[name] = cls(**checks.arguments(name, kept | given, cls))
         return dataclasses.replace(self, **parts)
 
-    def white_equivalent(self):
+    def white_equivalent(self) -> Self:
         """Return the same scene with white noise of the equivalent diffusion.
 
         Band noise and filtered noise are replaced by a closure (see `fpk_rocking.melnikov.equivalent_diffusion`), no
@@ -126,7 +128,7 @@ class Scene:
             return self
         return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise), self.noise.envelope))
 
-    def filtered_equivalent(self):
+    def filtered_equivalent(self) -> Self:
         """Return the same scene with filtered noise in place of band noise.
 
         The filter is the low-pass one with ζ = 1/√2 that gives the same variance and the same Melnikov variance σ_M².
@@ -161,23 +163,23 @@ class Scene:
     @classmethod
     def from_block(
         cls,
-        width,
-        height,
-        peak_acceleration=None,
-        frequency_hz=None,
+        width: float,
+        height: float,
+        peak_acceleration: float | None = None,
+        frequency_hz: float | None = None,
         *,
-        record=None,
-        pulse=None,
-        pulse_cycles=None,
-        restitution=None,
-        phase=0.0,
-        noise_rms_acceleration=0.0,
-        noise_band_hz=None,
-        harmonics=100,
-        gravity=9.80665,
-        start=Start(),
-        overturning=Overturning(),
-    ):
+        record: Record | None = None,
+        pulse: str | None = None,
+        pulse_cycles: float | None = None,
+        restitution: float | None = None,
+        phase: float = 0.0,
+        noise_rms_acceleration: float = 0.0,
+        noise_band_hz: tuple[float, float] | None = None,
+        harmonics: int = 100,
+        gravity: float = 9.80665,
+        start: Start = Start(),
+        overturning: Overturning = Overturning(),
+    ) -> Self:
         """Build a scene from the size of a slender block and the shaking of its base.
 
         Parameters
@@ -234,7 +236,7 @@ class Scene:
         )
 
     @classmethod
-    def from_toml(cls, text, folder="."):
+    def from_toml(cls, text: str, folder: File = ".") -> Self:
         """Read a scene from TOML text.
 
         Parameters
@@ -265,7 +267,7 @@ class Scene:
         tables = checks.arguments("", document, cls)
         return cls(**{name: _READERS[name](name, table, folder) for name, table in tables.items()})
 
-    def to_toml(self):
+    def to_toml(self) -> str:
         """Return the TOML text that `from_toml` reads back as an equal scene; it holds the samples of a record."""
         tables = _fields(self)
         if self.block.dimensions is not None:
@@ -275,14 +277,14 @@ class Scene:
         return "\n".join(_table(name, part) for name, part in tables.items())
 
 
-def load_scene(path):
+def load_scene(path: File) -> Scene:
     """Read a scene file, or one of the scenes that come with the package.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"`` or
-        ``"second_harmonic"``. A file of such a name is read as ``"./main"``.
+        A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"``,
+        ``"second_harmonic"``, ``"rest"`` or ``"record"``. A file of such a name is read as ``"./main"``.
 
     Returns
     -------

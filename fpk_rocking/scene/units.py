@@ -11,6 +11,7 @@ import dataclasses
 import math
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Number
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -40,22 +41,22 @@ class Dimensions:
             object.__setattr__(self, name, value)
 
     @property
-    def critical_angle(self):
+    def critical_angle(self) -> float:
         """θ_cr, radians: the block is balanced on its corner."""
         return math.atan2(self.width, self.height)
 
     @property
-    def half_diagonal(self):
+    def half_diagonal(self) -> float:
         """R, metres: from the corner to the centre of mass."""
         return 0.5 * math.hypot(self.width, self.height)
 
     @property
-    def frequency_parameter(self):
+    def frequency_parameter(self) -> float:
         """Frequency parameter p = √(3g/(4R)), rad/s: nondimensional time is τ = pt."""
         return math.sqrt(3.0 * self.gravity / (4.0 * self.half_diagonal))
 
     @property
-    def restitution(self):
+    def restitution(self) -> float:
         """Velocity ratio e = 1 - (3/2) sin²θ_cr of an impact without bounce or slip.
 
         From the balance of angular momentum about the new corner: G. W. Housner, "The behavior of inverted pendulum
@@ -75,7 +76,7 @@ class Dimensions:
         return value
 
     @property
-    def slenderness_error(self):
+    def slenderness_error(self) -> tuple[float, float]:
         """Largest relative error of the linearized moments about the corner, at θ = 0: (gravity's, the shaking's).
 
         θ_cr / sin θ_cr - 1 and 1 / cos θ_cr - 1: a slender block has neither.
@@ -83,22 +84,22 @@ class Dimensions:
         angle = self.critical_angle
         return angle / math.sin(angle) - 1.0, 1.0 / math.cos(angle) - 1.0
 
-    def seconds(self, tau):
+    def seconds(self, tau: Number) -> Number:
         """Time in seconds of nondimensional time; scalars or arrays."""
         return tau / self.frequency_parameter
 
-    def tau(self, seconds):
+    def tau(self, seconds: Number) -> Number:
         """Nondimensional time of seconds; scalars or arrays."""
         return seconds * self.frequency_parameter
 
-    def radians(self, angle):
+    def radians(self, angle: Number) -> Number:
         """Angle θ in radians of a nondimensional angle Θ = θ/θ_cr; scalars or arrays."""
         return angle * self.critical_angle
 
-    def amplitude(self, peak_acceleration):
+    def amplitude(self, peak_acceleration: Number) -> Number:
         """Nondimensional amplitude a/(g θ_cr) of a base acceleration in m/s²; scalars or arrays."""
         return peak_acceleration / (self.gravity * self.critical_angle)
 
-    def frequency(self, frequency_hz):
+    def frequency(self, frequency_hz: Number) -> Number:
         """Nondimensional angular frequency 2πf/p of a frequency in Hz; scalars or arrays."""
         return 2.0 * math.pi * frequency_hz / self.frequency_parameter

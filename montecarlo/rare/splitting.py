@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, Progress
 from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import doubts
@@ -78,42 +79,42 @@ class Splitting(Shown):
             getattr(self, name).flags.writeable = False
 
     @property
-    def repeats(self):
+    def repeats(self) -> int:
         """Number of independent repeats."""
         return self.repeat_overturned.shape[0]
 
     @property
-    def cycles(self):
+    def cycles(self) -> int:
         """Number of forcing cycles."""
         return self.repeat_overturned.shape[1] - 1
 
     @property
-    def overturned(self):
+    def overturned(self) -> Array:
         """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
         return self.repeat_overturned.mean(axis=0)
 
     @functools.cached_property
-    def repeat_probability(self):
+    def repeat_probability(self) -> Array:
         """Each repeat's estimate of P(overturned by kT), shape (repeats, cycles + 1)."""
         return self.repeat_overturned.sum(axis=2)
 
     @property
-    def probability(self):
+    def probability(self) -> Array:
         """P(overturned by kT), shape (cycles + 1,)."""
         return self.repeat_probability.mean(axis=0)
 
     @property
-    def survival(self):
+    def survival(self) -> Array:
         """P(not overturned by kT), shape (cycles + 1,)."""
         return 1.0 - self.probability
 
     @property
-    def standard_error(self):
+    def standard_error(self) -> Array:
         """Standard error of `probability` and of `survival`, shape (cycles + 1,)."""
         return self.repeat_probability.std(axis=0, ddof=1) / math.sqrt(self.repeats)
 
     @property
-    def effective_repeats(self):
+    def effective_repeats(self) -> Array:
         """(Σp)²/Σp² over the repeats' estimates p, shape (cycles + 1,).
 
         All the repeats where they agree, 1 where one of them outweighs the rest, 0 where none saw an overturning.
@@ -123,12 +124,12 @@ class Splitting(Shown):
         return np.divide(total, squares, out=np.zeros_like(total), where=squares > 0.0)
 
     @property
-    def extinct(self):
+    def extinct(self) -> int:
         """Number of repeats that lost all walkers; their estimates are 0, which the mean needs to be unbiased."""
         return int(np.count_nonzero(self.repeat_probability[:, -1] == 0.0))
 
     @property
-    def skewed(self):
+    def skewed(self) -> bool:
         """Whether at the last cycle less than half of the repeats are effective: take more walkers, then ask again."""
         return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
 
@@ -193,7 +194,16 @@ class Splitting(Shown):
         return figure_of(probability)
 
 
-def split(scene, *, cycles, walkers=1000, repeats=32, seed=1, steps_per_cycle=200, progress=None):
+def split(
+    scene: Scene,
+    *,
+    cycles: int,
+    walkers: int = 1000,
+    repeats: int = 32,
+    seed: int = 1,
+    steps_per_cycle: int = 200,
+    progress: Progress | None = None,
+) -> Splitting:
     """Estimate the probability of rare overturning under white noise, cycle by cycle, by splitting paths.
 
     Paths that come nearer to overturning than others are continued several times, from there on, and the others are

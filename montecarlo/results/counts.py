@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.results.binning import joint_edges
 
 LARGEST = 2**31 - 1
 """Realizations at most."""

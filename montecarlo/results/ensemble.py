@@ -2,9 +2,11 @@
 
 import dataclasses
 import functools
+from typing import Self
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, ArrayLike, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.layout import Layout
@@ -60,7 +62,7 @@ class Ensemble(Sample):
             getattr(self, name).flags.writeable = False
 
     @property
-    def realizations(self):
+    def realizations(self) -> int:
         """Number of realizations."""
         return self.angle.shape[0]
 
@@ -69,7 +71,7 @@ class Ensemble(Sample):
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
         return np.stack(sides, axis=-1)
 
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Estimate P(not overturned and in a bin) after a cycle.
 
         Parameters
@@ -103,12 +105,12 @@ class Ensemble(Sample):
         ends = {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
         return variables | states | ends, coordinates
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Save the ensemble, whole or not at all; `path` by custom ends in .npz."""
         storage.write_result(path, "ensemble", self.scene, *_LAYOUT.of(self))
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: File) -> Self:
         """Load a saved ensemble; raises as `fpk_rocking.results.storage.read_result`."""
         scene, arrays, attributes = storage.read_result(path, "ensemble", _LAYOUT)
         return cls(scene=scene, **arrays, **attributes)

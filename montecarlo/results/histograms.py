@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike
 from fpk_rocking.results.binning import ascending_edges
 from montecarlo.results.ensemble import Ensemble
 from montecarlo.results.histories import Histories
@@ -27,7 +28,7 @@ class Histogram(NamedTuple):
     interval: np.ndarray
 
 
-def first_passage(result, edges, level=0.95):
+def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
     """Density of the time of overturning.
 
     It integrates to the probability of overturning between the outer edges, which is less than 1 where blocks survive.
@@ -56,7 +57,7 @@ def first_passage(result, edges, level=0.95):
     return _histogram(edges, counts, times.size, wilson_interval(counts, times.size, level))
 
 
-def impact_speeds(histories, edges, level=0.95):
+def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
     """Density of the speed just before an impact, over all impacts of all realizations.
 
     It integrates to the share of the impacts between the outer edges. Impacts of one realization depend on each other,

@@ -2,9 +2,11 @@
 
 import dataclasses
 import functools
+from typing import Self
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, File
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
@@ -78,17 +80,17 @@ class Histories(Shown):
             getattr(self, name).flags.writeable = False
 
     @property
-    def realizations(self):
+    def realizations(self) -> int:
         """Number of realizations."""
         return self.angle.shape[0]
 
     @property
-    def cycles(self):
+    def cycles(self) -> int | None:
         """Number of forcing cycles; None where the forcing does not repeat."""
         return None if self.scene.period is None else (self.time.size - 1) // self.samples_per_cycle
 
     @property
-    def impacts(self):
+    def impacts(self) -> Array:
         """Number of impacts of each realization, shape (realizations,)."""
         return np.bincount(self.impact_realization, minlength=self.realizations)
 
@@ -142,17 +144,17 @@ class Histories(Shown):
 
         return figure_of(angles, plane)
 
-    def poincare(self):
+    def poincare(self) -> tuple[Array, Array]:
         """Return angle and velocity at τ = kT, each of shape (realizations, cycles + 1); nan after overturning."""
         refuse_transient(self.scene.forcing, "a Poincaré map")
         return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Save the histories, whole or not at all; `path` by custom ends in .npz."""
         storage.write_result(path, "histories", self.scene, *_LAYOUT.of(self))
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: File) -> Self:
         """Load saved histories; raises as `fpk_rocking.results.storage.read_result`."""
         scene, arrays, attributes = storage.read_result(path, "histories", _LAYOUT)
         return cls(scene=scene, **arrays, **attributes)

@@ -18,7 +18,7 @@ class Rate(NamedTuple):
     count: int
 
 
-def overturning_rate(ensemble, after, level=0.95, side=None):
+def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: int | None = None) -> Rate:
     """Estimate the rate of overturning of the blocks that still stand after some cycles.
 
     Parameters

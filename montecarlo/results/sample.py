@@ -1,8 +1,11 @@
 """Survival and leakage of a sample of realizations, from counts."""
 
+from typing import Any
+
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array
 from fpk_rocking.results.result import SurvivalResult
 from montecarlo.results.statistics import wilson_interval
 
@@ -23,12 +26,12 @@ class Sample(SurvivalResult):
     shown_bins = 24
 
     @property
-    def engine(self):
+    def engine(self) -> str:
         """Name of the engine and its method."""
         return f"Monte Carlo {self.method}"
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of itself beside the survival, as plain values."""
         interval = self.survival_interval()
         spread = {} if certain(self.scene) else {"half_width": float(0.5 * np.diff(interval).max())}
@@ -41,31 +44,31 @@ class Sample(SurvivalResult):
         }
 
     @property
-    def account(self):
+    def account(self) -> str:
         """How it was sampled, as a sentence; the exact engine takes no steps."""
         steps = "" if self.method == "exact" else f" {self.steps_per_cycle} steps a cycle,"
         return f"Seed {self.seed},{steps} {self.wall_s:.1f} s."
 
-    def at(self, cycle):  # noqa: ARG002  (the same call as of a density)
+    def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
         """Return None: a sample has no density, see `bin_probabilities`."""
         return
 
     @property
-    def survivors(self):
+    def survivors(self) -> Array:
         """Count of the realizations that have not overturned after each cycle, shape (cycles + 1,)."""
         return self.realizations - self._gone.sum(axis=1)
 
     @property
-    def survival(self):
+    def survival(self) -> Array:
         """P(not overturned by kT), shape (cycles + 1,)."""
         return self.survivors / self.realizations
 
     @property
-    def overturned(self):
+    def overturned(self) -> Array:
         """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
         return self._gone / self.realizations
 
-    def survival_interval(self, level=0.95):
+    def survival_interval(self, level: float = 0.95) -> Array:
         """Return Wilson's confidence limits of the survival, shape (cycles + 1, 2), each of the given level."""
         return wilson_interval(self.survivors, self.realizations, level)
 

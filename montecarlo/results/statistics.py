@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
 
 
 def wilson_interval(successes, trials, level=0.95):
@@ -42,7 +43,7 @@ def wilson_interval(successes, trials, level=0.95):
     return np.stack([np.where(share == 0.0, 0.0, centre - half), np.where(share == 1.0, 1.0, centre + half)], axis=-1)
 
 
-def bin_errors(probabilities, realizations):
+def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
     """Return the sampling error of each bin's probability, as `Ensemble.bin_probabilities` estimates them.
 
     Parameters

@@ -2,10 +2,12 @@
 
 import dataclasses
 import functools
+from typing import Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.layout import Layout
@@ -66,12 +68,12 @@ class Tally(Sample):
         object.__setattr__(self, "counts", Counts(*views))
 
     @property
-    def realizations(self):
+    def realizations(self) -> int:
         """Number of realizations."""
         return int(self.counts.standing[-1] + self.counts.passages.sum())
 
     @property
-    def times(self):
+    def times(self) -> Array:
         """Times τ from 0 on, shape (cycles + 1,): whole cycles where the forcing repeats, else times of their own."""
         return self.counts.times
 
@@ -86,20 +88,21 @@ class Tally(Sample):
         return np.cumsum(self.counts.passages, axis=0)[::PARTS]
 
     @property
-    def first_passage(self):
+    def first_passage(self) -> Array:
         """P(overturned in a 20th of a cycle) to the left and to the right, shape (20 cycles + 1, 2).
 
-        Row j stands for τ from (j - 1) T/20 to j T/20, or a 20th of the time between two of the `times`; row 0 for a start beyond the cut-off.
+        Row j stands for τ from (j - 1) T/20 to j T/20, or a 20th of the time between two of the `times`; row 0 for a
+        start beyond the cut-off.
         """
         return self.counts.passages / self.realizations
 
     @property
-    def outside(self):
+    def outside(self) -> Array:
         """P(not overturned and outside all bins kept) after each cycle, shape (cycles + 1,)."""
         return (self.counts.standing - self.counts.histogram.sum(axis=(1, 2), dtype=np.int64)) / self.realizations
 
     @property
-    def mean(self):
+    def mean(self) -> Array:
         """Mean of angle and velocity of the blocks standing after each cycle, shape (cycles + 1, 2); nan for none.
 
         Each state is rounded to `counts.quantum`, about 1e-9 for the angle, and so is the mean, at worst to half of it.
@@ -107,7 +110,7 @@ class Tally(Sample):
         return self._moments[0]
 
     @property
-    def covariance(self):
+    def covariance(self) -> Array:
         """Covariance of angle and velocity of the blocks standing, shape (cycles + 1, 2, 2); nan for none.
 
         It is the mean product of the deviations from the mean: the divisor is the number of blocks.
@@ -118,7 +121,7 @@ class Tally(Sample):
     def _moments(self):
         return moments(self.counts)
 
-    def bin_probabilities(self, cycle, angle_edges, velocity_edges):
+    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Estimate P(not overturned and in a bin) after a cycle.
 
         Parameters
@@ -146,13 +149,13 @@ class Tally(Sample):
         inner = np.add.reduceat(inner, rows[:-1] - rows[0], axis=0, dtype=np.int64)
         return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Save the tally, whole or not at all; `path` by custom ends in .npz."""
         attributes = {name: getattr(self, name) for name in LAYOUT.attributes}
         storage.write_result(path, "tally", self.scene, self.counts._asdict(), attributes)
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: File) -> Self:
         """Load a saved tally, a checkpoint included; raises as `fpk_rocking.results.storage.read_result`."""
         scene, arrays, attributes = storage.read_result(path, "tally", LAYOUT)
         return cls(scene=scene, counts=Counts(**arrays), **attributes)

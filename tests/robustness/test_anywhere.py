@@ -42,6 +42,7 @@ from fpk_rocking import load_scene, solve_fpk, __version__
 from montecarlo import simulate
 for package in (fpk_rocking, montecarlo, studies):
     print(package.__file__)
+assert load_scene("record").forcing.duration > 0
 scene = load_scene("scene.toml")
 density = solve_fpk(scene, cycles=2, tol=1e-2)
 ensemble = simulate(scene, cycles=2, realizations=5000)

@@ -137,7 +137,7 @@ class NodePropagator:
             sinks = self._move(k % len(self.leg), density, rest)
             gone = gone + (sinks[[1, 0, 2]] if turned else sinks)
         self.memory, self.leg, self.buffers = self._memory(), None, None
-        return Solution(inside, out, coefficients, at_rest)
+        return Solution(inside, out, coefficients, at_rest=at_rest)
 
     def _begin(self):
         """Densities and masses at rest of the nodes, what is gone (3,), and the number of steps that led there."""

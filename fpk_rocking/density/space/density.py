@@ -1,9 +1,12 @@
 """A density of angle and velocity at one instant, as a function."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any, Self
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.space.nonnegative import nonnegative_view
 from fpk_rocking.density.space.space import Space, shapes
 
@@ -27,7 +30,7 @@ class Density:
         mass = float(self.space.masses(self.coefficients).sum())
         return f"<Density: probability {mass:.4f} on {cells} cells of degree {self.degree}>"
 
-    def __call__(self, angle, velocity):
+    def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
         """Density at points.
 
         Parameters
@@ -45,16 +48,16 @@ class Density:
         return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
 
     @property
-    def mesh_lines(self):
+    def mesh_lines(self) -> tuple[Array, Array]:
         """Mesh lines (angle, velocity), nondimensional."""
         return self.space.angle_lines, self.space.velocity_lines
 
     @property
-    def degree(self):
+    def degree(self) -> int:
         """Polynomial degree in each direction."""
         return self.space.degree
 
-    def cell_values(self, points):
+    def cell_values(self, points: int) -> Array:
         """Density on a lattice in every cell, one-sided at its edges.
 
         Parameters
@@ -70,7 +73,7 @@ class Density:
         lattice = np.linspace(0.0, 1.0, points)
         return self.space.cell_values(self.coefficients, lattice, lattice)
 
-    def nonnegative(self):
+    def nonnegative(self) -> Self:
         """View of this density that is nowhere negative, for pictures and sampling; the density stays as it is.
 
         Mass moves within a cell of the mesh only, and the mass of a cell stays. A cell of negative mass becomes empty
@@ -93,7 +96,9 @@ class Density:
         space, coefficients = nonnegative_view(self.space, self.coefficients)
         return self if space is self.space else Density(space, coefficients)
 
-    def bin_probabilities(self, angle_edges, velocity_edges, *, nonnegative=False):
+    def bin_probabilities(
+        self, angle_edges: ArrayLike, velocity_edges: ArrayLike, *, nonnegative: bool = False
+    ) -> Array:
         """Exact integrals over bins.
 
         Parameters
@@ -115,12 +120,12 @@ class Density:
         law = self.nonnegative() if nonnegative else self
         return law.space.bin_integrals(law.coefficients, angle_edges, velocity_edges)
 
-    def marginal_angle(self, angle):
+    def marginal_angle(self, angle: ArrayLike) -> Array:
         """Density of the angle alone at points (n,): the integral over all velocities."""
         coefficients = np.einsum("xva,v->xa", self.coefficients[..., 0], np.diff(self.space.velocity_lines))
         return self._marginal(coefficients, 0, angle)
 
-    def marginal_velocity(self, velocity):
+    def marginal_velocity(self, velocity: ArrayLike) -> Array:
         """Density of the velocity alone at points (n,): the integral over all angles."""
         coefficients = np.einsum("xvb,x->vb", self.coefficients[..., 0, :], np.diff(self.space.angle_lines))
         return self._marginal(coefficients, 1, velocity)
@@ -133,16 +138,16 @@ class Density:
         values = np.einsum("...a,...a->...", coefficients[cell], shapes(reference, self.degree))
         return np.where(np.isnan(points), np.nan, np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0))
 
-    def basis(self, order=None):
+    def basis(self, order: int | None = None) -> Any:
         """Return the scikit-fem basis of the density; ``vector`` holds its unknowns. See `Space.basis`."""
         return self.space.basis(order)
 
     @property
-    def vector(self):
+    def vector(self) -> Array:
         """Unknowns (n,) of the density on `basis`, for forms and functionals of scikit-fem."""
         return self.coefficients.ravel()
 
-    def integral(self, function, order=None):
+    def integral(self, function: Callable[[Array, Array], Array], order: int | None = None) -> float:
         """Integral of a function of angle and velocity times the density.
 
         Parameters
@@ -165,18 +170,18 @@ class Density:
         form = Functional(lambda w: function(w.x[0], w.x[1]) * w["density"])
         return float(form.assemble(basis, density=basis.interpolate(self.vector)))
 
-    def moment(self, angle_power, velocity_power):
+    def moment(self, angle_power: int, velocity_power: int) -> float:
         """Integral of x^m v^n times the density, exact; m = n = 0 is the probability of not having overturned."""
         order = self.degree + max(angle_power, velocity_power)
         return self.integral(lambda x, v: x**angle_power * v**velocity_power, order)
 
     @property
-    def mean(self):
+    def mean(self) -> Array:
         """Mean (2,) of angle and velocity of the blocks that have not overturned."""
         return np.array([self.moment(1, 0), self.moment(0, 1)]) / self.moment(0, 0)
 
     @property
-    def covariance(self):
+    def covariance(self) -> Array:
         """Covariance (2, 2) of angle and velocity of the blocks that have not overturned."""
         mixed = self.moment(1, 1)
         second = np.array([[self.moment(2, 0), mixed], [mixed, self.moment(0, 2)]]) / self.moment(0, 0)

@@ -4,11 +4,12 @@ import dataclasses
 import functools
 import math
 import re
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, File
 from fpk_rocking.physics.forcing.periodic import TERMS
 from fpk_rocking.physics.forcing.transient import TransientForcing
 
@@ -65,7 +66,7 @@ class Record(TransientForcing):
         _set(self, "source", checks.sentence("forcing.source", self.source))
 
     @classmethod
-    def from_file(cls, path, *, units=None, scale=1.0):
+    def from_file(cls, path: File, *, units: str | None = None, scale: float = 1.0) -> Self:
         """Read a record from a file.
 
         Parameters
@@ -103,7 +104,7 @@ class Record(TransientForcing):
             raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
         return cls(interval, samples, units or "g", scale, path.name)
 
-    def on(self, size):
+    def on(self, size: Any) -> Self:
         """Return the record as the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
         if size is None:
             raise ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
@@ -114,31 +115,31 @@ class Record(TransientForcing):
         return bound
 
     @functools.cached_property
-    def forces(self):
+    def forces(self) -> Array:
         """Nondimensional force at the samples, shape (n,)."""
         return self._size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
 
     @functools.cached_property
-    def unit(self):
+    def unit(self) -> float:
         """Nondimensional time between samples."""
         return self._size.tau(self.interval)
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """Time at which it ends: that of the last sample."""
         return self.unit * (len(self.samples) - 1)
 
     @functools.cached_property
-    def largest(self):
+    def largest(self) -> float:
         """Largest |f|."""
         return float(np.abs(self.forces).max())
 
     @functools.cached_property
-    def steepest(self):
+    def steepest(self) -> float:
         """Largest slope of the force between samples."""
         return float(np.abs(np.diff(self.forces)).max()) / self.unit
 
-    def series(self, times):
+    def series(self, times: Array) -> Array:
         """Return Taylor coefficients (n, TERMS) of f about times (n,)."""
         out, forces = np.zeros((len(times), TERMS)), self.forces
         place = np.floor(np.asarray(times) / self.unit + 1e-9).astype(np.int64)
