@@ -7,11 +7,13 @@ import dataclasses
 import math
 import numbers
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array
 from fpk_rocking.results import distances
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import noise_text, remarks
@@ -103,7 +105,7 @@ class Comparison(Shown):
     remarks: tuple[str, ...]
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What was compared and how far it differs, in a few words."""
         most = np.argmax(np.abs(self.difference))
         when = f"cycle {self.cycles[most]}" if self.melnikov_loss is not None else f"τ = {self.times[most]:.4g}"
@@ -112,7 +114,7 @@ class Comparison(Shown):
         )
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """Figures as plain values."""
         found = {"largest difference of survival": float(np.abs(self.difference).max())}
         if self.l1.size:
@@ -120,7 +122,7 @@ class Comparison(Shown):
         sizes = zip(("first", "second"), self.realizations, strict=True)
         return found | {f"realizations of the {name}": size for name, size in sizes if size}
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Survival of both and how it differs, by cycle and time: arrays by name."""
         found = {"cycle": self.cycles, "time": self.times}
         for which, name in enumerate(("first", "second")):
@@ -132,7 +134,7 @@ class Comparison(Shown):
             found[name][self.joint_cycles] = getattr(self, name)
         return found
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays by name and coordinates for `to_xarray`."""
         variables = {name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")}
         variables |= {"survival": (("cycle", "result"), self.survival)}
@@ -142,7 +144,7 @@ class Comparison(Shown):
         places = {"cycle": self.cycles, "during": self.cycles[1:], "joint_cycle": self.joint_cycles}
         return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
 
-    def plot(self):
+    def plot(self) -> Any:
         """Draw survival of both, and their difference with 95 % intervals; returns a matplotlib figure."""
         from fpk_rocking.base.look import COLOURS
         from fpk_rocking.results.pictures import figure_of

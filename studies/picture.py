@@ -2,6 +2,7 @@
 
 import pathlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
-from studies.result import Fragility
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "small_figure", "surface_figure"]
 
@@ -27,7 +27,7 @@ _SIZE, _ROW = 8.5, 4.6
 _WIDE, _LINE = 5.2, 0.22
 
 
-def curves_figure(path: File, results: Sequence[Fragility], title: str, which: int | None = 0) -> pathlib.Path:
+def curves_figure(path: File, results: Sequence[Any], title: str, which: int | None = 0) -> pathlib.Path:
     """Draw curves of one or two results on the same scenes, a panel a scene; the first result with its fit.
 
     Parameters
@@ -68,7 +68,7 @@ def curves_figure(path: File, results: Sequence[Fragility], title: str, which: i
     return path
 
 
-def surface_figure(path: File, result: Fragility, title: str, which: int = 0) -> pathlib.Path:
+def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathlib.Path:
     """Draw the probability over the scale and the parameter in which the scenes differ, with the medians of the fits.
 
     Parameters as for `curves_figure`, of one result over a parameter.

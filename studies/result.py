@@ -15,7 +15,7 @@ from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import doubts, remarks
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import certain
 from montecarlo.results.statistics import wilson_interval
@@ -192,7 +192,7 @@ class Fragility(Shown):
         return [Doubt(CAUTION if len(self.reasons) < count else UNUSABLE, sentence)]
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of its own errors, as plain values; of those probabilities that have an answer."""
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
@@ -202,13 +202,13 @@ class Fragility(Shown):
         return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | own | tol
 
     @functools.cached_property
-    def trust(self):
+    def trust(self) -> Trust:
         """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
         found = [doubt for told in self._told for doubt in doubts(told)]
         return trust_of(self.facts, self._unanswered + found)
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What it is and what it found, in a few words."""
         count, (low, high) = len(self.scenes), self.scale[[0, -1]]
         fit = self.fits[0][0]
@@ -226,19 +226,19 @@ class Fragility(Shown):
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
         return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Return the columns of `to_csv`: arrays by name."""
         rows = list(self.rows())
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Probabilities with 95 % limits and coordinates for `to_xarray`; the level of overturning is called inf."""
         limits, dims = self.interval(), (self.axis, "level", "scale")
         values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
         places = {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale}
         return {name: (dims, one) for name, one in values.items()}, places
 
-    def plot(self):
+    def plot(self) -> Any:
         """Draw the curves with their fits, or the surface over a parameter; returns a matplotlib figure."""
         from studies.picture import small_figure
 

@@ -18,7 +18,7 @@ from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.storage import write_text
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, verdict
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, Trust, verdict
 from fpk_rocking.scene.scene import Scene
 from studies.execution.cells import Cell, seed_of
 from studies.execution.store import Store
@@ -104,14 +104,14 @@ class Sweep(Shown):
         return Grid((), self.axes).parameters(row["cell"]).values() if self.axes else ()
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of itself, as plain values: how many of its scenes failed or got each verdict."""
         told = [row["values"].get("trust") for row in self.rows]
         counts = {name: told.count(name) for name in VERDICTS if name in told}
         return {"scenes": len(self.rows), "failed": len(self.failed)} | counts | {"wall_s": self.wall_s}
 
     @functools.cached_property
-    def trust(self):
+    def trust(self) -> Trust:
         """Whether to use it: the worst verdict of its scenes; "caution" where some failed, "do not use" where all."""
         found, count = [], len(self.rows)
         if self.failed:
@@ -125,12 +125,12 @@ class Sweep(Shown):
         return verdict(found, f'"{VERDICTS[0]}" is the verdict on {judged} of {count} scenes.')
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What it is, in a few words."""
         over = " × ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
         return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Return the columns of `to_csv`: arrays by name."""
         found = {"cell": [row["cell"] for row in self.rows]}
         found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
@@ -138,7 +138,7 @@ class Sweep(Shown):
         found |= {name: [row[name] for row in self.rows] for name in ("wall_s", "reason")}
         return {name: np.array(values) for name, values in found.items()}
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Every value that is a number over the axes of the grid, or over the cells of a list, for `to_xarray`."""
         dims = tuple(self.axes) or ("cell",)
         return {name: (dims, self.values(name)) for name in self._numbers()}, dict(self.axes)

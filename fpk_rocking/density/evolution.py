@@ -118,7 +118,7 @@ class Evolution(DensityResult):
         wanted = {name: self.settings[name] for name in ["bins_tol"] if np.isfinite(self.settings.get(name, np.inf))}
         return own | lists | {"diffusion": float(self.diffusion), "tol": float(self.tol)} | wanted
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Survival, what overturned to either side, lost and at rest, by cycle and time: arrays by name."""
         return super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
 

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -21,7 +21,7 @@ from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.results.remarks import closure_of, doubts
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import trust_of
+from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -132,27 +132,27 @@ class CycleOperator(Shown, LinearOperator):
         return vector
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of itself, as plain values."""
         names = "escape_rate", "escape_error", "mean_cycles", "memory_cycles", "tol", "diffusion", "negative_mass"
         return {name: float(getattr(self, name)) for name in names} | {"residual": float(np.max(self.residuals))}
 
     @functools.cached_property
-    def trust(self):
+    def trust(self) -> Trust:
         """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
         return trust_of(self.facts, doubts(self))
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What it found, in a few words."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Leading eigenvalues of the cycle: arrays by name."""
         parts = {"real": self.eigenvalues.real, "imaginary": self.eigenvalues.imag}
         return {"mode": np.arange(len(self.eigenvalues)), "modulus": np.abs(self.eigenvalues)} | parts
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Eigenvalues and the quasi-stationary density in bins for `to_xarray`; see `columns`."""
         edges = self._shown_edges()
         middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
@@ -163,7 +163,7 @@ class CycleOperator(Shown, LinearOperator):
         }
         return variables, {"side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
 
-    def plot(self):
+    def plot(self) -> Any:
         """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of, function_panel
 

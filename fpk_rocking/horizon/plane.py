@@ -1,6 +1,7 @@
 """Functions of the start, by the adjoint: a probability or a mean time for every state of the phase plane at once."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -32,11 +33,11 @@ class PlaneMap:
     error_estimate: float
     starts: tuple[tuple[float, float, float], ...] = ()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         cells = " x ".join(str(line.size - 1) for line in self.mesh_lines)
         return f"<PlaneMap: integral {self.integral:.4g} on {cells} cells, estimated error {self.error_estimate:.1g}>"
 
-    def plot(self):
+    def plot(self) -> Any:
         """Draw its values over the plane; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of, function_panel
 

@@ -93,22 +93,22 @@ class SurvivalResult(Shown):
     averaged = False
 
     @property
-    def cycles(self):
+    def cycles(self) -> int | None:
         """Number of forcing cycles; None where the forcing does not repeat."""
         return cycles_of(self)
 
     @property
-    def bin_edges(self):
+    def bin_edges(self) -> list[Array]:
         """Edges of the bins that it is shown in: those of `joint_edges`."""
         return joint_edges(self.scene)
 
     @functools.cached_property
-    def trust(self):
+    def trust(self) -> Trust:
         """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
         return trust_of(self.facts, doubts(self))
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What it is, and the survival at the end with its error, in a few words."""
         interval, survival = self.survival_interval(), float(self.survival[-1])
         if interval is None:
@@ -118,7 +118,7 @@ class SurvivalResult(Shown):
         until = f"τ = {self.times[-1]:.4g}" if self.cycles is None else f"{self.cycles} cycles"
         return f"{label_of(self)}, survival {error} after {until}"
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Survival, its interval if any, and what overturned to either side, by cycle and time: arrays by name."""
         found = {} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}
         found |= {"time": self.times, "survival": self.survival}
@@ -127,7 +127,7 @@ class SurvivalResult(Shown):
             found |= dict(zip(("survival_low", "survival_high"), np.asarray(interval).T, strict=True))
         return found | dict(zip(("overturned_left", "overturned_right"), np.asarray(self.overturned).T, strict=True))
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays by name and coordinates for `to_xarray`; "bin_probability" is that of `bin_edges`."""
         edges, rows = self.bin_edges, range(len(self.times))
         bins = np.array([self.bin_probabilities(row, *edges) for row in rows])
@@ -146,7 +146,7 @@ class SurvivalResult(Shown):
             coordinates["limit"] = ["low", "high"]
         return variables, coordinates
 
-    def plot(self, what=None, cycle=None):
+    def plot(self, what: str | None = None, cycle: int | None = None) -> Any:
         """Draw the result.
 
         Parameters
@@ -188,7 +188,7 @@ class DensityResult(SurvivalResult):
         return
 
     @property
-    def account(self):
+    def account(self) -> str:
         """Its errors as a sentence."""
         return (
             f"Estimated error of survival {self.error_estimate:.1e}, mass defect {self.mass_defect:.1e}, negative mass "

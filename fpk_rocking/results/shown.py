@@ -5,6 +5,7 @@ import html
 import importlib
 import io
 import textwrap
+from typing import Any
 
 import numpy as np
 
@@ -36,16 +37,16 @@ class Shown:
         All arrays of it: a dict of (dimensions, array) by name, and one of coordinates, as `xarray.Dataset` takes them.
     """
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         reason = textwrap.shorten(self.trust.reasons[0], _SHORT, placeholder=" ...")
         return f"<{self.title}; trust: {self.trust.verdict}. {reason}>"
 
     @property
-    def title(self):
+    def title(self) -> str:
         """Kind and headline."""
         return f"{type(self).__name__}: {self.headline}"
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th>"
             f"<td>{html.escape(text)}</td></tr>"
@@ -65,11 +66,11 @@ class Shown:
             elif isinstance(value, float):
                 yield name, f"{value:.4g}"
 
-    def to_dataframe(self):
+    def to_dataframe(self) -> Any:
         """Return the table of this result as a `pandas.DataFrame`; ``pip install 'fpk-rocking[frames]'`` has pandas."""
         return _library("pandas").DataFrame({name: np.array(values) for name, values in self.columns().items()})
 
-    def to_xarray(self):
+    def to_xarray(self) -> Any:
         """Return the arrays of this result as an `xarray.Dataset`; ``pip install 'fpk-rocking[frames]'`` has xarray.
 
         Its facts that are one number or text are attributes, and so are the verdict "trust" and its "reasons".

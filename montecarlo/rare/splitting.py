@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import math
 import time
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,7 +16,7 @@ from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.engines.random import stream_keys
@@ -137,14 +138,14 @@ class Splitting(Shown):
     averaged = False
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of itself, as plain values; "relative_error" is that of the last probability, if it is not 0."""
         names = "walkers", "repeats", "extinct", "skewed", "seed", "steps_per_cycle", "wall_s"
         found, last = {name: getattr(self, name) for name in names}, float(self.probability[-1])
         return found | ({"relative_error": float(self.standard_error[-1]) / last} if last else {})
 
     @functools.cached_property
-    def trust(self):
+    def trust(self) -> Trust:
         """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
         found = doubts(self)
         if self.skewed:
@@ -158,25 +159,25 @@ class Splitting(Shown):
         return trust_of(self.facts, found)
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What it found, in a few words."""
         error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
         return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """Probability of having overturned and its standard error by cycle: arrays by name."""
         sides = dict(zip(("overturned_left", "overturned_right"), self.overturned.T, strict=True))
         cycle = np.arange(self.cycles + 1)
         return {"cycle": cycle, "probability": self.probability, "standard_error": self.standard_error} | sides
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays by name and coordinates for `to_xarray`."""
         variables = {name: ("cycle", getattr(self, name)) for name in ("probability", "standard_error")}
         variables["repeat_overturned"] = ("repeat", "cycle", "side"), self.repeat_overturned
         variables |= {name: ("repeat", getattr(self, name)) for name in ("levels", "killed")}
         return variables, {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]}
 
-    def plot(self):
+    def plot(self) -> Any:
         """Draw the probability of having overturned, with two standard errors; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of
 

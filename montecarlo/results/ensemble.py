@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -98,7 +98,7 @@ class Ensemble(Sample):
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays by name and coordinates for `to_xarray`, every realization's among them."""
         variables, coordinates = super().grids()
         states = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import trust_of
+from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 
 _LAYOUT = Layout(
@@ -98,18 +98,18 @@ class Histories(Shown):
     averaged = False
 
     @property
-    def facts(self):
+    def facts(self) -> dict[str, Any]:
         """What it says of itself, as plain values."""
         names = "method", "realizations", "seed", "steps_per_cycle", "samples_per_cycle", "wall_s"
         return {name: getattr(self, name) for name in names}
 
     @functools.cached_property
-    def trust(self):
+    def trust(self) -> Trust:
         """Whether to use it: what speaks against the model, for single paths have no error to estimate."""
         return trust_of({}, doubts(self), "Single paths: nothing is estimated from them.")
 
     @property
-    def headline(self):
+    def headline(self) -> str:
         """What it is, in a few words."""
         ended = np.count_nonzero(self.overturn_side)
         return (
@@ -117,20 +117,20 @@ class Histories(Shown):
             f"τ = {self.time[-1]:.4g}, {ended:,} overturned, {self.impact_time.size:,} impacts"
         )
 
-    def columns(self):
+    def columns(self) -> dict[str, Array]:
         """States of all realizations below each other: arrays by name."""
         numbers = np.repeat(np.arange(self.realizations), self.time.size)
         states = {"angle": self.angle.ravel(), "velocity": self.velocity.ravel()}
         return {"realization": numbers, "time": np.tile(self.time, self.realizations)} | states
 
-    def grids(self):
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays by name and coordinates for `to_xarray`."""
         variables = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
         variables |= {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
         variables |= {name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")}
         return variables, {"time": self.time}
 
-    def plot(self, realizations=3):
+    def plot(self, realizations: int = 3) -> Any:
         """Draw angles against time and paths in the plane of the first realizations; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of
 

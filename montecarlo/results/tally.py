@@ -78,7 +78,7 @@ class Tally(Sample):
         return self.counts.times
 
     @property
-    def bin_edges(self):
+    def bin_edges(self) -> list[Array]:
         """Edges of the bins that it is shown in: those of `joint_edges` where they are kept, else all that are."""
         usual, kept = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, kept, strict=True)) else kept

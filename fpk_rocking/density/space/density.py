@@ -25,7 +25,7 @@ class Density:
     space: Space
     coefficients: np.ndarray
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         cells = " x ".join(str(line.size - 1) for line in self.mesh_lines)
         mass = float(self.space.masses(self.coefficients).sum())
         return f"<Density: probability {mass:.4f} on {cells} cells of degree {self.degree}>"
