@@ -167,7 +167,9 @@ class Fragility:
     @property
     def remarks(self) -> list[str]:
         """Sentences that have to stand wherever this result is shown."""
-        of = [sentence for scene in self.scenes for sentence in remarks(_Shown(scene, self.closure))]
+        rests = self.engine == "filtered"
+        shown = [_Shown(*one, self.closure, rests) for one in zip(self.scenes, 1.0 - self.overturned, strict=True)]
+        of = [sentence for one in shown for sentence in remarks(one)]
         kinds = {}
         for sentence in dict.fromkeys(of):
             kinds.setdefault(sentence.partition(":")[0], []).append(sentence)
@@ -273,10 +275,12 @@ class Fragility:
 
 
 class _Shown(NamedTuple):
-    """A scene as `remarks` takes a result."""
+    """A scene as `remarks` takes a result; its survival is that at each scale."""
 
     scene: Scene
+    survival: np.ndarray
     closure: str
+    atom: bool
     averaged: bool = False
 
 

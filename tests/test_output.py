@@ -131,7 +131,7 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(capsys, monkeypatch)
         for done in (1, 2, 3, 4):
             report(done, 4)
     captured = capsys.readouterr()
-    assert captured.err == "density: 50 % after 11 s\n"
+    assert captured.err == "density: 50 % after 11 s, about 20 s left\n"
     assert captured.out == ""
 
 
