@@ -181,7 +181,8 @@ class Fragility(Shown):
     @property
     def _told(self):
         most = np.nan_to_num(self.overturned).max(axis=1)
-        return [_Told(scene, self.closure, (1.0 - part,)) for scene, part in zip(self.scenes, most, strict=True)]
+        rests = self.engine == "filtered"
+        return [_Told(scene, self.closure, (1.0 - part,), rests) for scene, part in zip(self.scenes, most, strict=True)]
 
     @property
     def _unanswered(self):
@@ -316,11 +317,12 @@ class Fragility(Shown):
 
 
 class _Told(NamedTuple):
-    """A scene as `remarks` takes a result."""
+    """A scene as `remarks` takes a result; its survival is that at the scale which overturns most."""
 
     scene: Scene
     closure: str
     survival: Sequence
+    atom: bool
     averaged: bool = False
     facts: Mapping = MappingProxyType({})
 

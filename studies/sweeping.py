@@ -148,7 +148,7 @@ class Sweep(Shown):
         last = {name: value[-1] if isinstance(value, list) and value else value for name, value in found.items()}
         return [name for name, value in last.items() if isinstance(value, int | float)]
 
-    def plot(self, name=None):
+    def plot(self, name: str | None = None) -> Any:
         """Draw one of the values, by default the first, over the first axis with a line for each point of the others.
 
         Parameters

@@ -55,6 +55,7 @@ WRONG_EDGES = st.one_of(
 WRONG_CYCLES = st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(), st.integers(max_value=-1), st.just(3))
 WRONG_PATHS = st.one_of(fuzz.NOT_NUMBERS.filter(lambda x: not isinstance(x, str)), fuzz.NUMBERS, st.just("a\0b"))
 FINITE_EDGES = WRONG_EDGES | st.sampled_from([[0.0, math.inf], [-math.inf, 0.0, 1.0]])
+SAMPLES = (fuzz.NOT_COUNTS | TOO_MANY).filter(lambda x: x is not None)
 OTHER_EDGES, OTHER_PATHS = (bad.filter(lambda x: x is not None) for bad in (FINITE_EDGES, WRONG_PATHS))
 RUN = {
     "scene": WRONG_SCENES, "cycles": fuzz.NOT_COUNTS | TOO_MANY, "realizations": fuzz.NOT_COUNTS | TOO_MANY,
