@@ -6,6 +6,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.pilot import REST
+from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.binning import ascending_edges
@@ -108,9 +109,25 @@ class Evolution(DensityResult):
         return "nodes" in self.settings
 
     @property
+    def unresolved(self):
+        """That `at_rest` is not resolved, as a sentence; empty where its error is within the usual tolerance of bins."""
+        return self.unresolved_beyond(bins_tolerance(self.tol))
+
+    def unresolved_beyond(self, wanted):
+        """Like `unresolved`, where the estimated error of `at_rest` is larger than wanted."""
+        if self.rest_error_estimate <= wanted:
+            return ""
+        return (
+            f"Not resolved: the probability at rest, whose estimated error is {self.rest_error_estimate:.2g}, and with it "
+            f"the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest take "
+            'Monte Carlo, simulate(method="filtered").'
+        )
+
+    @property
     def facts(self):
         """What it says of its own errors, as plain values."""
-        own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        names = ("error_estimate", "rest_error_estimate", "mass_defect", "negative_mass")
+        own = {name: float(getattr(self, name)) for name in names}
         lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
         return own | lists | {"diffusion": float(self.diffusion)}
 

@@ -82,3 +82,10 @@ def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
             RuntimeWarning,
             stacklevel=stacklevel,
         )
+
+
+def warn_unresolved(result, wanted, stacklevel):
+    """Warn where the estimated error of what is at rest is larger than wanted; inf leaves it out."""
+    sentence = result.unresolved_beyond(wanted)
+    if sentence:
+        warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)

@@ -73,8 +73,9 @@ def remarks(*results) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise for a density, and whether that is to be
-        trusted for the band and its harmonics; each once, and empty if nothing applies.
+        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise
+        for a density, what of a density is not resolved, and whether white noise is to be trusted for the band and its
+        harmonics; each once, and empty if nothing applies.
     """
     sentences = []
     for result in results:
@@ -84,6 +85,8 @@ def remarks(*results) -> tuple[str, ...]:
             sentences.append(noise.remark)
         if result.closure:
             sentences.append(result.closure)
+        if getattr(result, "unresolved", ""):
+            sentences.append(result.unresolved)
         if _stands_for(results, result):
             sentences += _doubts(result.scene, result.survival, result.averaged, getattr(result, "atom", False))
     return tuple(dict.fromkeys(sentences))

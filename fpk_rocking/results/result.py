@@ -69,6 +69,7 @@ class DensityResult:
     engine = "Fokker-Planck density"
     realizations = None
     averaged = False
+    unresolved = ""
 
     @property
     def cycles(self):
