@@ -14,7 +14,7 @@ from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond, warn_unresolved
+from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_slow, refuse_unsolvable, warn_beyond, warn_unresolved
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics import filters
@@ -33,9 +33,12 @@ CLOSURES = ("white", "filtered")
 SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
 """Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
-_FIRST_ORDER = 2.5
-"""Error of the last solution over its difference from the one before, whose steps are 1.4 times as long, where it is of
-first order: so it is where blocks rest, under noise held over a step."""
+_FINER = 1.4
+"""Steps of a solution over those of the one before."""
+
+_FIRST_ORDER = 1.0 / (_FINER - 1.0)
+"""Error of the last solution over its difference from the one before, where it is of first order: so it is where blocks
+rest, under noise held over a step."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
@@ -79,7 +82,8 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
     ------
     TypeError, ValueError
         A parameter is not acceptable; no noise, and under white noise a restitution below `CRITICAL_RESTITUTION`, are
-        refused, as is a scene whose density takes too much memory, or is not resolved by the finest mesh.
+        refused, as are filtered noise that is too slow for the start, and a scene whose density takes too much memory, or
+        is not resolved by the finest mesh.
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
@@ -126,7 +130,7 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
         lost=fine.gone[:, 2],
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
-        rest_error_estimate=_rest_error(rests),
+        rest_error_estimate=_rest_error(rests, run.space, fine.coefficients, scene.start) if rests else 0.0,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
         wall_s=time.perf_counter() - begin,
@@ -219,6 +223,8 @@ def _closed(scene, closure):
         accepted = f"white noise, or closure 'white', where forcing or noise do not repeat; or {limits.SAMPLING}"
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     refuse_unsolvable(scene)
+    if scene.noise.kind == "filtered":
+        refuse_slow(scene)
     return scene
 
 
@@ -229,18 +235,22 @@ def _spread(noise):
     return max(equivalent_diffusion(noise), filters.inward_variance(noise))
 
 
-def _rest_error(rests):
-    """Error of what is at rest in the last of some solutions, from the last three; 0 where rest is a part of the bins.
+def _rest_error(rests, space, coefficients, start):
+    """Error of what is at rest in the last of some solutions, not less than what moves within `REST`.
 
-    Two of them may agree by chance: it is not monotone in the resolution, whose nodes lie about |f + η| = 1 anew.
+    That may rest in truth: a mesh does not resolve how a block that was lifted off for a moment comes to rest again. Of
+    first order, the larger of what the two solutions before tell: one may agree with the last by chance, for at each
+    resolution the nodes lie about |f + η| = 1 anew.
     """
-    return _FIRST_ORDER * float(np.ptp(rests[-3:], axis=0).max()) if rests else 0.0
+    apart = [float(np.abs(rests[-1] - before).max()) for before in rests[-2:-4:-1]]
+    rattling = near_rest(space, coefficients, start)[1:]
+    return max(*(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1)), float(rattling.max()))
 
 
 def _refuse_unresolved(result, negative):
     if negative > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
-            f"is {negative:.1e}: the noise is too weak; take {limits.SAMPLING}"
+            f"is {negative:.1e}: the noise is too weak, or filtered noise too slow; take {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))
