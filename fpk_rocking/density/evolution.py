@@ -110,7 +110,7 @@ class Evolution(DensityResult):
 
     @property
     def unresolved(self):
-        """That `at_rest` is not resolved, as a sentence; empty where its error is within the usual tolerance of bins."""
+        """That `at_rest` is not resolved, as a sentence; empty where its error is within the bins' usual tolerance."""
         return self.unresolved_beyond(bins_tolerance(self.tol))
 
     def unresolved_beyond(self, wanted):
@@ -118,8 +118,8 @@ class Evolution(DensityResult):
         if self.rest_error_estimate <= wanted:
             return ""
         return (
-            f"Not resolved: the probability at rest, whose estimated error is {self.rest_error_estimate:.2g}, and with it "
-            f"the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest take "
+            f"Not resolved: the probability at rest, whose estimated error is {self.rest_error_estimate:.2g}, and with "
+            f"it the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest take "
             'Monte Carlo, simulate(method="filtered").'
         )
 

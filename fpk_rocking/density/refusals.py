@@ -13,12 +13,12 @@ from fpk_rocking.scene import limits
 LARGEST = {"white": 8e9, "filtered": 4e9}
 """Bytes that a solution may be expected to take, by the noise that is solved for."""
 
-_FLIGHT, _SPREAD_LEFT = 2.33, 0.6
-"""Least time that filtered noise has to spread a density, and the least part of the angle's spread that must then be left
-where the filter's states are known; both measured (docs/numerics.md, "Filtered noise")."""
+_FLIGHT, _SPREAD_LEFT = 2.33, {1: 0.6, 2: 0.9}
+"""Least time that filtered noise has to spread a density, and the least part of the angle's spread that must then be
+left where the states of the filter are known, by their number; measured (docs/numerics.md, "Filtered noise")."""
 
-_SLOWEST, _FASTER = 1e-3, 1.05
-"""First of the frequencies that are tried for one that is accepted, and their ratio."""
+_FASTER = 1.05
+"""Ratio of the frequencies that are tried for one that is accepted."""
 
 
 def refuse_filtered(scene):
@@ -54,19 +54,18 @@ def refuse_slow(scene):
 
     def resolved(frequency):
         tried = dataclasses.replace(noise, frequency=frequency)
-        return spread_left(tried, scene.start.covariance, time) >= _SPREAD_LEFT
+        return spread_left(tried, scene.start.covariance, time) >= _SPREAD_LEFT[1 if noise.damping is None else 2]
 
-    if resolved(noise.frequency):
-        return
-    least = max(noise.frequency, _SLOWEST)
+    least = noise.frequency
     while not resolved(least):
         least *= _FASTER
-    accepted = (
-        f"at least about {least:.2g} for this filter, start and period: under slower noise the density is a curve for each "
-        "state of the filter, which no mesh resolves; a Gaussian start wide enough to spread it (start.covariance), or "
-        f"{limits.SAMPLING}"
-    )
-    raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
+    if least > noise.frequency:
+        accepted = (
+            f"at least about {least:.2g} for this filter, start and period: under slower noise the density is a curve "
+            "for each state of the filter, which no mesh resolves; a Gaussian start wide enough to spread it "
+            f"(start.covariance), or {limits.SAMPLING}"
+        )
+        raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
 
 def refuse_large(held, stored, scene, rows):

@@ -14,7 +14,14 @@ from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Progress, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_slow, refuse_unsolvable, warn_beyond, warn_unresolved
+from fpk_rocking.density.refusals import (
+    refuse_broken,
+    refuse_large,
+    refuse_slow,
+    refuse_unsolvable,
+    warn_beyond,
+    warn_unresolved,
+)
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics import filters
@@ -82,8 +89,8 @@ def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closur
     ------
     TypeError, ValueError
         A parameter is not acceptable; no noise, and under white noise a restitution below `CRITICAL_RESTITUTION`, are
-        refused, as are filtered noise that is too slow for the start, and a scene whose density takes too much memory, or
-        is not resolved by the finest mesh.
+        refused, as are filtered noise that is too slow for the start, and a scene whose density takes too much memory,
+        or is not resolved by the finest mesh.
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)

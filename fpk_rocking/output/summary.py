@@ -23,8 +23,8 @@ def result_summary(result) -> dict:
     dict
         ``noise``, ``cycles`` or, where there are none, ``times``, ``survival``, ``overturned`` [left, right],
         ``wall_s`` and ``remarks``; of a density also ``error_estimate``, ``rest_error_estimate``, ``mass_defect``,
-        ``negative_mass``, ``lost``, ``at_rest`` and ``diffusion``; of an ensemble also ``interval`` (95 %), ``method``, ``realizations``, ``seed``
-        and ``steps_per_cycle``.
+        ``negative_mass``, ``lost``, ``at_rest`` and ``diffusion``; of an ensemble also ``interval`` (95 %), ``method``,
+        ``realizations``, ``seed`` and ``steps_per_cycle``.
     """
     common = {
         "noise": noise_text(result.scene.noise),

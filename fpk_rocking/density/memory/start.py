@@ -113,7 +113,7 @@ def _joint_covariance(nodes, covariance, time):
 
 
 def spread_left(noise, covariance, time):
-    """Part of the angle's standard deviation, at a time of a flight, that is left where the filter's states are known."""
+    """Part of the angle's standard deviation at a time of a flight that is left where the filter's states are known."""
     found = _joint_covariance(Nodes(noise, (1, 1)), covariance or np.zeros((2, 2)), time)
     return math.sqrt(max(1.0 - found[0, 2:] @ found[2:, 0] / found[0, 0], 0.0))
 
