@@ -162,8 +162,8 @@ def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
     monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
     with pytest.raises(ValueError, match=r"noise.frequency: got 0.1, accepted: at least about 0.17 .*start.covariance"):
         solve_fpk(scene, cycles=1)
-    with pytest.raises(ValueError, match=r"noise.frequency: got 1e-09, accepted: at least about 0.17 "):
-        solve_fpk(scene.varied(noise=FilteredNoise("exponential", 0.03, 1e-9)), cycles=1)
+    with pytest.raises(ValueError, match=r"noise.frequency: got 0.001, accepted: at least about 0.17 "):
+        solve_fpk(scene.varied(noise=FilteredNoise("exponential", 0.03, 1e-3)), cycles=1)
     wide = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
     for answered in (scene.varied(noise=FilteredNoise("exponential", 0.03, 0.2)), scene.varied(start=wide)):
         with pytest.raises(ZeroDivisionError):

@@ -119,8 +119,8 @@ class Evolution(DensityResult):
             return ""
         return (
             f"Not resolved: the probability at rest, whose estimated error is {self.rest_error_estimate:.2g}, and with "
-            f"it the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest take "
-            'Monte Carlo, simulate(method="filtered").'
+            f"it the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest "
+            'take Monte Carlo, simulate(method="filtered").'
         )
 
     @property
