@@ -13,7 +13,7 @@ from fpk_rocking.scene import limits
 LARGEST = {"white": 8e9, "filtered": 4e9}
 """Bytes that a solution may be expected to take, by the noise that is solved for."""
 
-_FLIGHT, _SPREAD_LEFT = 2.33, {1: 0.6, 2: 0.9}
+_FLIGHT, _SPREAD_LEFT = 2.33, {1: 0.6, 2: 0.95}
 """Least time that filtered noise has to spread a density, and the least part of the angle's spread that must then be
 left where the states of the filter are known, by their number; measured (docs/numerics.md, "Filtered noise")."""
 
@@ -62,8 +62,7 @@ def refuse_slow(scene):
     if least > noise.frequency:
         accepted = (
             f"at least about {least:.2g} for this filter, start and period: under slower noise the density is a curve "
-            "for each state of the filter, which no mesh resolves; a Gaussian start wide enough to spread it "
-            f"(start.covariance), or {limits.SAMPLING}"
+            f"for each state of the filter, which no mesh resolves; or {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
