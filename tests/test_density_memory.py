@@ -157,7 +157,7 @@ def test_slow_noise_is_a_mixture_over_constant_forces():
 
 
 def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
-    """Slower noise was solved for minutes, survival was wrong by .03 to .07, and the negative mass refused it in the end."""
+    """It was solved for minutes before, wrong by .03 and more, and refused in the end for its negative mass."""
     scene = Scene(Block(0.6), Forcing(3.0, 2.7, math.pi), FilteredNoise("exponential", 0.03, 0.1))
     monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
     with pytest.raises(ValueError, match=r"noise.frequency: got 0.1, accepted: at least about 0.17 .* Monte Carlo"):
