@@ -8,6 +8,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, File
 from fpk_rocking.density.pilot import REST
+from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.binning import ascending_edges
@@ -70,7 +71,8 @@ class Evolution(DensityResult):
     bins_error_estimate : float
         The same of the binned density: the largest difference of the last two, L1 over 32 x 64 bins between the bounds.
     rest_error_estimate : float
-        The same of `at_rest` under filtered noise, not held to a tolerance: it converges slowly (docs/numerics.md).
+        The same of `at_rest` under filtered noise, not less than what moves next to rest, and 0 under white noise. It
+        is not refined for: it converges slowly (docs/numerics.md). See `unresolved`.
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
     negative_mass : float
@@ -109,6 +111,21 @@ class Evolution(DensityResult):
     def atom(self) -> bool:
         """Whether `at_rest` is a mass beside the density: under filtered noise, where `settings` has ``nodes``."""
         return "nodes" in self.settings
+
+    @property
+    def unresolved(self) -> str:
+        """That `at_rest` is not resolved, as a sentence; empty where its error is within the bins' usual tolerance."""
+        return self.unresolved_beyond(bins_tolerance(self.tol))
+
+    def unresolved_beyond(self, wanted: float) -> str:
+        """Like `unresolved`, where the estimated error of `at_rest` is larger than wanted."""
+        if self.rest_error_estimate <= wanted:
+            return ""
+        return (
+            f"Not resolved: the probability at rest, whose estimated error is {self.rest_error_estimate:.2g}, and with "
+            f"it the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest "
+            'take Monte Carlo, simulate(method="filtered").'
+        )
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -1,15 +1,24 @@
 """Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
 
+import dataclasses
 import warnings
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.density.memory.start import spread_left
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 
 LARGEST = {"white": 8e9, "filtered": 4e9}
 """Bytes that a solution may be expected to take, by the noise that is solved for."""
+
+_FLIGHT, _SPREAD_LEFT = 2.33, {1: 0.6, 2: 0.95}
+"""Least time that filtered noise has to spread a density, and the least part of the angle's spread that must then be
+left where the states of the filter are known, by their number; measured (docs/numerics.md, "Filtered noise")."""
+
+_FASTER = 1.05
+"""Ratio of the frequencies that are tried for one that is accepted."""
 
 
 def refuse_filtered(scene):
@@ -37,6 +46,25 @@ def refuse_unsolvable(scene):
             f"time, and what follows is not defined; band noise can be sampled by {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
+
+
+def refuse_slow(scene):
+    """Refuse filtered noise that is so slow that a start of small spread stays a curve at each state of the filter."""
+    noise, time = scene.noise, max(scene.period, _FLIGHT)
+
+    def resolved(frequency):
+        tried = dataclasses.replace(noise, frequency=frequency)
+        return spread_left(tried, scene.start.covariance, time) >= _SPREAD_LEFT[1 if noise.damping is None else 2]
+
+    least = noise.frequency
+    while not resolved(least):
+        least *= _FASTER
+    if least > noise.frequency:
+        accepted = (
+            f"at least about {least:.2g} for this filter, start and period: under slower noise the density is a curve "
+            f"for each state of the filter, which no mesh resolves; or {limits.SAMPLING}"
+        )
+        raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
 
 def refuse_large(held, stored, scene, rows):
@@ -82,3 +110,10 @@ def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
             RuntimeWarning,
             stacklevel=stacklevel,
         )
+
+
+def warn_unresolved(result, wanted, stacklevel):
+    """Warn where the estimated error of what is at rest is larger than wanted; inf leaves it out."""
+    sentence = result.unresolved_beyond(wanted)
+    if sentence:
+        warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)

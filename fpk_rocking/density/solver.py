@@ -15,7 +15,14 @@ from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Count, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import refuse_broken, refuse_large, refuse_unsolvable, warn_beyond
+from fpk_rocking.density.refusals import (
+    refuse_broken,
+    refuse_large,
+    refuse_slow,
+    refuse_unsolvable,
+    warn_beyond,
+    warn_unresolved,
+)
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics import filters
@@ -34,9 +41,12 @@ CLOSURES = ("white", "filtered")
 SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
 """Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
-_FIRST_ORDER = 2.5
-"""Error of the last solution over its difference from the one before, whose steps are 1.4 times as long, where it is of
-first order: so it is where blocks rest, under noise held over a step."""
+_FINER = 1.4
+"""Steps of a solution over those of the one before."""
+
+_FIRST_ORDER = 1.0 / (_FINER - 1.0)
+"""Error of the last solution over its difference from the one before, where it is of first order: so it is where blocks
+rest, under noise held over a step."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
@@ -82,13 +92,15 @@ def solve_fpk(
     Warns
     -----
     RuntimeWarning
-        The finest solution that memory allows is not within the tolerance by its own estimate.
+        The finest solution that memory allows is not within the tolerance by its own estimate; or, under filtered
+        noise, survival is, but not what is at rest, which `bins_tol` is asked of too.
 
     Raises
     ------
     TypeError, ValueError
         A parameter is not acceptable; no noise, and under white noise a restitution below `CRITICAL_RESTITUTION`, are
-        refused, as is a scene whose density takes too much memory, or is not resolved by the finest mesh.
+        refused, as are filtered noise that is too slow for the start, and a scene whose density takes too much memory,
+        or is not resolved by the finest mesh.
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
@@ -100,6 +112,7 @@ def solve_fpk(
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
     extent = rows if solved.repeats else times
     motion, departures = motion_of(white, extent), {}
+    rests = []
     grids = _grids(solved, white, motion, tol)
     least, count = grids[2], Count(progress, rows, least=3)
     refuse_large(least.memory, least.stored(rows), solved, rows)
@@ -108,7 +121,9 @@ def solve_fpk(
         guide, negligible = coarser and coarser.run, NEGLIGIBLE * tol
         if solved.noise.kind == "filtered":
             run = NodePropagator(solved, grid, negligible, guide)
-            return Solved(run, run.evolve(extent, count.next()), motion.edges)
+            solution = run.evolve(extent, count.next())
+            rests.append(solution.at_rest)
+            return Solved(run, solution, motion.edges)
         run = Propagator(white, grid, negligible, guide) if white.repeats else Passage(white, grid, negligible)
         if grid.windows not in departures:
             departures[grid.windows] = run.departure(grid.windows)
@@ -132,7 +147,7 @@ def solve_fpk(
         lost=fine.gone[:, 2],
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
-        rest_error_estimate=_rest_error(found),
+        rest_error_estimate=_rest_error(rests, run.space, fine.coefficients, scene.start) if rests else 0.0,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
         wall_s=time.perf_counter() - begin,
@@ -144,6 +159,7 @@ def solve_fpk(
     refuse_broken(result)
     _refuse_unresolved(result, found.fine.negative_mass)
     warn_beyond("survival", found, tol, bins_tol, f"compare with {limits.SAMPLING}", stacklevel=3)
+    warn_unresolved(result, bins_tol, stacklevel=3)
     return result
 
 
@@ -224,6 +240,8 @@ def _closed(scene, closure):
         accepted = f"white noise, or closure 'white', where forcing or noise do not repeat; or {limits.SAMPLING}"
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     refuse_unsolvable(scene)
+    if scene.noise.kind == "filtered":
+        refuse_slow(scene)
     return scene
 
 
@@ -234,16 +252,22 @@ def _spread(noise):
     return max(equivalent_diffusion(noise), filters.inward_variance(noise))
 
 
-def _rest_error(found):
-    """Error of what is at rest, from the last two solutions; 0 where rest is a part of the bins."""
-    fine, coarse = found.fine.solution.at_rest, found.coarse.solution.at_rest
-    return 0.0 if fine is None else _FIRST_ORDER * float(np.abs(fine - coarse).max())
+def _rest_error(rests, space, coefficients, start):
+    """Error of what is at rest in the last of some solutions, not less than what moves within `REST`.
+
+    That may rest in truth: a mesh does not resolve how a block that was lifted off for a moment comes to rest again. Of
+    first order, the larger of what the two solutions before tell: one may agree with the last by chance, for at each
+    resolution the nodes lie about |f + η| = 1 anew.
+    """
+    apart = [float(np.abs(rests[-1] - before).max()) for before in rests[-2:-4:-1]]
+    rattling = near_rest(space, coefficients, start)[1:]
+    return max(*(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1)), float(rattling.max()))
 
 
 def _refuse_unresolved(result, negative):
     if negative > UNRESOLVED:
         accepted = (
             f"a scene whose density a mesh can resolve; on {result.settings['unknowns']:,} unknowns its negative mass "
-            f"is {negative:.1e}: the noise is too weak; take {limits.SAMPLING}"
+            f"is {negative:.1e}: the noise is too weak, or filtered noise too slow; take {limits.SAMPLING}"
         )
         raise ValueError(checks.refusal("scene", f"diffusion {result.diffusion:g}", accepted))

@@ -76,8 +76,8 @@ def remarks(*results: Any) -> tuple[str, ...]:
     -------
     tuple of str
         That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise
-        for a density, and whether that is to be trusted for the band and its harmonics; each once, and empty if nothing
-        applies.
+        for a density, what of a density is not resolved, and whether white noise is to be trusted for the band and its
+        harmonics; each once, and empty if nothing applies.
     """
     sentences = []
     for result in results:
@@ -89,6 +89,8 @@ def remarks(*results: Any) -> tuple[str, ...]:
 def doubts(result, beside=()) -> list[Doubt]:
     """Return what speaks against a result whatever its own errors: model and noise; `beside`: results shown with it."""
     found = _squat(result.scene.block.dimensions)
+    if getattr(result, "unresolved", ""):
+        found.append(Doubt(CAUTION, result.unresolved))
     if _stands_for((result, *beside), result):
         filtered = getattr(result, "atom", False)
         found += _closure_doubts(result.scene, result.survival, result.averaged, filtered)

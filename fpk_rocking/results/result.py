@@ -91,6 +91,7 @@ class SurvivalResult(Shown):
     """
 
     averaged = False
+    unresolved = ""
 
     @property
     def cycles(self) -> int | None:

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from fpk_rocking.density.memory.nodes import Nodes
 from fpk_rocking.density.space.space import shapes
 from fpk_rocking.physics import filters
 
@@ -53,18 +54,9 @@ class Flight:
 
     def at(self, time):
         """Mean (2,) and covariance (2 + states, 2 + states) of angle, velocity and the whitened states at a time."""
-        drift, source = self.nodes.drift, self.nodes.input
-        count = len(drift)
-        joint = np.zeros((2 + count, 2 + count))
-        joint[0, 1] = joint[1, 0] = 1.0
-        joint[1, 2] = self.nodes.sigma
-        joint[2:, 2:] = drift
-        phi, added = filters.transition(joint, np.append([0.0, 0.0], source), time)
-        begin = np.eye(2 + count)
-        begin[:2, :2] = self._covariance
         cosh, sinh, shifts = self.dynamics.affine(0.0, time)
         mean = np.array([[cosh, sinh], [sinh, cosh]]) @ self._mean + shifts[self.side]
-        return mean, phi @ begin @ phi.T + added
+        return mean, _joint_covariance(self.nodes, self._covariance, time)
 
     def undisturbed(self, time):
         """Whether nothing can have happened by a time: the block is far from x = 0 and from the cut-off."""
@@ -105,6 +97,25 @@ class Flight:
             states = points + mean + slope @ self.nodes.states[place][: slope.shape[1]]
             gone += deposit_points(space, states, weight * weights, self.side, out[place])
         return out, gone
+
+
+def _joint_covariance(nodes, covariance, time):
+    """Covariance of angle, velocity and states at a time of a flight; of angle and velocity (2, 2) at its begin."""
+    count = len(nodes.drift)
+    joint = np.zeros((2 + count, 2 + count))
+    joint[0, 1] = joint[1, 0] = 1.0
+    joint[1, 2] = nodes.sigma
+    joint[2:, 2:] = nodes.drift
+    phi, added = filters.transition(joint, np.append([0.0, 0.0], nodes.input), time)
+    begin = np.eye(2 + count)
+    begin[:2, :2] = covariance
+    return phi @ begin @ phi.T + added
+
+
+def spread_left(noise, covariance, time):
+    """Part of the angle's standard deviation at a time of a flight that is left where the filter's states are known."""
+    found = _joint_covariance(Nodes(noise, (1, 1)), covariance or np.zeros((2, 2)), time)
+    return math.sqrt(max(1.0 - found[0, 2:] @ found[2:, 0] / found[0, 0], 0.0))
 
 
 def _points(covariance):
