@@ -47,6 +47,7 @@ PICTURES = {
     "fragility_of_blocks": {"blocks.png": "fragility_blocks.png"},
     "fragility_surface": {"surface.png": "fragility_surface.png"},
     "rest": {"rest.png": "rest.png"},
+    "overturning_spectrum": {"overturning_spectrum.png": "overturning_spectrum.png"},
 }
 # Less than a case does by itself, where that would take minutes: the least noise asks for half of all the time.
 SETTINGS = {"low_noise": {"diffusions": (0.006, 0.004, 0.003, 0.002, 0.0014)}}

@@ -6,6 +6,8 @@ above it, in which it stands, up to those that overturn it without an impact; be
 The figure shows for which amplitudes and frequencies the block ends up overturned, the mode, and the least amplitude of
 either mode. No noise; a block is followed until 20 units of time after the pulse, its cut-off is far out.
 
+Writes ``overturning_spectrum.png`` and ``overturning_spectrum.json``.
+
 Run from the repository root, half a minute:
 
     .venv/bin/python cases/overturning_spectrum.py
@@ -13,13 +15,13 @@ Run from the repository root, half a minute:
 
 import argparse
 import pathlib
+import sys
 
 import numpy as np
 from matplotlib.colors import ListedColormap
 
 from fpk_rocking import Block, NoNoise, Overturning, Pulse, Scene
-from fpk_rocking.output import style
-from fpk_rocking.results.storage import write_text
+from fpk_rocking.output import style, summary
 from montecarlo import histories
 
 RESTITUTION = 0.9
@@ -90,16 +92,40 @@ def draw(path, frequencies, amplitudes, modes, bounds):
         return style.save(figure, path)
 
 
-def main(arguments=None):
-    """Compute the spectrum, write the figure and its numbers."""
+def run(out) -> dict:
+    """Compute the spectrum, write the figure and its numbers.
+
+    Parameters
+    ----------
+    out : path
+        Folder for the files; created if missing.
+
+    Returns
+    -------
+    dict
+        What ``overturning_spectrum.json`` holds.
+    """
+    out = pathlib.Path(out)
+    modes, bounds = spectrum(FREQUENCIES, AMPLITUDES)
+    draw(out / "overturning_spectrum.png", FREQUENCIES, AMPLITUDES, modes, bounds)
+    least_amplitudes = np.where(np.isnan(bounds), None, bounds)
+    values = {
+        "restitution": RESTITUTION,
+        "frequencies": FREQUENCIES.tolist(),
+        "with_impacts": least_amplitudes[:, 0].tolist(),
+        "without_impact": least_amplitudes[:, 1].tolist(),
+    }
+    summary.write_summary(out / "overturning_spectrum.json", values)
+    return values
+
+
+def main() -> int:
+    """Read the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results/overturning_spectrum"))
-    options = parser.parse_args(arguments)
-    modes, bounds = spectrum(FREQUENCIES, AMPLITUDES)
-    draw(options.out / "overturning_spectrum.png", FREQUENCIES, AMPLITUDES, modes, bounds)
-    rows = [f"{w:g},{a:.6g},{b:.6g}" for w, (a, b) in zip(FREQUENCIES, bounds, strict=True)]
-    write_text(options.out / "least_amplitudes.csv", "\n".join(["frequency,with_impacts,without_impact", *rows]) + "\n")
+    run(parser.parse_args().out)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
