@@ -68,7 +68,7 @@ class Evolution(DensityResult):
     bins_error_estimate : float
         The same of the binned density: the largest difference of the last two, L1 over 32 x 64 bins between the bounds.
     rest_error_estimate : float
-        The same of `at_rest` under filtered noise, not less than what moves next to rest; 0 under white noise. It is not
+        The same of `at_rest` under filtered noise, not less than what moves next to rest; 0 under white noise. Not
         refined for: it converges slowly (docs/numerics.md). See `unresolved`.
     mass_defect : float
         Largest |inside + overturned + lost - 1| over time.
