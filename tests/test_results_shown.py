@@ -128,9 +128,14 @@ def test_texts_cannot_become_elements_of_the_card():
 
 
 def test_the_picture_is_a_figure_and_no_window(result):
+    def windows():
+        pyplot = sys.modules.get("matplotlib.pyplot")
+        return pyplot.get_fignums() if pyplot else []
+
+    before = windows()
     figure = result.plot()
     assert all(axes.has_data() for axes in figure.axes)
-    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+    assert windows() == before
 
 
 def test_all_columns_have_one_length_and_are_a_data_frame(result):
