@@ -22,7 +22,7 @@ from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.results import distances
-from fpk_rocking.scene.scene import WhiteNoise
+from fpk_rocking.scene import WhiteNoise
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
 WEAK = dataclasses.replace(MAIN, noise=WhiteNoise(2.5e-4))

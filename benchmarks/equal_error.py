@@ -29,7 +29,7 @@ from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.results import distances
-from fpk_rocking.scene.scene import WhiteNoise
+from fpk_rocking.scene import WhiteNoise
 from montecarlo import simulate
 
 SCENES = {"main": MAIN, "second": load_scene(ROOT / "cases" / "scenes" / "second.toml")}

@@ -21,7 +21,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
-from fpk_rocking.scene.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
 SEED = 5771

@@ -13,7 +13,7 @@ from report import ROOT, medians, table, write_section
 from fpk_rocking import load_scene
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import noise
-from fpk_rocking.scene.scene import Start
+from fpk_rocking.scene import Start
 from montecarlo import simulate
 from montecarlo.engines import rk4
 from montecarlo.engines.random import open_stream, stream_keys

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from fpk_rocking import load_scene
-from fpk_rocking.scene.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 
 BAND = load_scene(ROOT / "cases" / "scenes" / "main.toml")
 MAIN = BAND.white_equivalent()

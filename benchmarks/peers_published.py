@@ -7,7 +7,7 @@ import numpy as np
 from peers_problems import fitted_exponent, persistence_exponent
 from report import table
 
-from fpk_rocking.scene.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
 from montecarlo import histories
 
 SETTLED = 1.0

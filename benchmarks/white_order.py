@@ -24,7 +24,7 @@ import numpy as np
 from report import ROOT, table, write_section
 from scipy.optimize import curve_fit
 
-from fpk_rocking.scene.scene import Block, Forcing, Scene, WhiteNoise, load_scene
+from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise, load_scene
 from montecarlo import histories
 from montecarlo.engines import running, white
 

@@ -6,29 +6,6 @@ Carlo engines are in the package ``montecarlo``.
 
 import importlib
 
-_SCENE = (
-    "BandNoise",
-    "Block",
-    "Dimensions",
-    "Exponential",
-    "FilteredNoise",
-    "Forcing",
-    "Harmonics",
-    "NoNoise",
-    "Overturning",
-    "Pulse",
-    "Record",
-    "Scene",
-    "Start",
-    "Table",
-    "Trapezoid",
-)
-
-# Everything is loaded on first use: the density solver brings the compiler, and even a scene brings numpy.
-_LAZY = dict.fromkeys((*_SCENE, "WhiteNoise", "load_scene"), "fpk_rocking.scene")
-_LAZY |= dict.fromkeys(("solve_fpk", "solve_realizations", "Evolution"), "fpk_rocking.density")
-_LAZY |= {"CycleOperator": "fpk_rocking.horizon", "melnikov": "fpk_rocking.analytics"}
-
 __all__ = [
     "BandNoise",
     "Block",
@@ -53,6 +30,11 @@ __all__ = [
     "solve_fpk",
     "solve_realizations",
 ]
+
+# Everything is loaded on first use: the density solver brings the compiler, and even a scene brings numpy.
+_LAZY = dict.fromkeys(__all__, "fpk_rocking.scene")
+_LAZY |= dict.fromkeys(("solve_fpk", "solve_realizations", "Evolution"), "fpk_rocking.density")
+_LAZY |= {"CycleOperator": "fpk_rocking.horizon", "melnikov": "fpk_rocking.analytics"}
 
 
 def __getattr__(name):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
-from fpk_rocking.scene.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 
 GAUSS, GAUSS_WEIGHTS = legendre.leggauss(4)
 NORMS = np.sqrt([1.0, 3.0, 5.0, 7.0])

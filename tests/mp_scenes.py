@@ -12,7 +12,7 @@ from mp_oracle import follow
 from mpmath import mp, mpf
 
 from fpk_rocking.physics import noise
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start
 from montecarlo.engines import rk4, shinozuka
 from montecarlo.engines.random import open_stream, stream_keys
 

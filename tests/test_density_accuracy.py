@@ -15,7 +15,7 @@ from fpk_rocking.density.space.space import Space, gauss
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.free_flight import blur_variances
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene.scene import Start
+from fpk_rocking.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)
 CALM = Dynamics(Forcing(0.5, 2.0, 0.0), 0.01, 0.5, 6.0)

@@ -17,7 +17,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.start.departure import Departure
-from fpk_rocking.scene.scene import Forcing, Start, WhiteNoise
+from fpk_rocking.scene import Forcing, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml").white_equivalent()
 

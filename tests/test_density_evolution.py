@@ -9,7 +9,7 @@ import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
 from fpk_rocking.physics.equivalence import equivalent_diffusion
-from fpk_rocking.scene.scene import Block, NoNoise, Start, WhiteNoise
+from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
 
 SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")

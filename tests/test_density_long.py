@@ -11,7 +11,7 @@ from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene.scene import WhiteNoise
+from fpk_rocking.scene import WhiteNoise
 
 CYCLES = 500
 

@@ -11,7 +11,7 @@ from fpk_rocking import solve_fpk
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene.scene import Forcing, Overturning
+from fpk_rocking.scene import Forcing, Overturning
 from montecarlo import simulate
 
 MEAN, SPREAD = np.array([1.36, 0.4]), np.array([0.02, 0.1])

@@ -1,6 +1,7 @@
 """The pilot, which tells where a mesh has to be fine, and the jumps of the velocity that noise is at slow impacts."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 
 from fpk_rocking import solve_fpk
 from fpk_rocking.density.pilot import LEAST_RANGE, Motion, motion_of
+from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.scene import Forcing, Scene, WhiteNoise
 from fpk_rocking.scene.parts import Block, Overturning, Start
-from fpk_rocking.scene.scene import Forcing, Scene, WhiteNoise
 from montecarlo import histories
 
 
@@ -62,6 +65,15 @@ def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
         assert np.abs(edges).min() == pytest.approx(0.5 * size)
         assert edges[0] <= ends[0]
         assert edges[-1] >= ends[1]
+
+
+def test_cells_beyond_the_motion_are_refined_with_the_others():
+    """Weak noise, whose tails cells of one and the same growth never resolve: survival lost .001 then."""
+    scene = scene_of(4.6, 2.7, 0.5, 2.5e-4, phase=math.pi)
+    bound, motion = velocity_bound(scene, 2.5e-4), motion_of(scene, 10)
+    assert motion.velocity < 0.8 * bound
+    sizes = [np.diff(resolution.of(scene, bound, motion).velocity_lines)[-1] for resolution in RESOLUTIONS[1:]]
+    assert all(fine < 0.9 * coarse for coarse, fine in itertools.pairwise(sizes))
 
 
 def test_rattling_at_rest_has_the_energy_of_paths():

@@ -14,7 +14,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.element import ElementQuadLegendre
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.scene.scene import Block, Forcing, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
 VELOCITY_LINES = np.array([-1.0, -0.2, 0.15, 1.7])

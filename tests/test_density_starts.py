@@ -13,7 +13,7 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved
 from fpk_rocking.density.start.windows import WindowSettings, window_of
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
 QUADRATURE = Quadrature(5, 5, 5, 2)

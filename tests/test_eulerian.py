@@ -12,7 +12,7 @@ from fpk_rocking import Scene, solve_fpk
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.results import distances
-from fpk_rocking.scene.scene import Block, Forcing, Overturning, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Overturning, WhiteNoise
 
 ROOT = pathlib.Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "benchmarks"))

@@ -11,7 +11,7 @@ from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
 from fpk_rocking.density.space.space import turn
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
-from fpk_rocking.scene.scene import Block, Forcing, Scene
+from fpk_rocking.scene import Block, Forcing, Scene
 from montecarlo import simulate, tally
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import erf
 
 from fpk_rocking.physics.flight import Segment, next_event
-from fpk_rocking.scene.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
 from montecarlo.engines.bounce import bounce, first_return

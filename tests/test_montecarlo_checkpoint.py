@@ -11,7 +11,7 @@ import numba
 import pytest
 
 from fpk_rocking import cli
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Forcing, Scene, WhiteNoise
 from montecarlo import Tally, simulate, tally, tallying
 from montecarlo.engines import running
 from montecarlo.results import checkpoint

@@ -10,7 +10,7 @@ import pytest
 from mp_scenes import compare, follow_scene, random_scenes
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import histories, simulate
 
 MAIN = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")

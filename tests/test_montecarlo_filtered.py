@@ -12,7 +12,7 @@ from scipy.stats import kstest
 from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, load_scene
 from fpk_rocking.physics import filters
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, Overturning, Scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, Overturning, Scene
 from montecarlo import histories, simulate, split, tally
 from montecarlo.engines import filtered, running
 from montecarlo.engines.random import open_stream, stream_keys

@@ -10,7 +10,7 @@ import pytest
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import Histories, histories, simulate
 from montecarlo.engines import running
 

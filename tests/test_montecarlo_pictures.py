@@ -7,7 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking.scene.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import (
     bin_errors,
     first_passage,

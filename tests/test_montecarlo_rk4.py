@@ -13,7 +13,7 @@ from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
 from montecarlo.results.statistics import survival_test
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")

@@ -8,7 +8,7 @@ import oracle
 import pytest
 
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
 from montecarlo.engines.random import open_stream, stream_keys, uniform
 from montecarlo.rare.levels import climb, populate, raise_level

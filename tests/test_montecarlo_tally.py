@@ -10,7 +10,7 @@ import pytest
 from fpk_rocking.compare import compare
 from fpk_rocking.results import storage
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.scene.scene import Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Tally, simulate, tally
 from montecarlo.engines import running
 from montecarlo.results import counts

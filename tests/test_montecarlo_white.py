@@ -11,7 +11,7 @@ from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.flight import flight, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.scene.scene import Block, Forcing, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
 from montecarlo.results.statistics import survival_test

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics import noise
-from fpk_rocking.scene.scene import BandNoise, Block, Forcing, Scene
+from fpk_rocking.scene import BandNoise, Block, Forcing, Scene
 from montecarlo.engines import rk4
 from montecarlo.engines.random import open_stream, stream_keys
 

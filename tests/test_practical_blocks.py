@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from fpk_rocking.scene.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
 
 ROOT = pathlib.Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "benchmarks"))

@@ -22,7 +22,7 @@ from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.result import DensityResult
-from fpk_rocking.scene.scene import Scene, WhiteNoise
+from fpk_rocking.scene import Scene, WhiteNoise
 
 _SAMPLES, _SEED = 200_000, 1
 """Realizations whose diffusions are drawn for the quadrature, and their seed."""

@@ -11,29 +11,14 @@ from typing import Any, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
-from fpk_rocking.physics.envelope import ENVELOPES
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.scene.text import read_part, table_of
 from fpk_rocking.scene.units import Dimensions
 
-__all__ = [
-    "BandNoise",
-    "Block",
-    "Dimensions",
-    "FilteredNoise",
-    "Forcing",
-    "Harmonics",
-    "NoNoise",
-    "Overturning",
-    "Pulse",
-    "Record",
-    "Scene",
-    "Start",
-    "WhiteNoise",
-    "load_scene",
-]
+_SHIPPED = pathlib.Path(__file__).parents[1] / "scenes"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -265,7 +250,7 @@ class Scene:
         except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
             raise ValueError(f"not valid TOML: {error}") from None
         tables = checks.arguments("", document, cls)
-        return cls(**{name: _READERS[name](name, table, folder) for name, table in tables.items()})
+        return cls(**{name: read_part(name, table, folder) for name, table in tables.items()})
 
     def to_toml(self) -> str:
         """Return the TOML text that `from_toml` reads back as an equal scene; it holds the samples of a record."""
@@ -274,7 +259,7 @@ class Scene:
             tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
         if self.noise.envelope is not None:
             tables["noise.envelope"] = self.noise.envelope
-        return "\n".join(_table(name, part) for name, part in tables.items())
+        return "\n".join(table_of(name, part) for name, part in tables.items())
 
 
 def load_scene(path: File) -> Scene:
@@ -330,78 +315,3 @@ def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
     if pulse is not None:
         return Pulse(pulse, amplitude, frequency, pulse_cycles)
     return Forcing(amplitude, frequency, phase)
-
-
-def _read(cls):
-    """Return the reader of a table with the parameters of a class."""
-    return lambda name, table, _: cls(**checks.arguments(name, table, cls))
-
-
-def _block(name, table, folder):
-    values = checks.arguments(name, table, Block)
-    if "dimensions" in values:
-        values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"], folder)
-    return Block(**values)
-
-
-def _record(name, table, folder):
-    """Read a record from its file, or from a table that holds its samples."""
-    if "file" not in table:
-        return _read(Record)(name, table, folder)
-    keys = ("file", "units", "scale")
-    for key in table:
-        if key not in keys:
-            raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
-    values = dict(table)
-    return Record.from_file(pathlib.Path(folder, checks.path(f"{name}.file", values.pop("file"))), **values)
-
-
-def _of_kind(classes, default=None):
-    """Return the reader of a table whose key "kind" names one of several classes."""
-
-    def read(name, table, folder):
-        values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
-        kind = values.pop("kind", default)
-        if kind is None:
-            raise ValueError(f"{name}.kind: missing, accepted: {accepted}")
-        if not isinstance(kind, str) or kind not in classes:
-            raise ValueError(checks.refusal(f"{name}.kind", kind, accepted))
-        reader = _record if kind == Record.kind else _read(classes[kind])
-        return reader(name, values, folder)
-
-    return read
-
-
-def _noise(name, table, folder):
-    values = dict(checks.table(name, table))
-    if "envelope" in values:
-        values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)
-    return _of_kind(NOISES)(name, values, folder)
-
-
-_SHIPPED = pathlib.Path(__file__).parents[1] / "scenes"
-_READERS = {
-    "block": _block,
-    "forcing": _of_kind(FORCINGS, Forcing.kind),
-    "noise": _noise,
-    "start": _read(Start),
-    "overturning": _read(Overturning),
-}
-
-
-def _table(name, part):
-    lines = [f"[{name}]"]
-    if getattr(part, "kind", Forcing.kind) != Forcing.kind:
-        lines.append(f"kind = {_literal(part.kind)}")
-    for field in dataclasses.fields(part):
-        value = getattr(part, field.name)
-        if value not in (None, "") and not dataclasses.is_dataclass(value):
-            lines.append(f"{field.name} = {_literal(value)}")
-    return "\n".join(lines) + "\n"
-
-
-def _literal(value):
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    # Python's shortest exact forms of int and float are TOML too.
-    return "[" + ", ".join(map(_literal, value)) + "]" if isinstance(value, tuple) else repr(value)

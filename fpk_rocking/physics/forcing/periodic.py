@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -16,15 +17,15 @@ TERMS = 16
 class PeriodicForcing:
     """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
 
-    A subclass is a frozen dataclass with ``frequency`` and `components`.
+    A subclass is a frozen dataclass with `frequency` and `components`.
     """
 
     __slots__ = ()
 
-    @property
-    def components(self):
-        """Multiple k, amplitude A_k and phase Ψ_k of every harmonic, a sequence of triples."""
-        raise NotImplementedError
+    frequency: float
+    """Ω."""
+    components: Sequence[tuple[int, float, float]]
+    """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
 
     @property
     def period(self):

@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import itertools
 import math
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -41,9 +42,8 @@ class TransientForcing:
     time_scale: float
     """Time that an engine's `steps_per_cycle` count in."""
 
-    def series(self, times):
-        """Return Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
-        raise NotImplementedError
+    series: Callable[[np.ndarray], np.ndarray]
+    """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
 
     @property
     def longest_piece(self):
