@@ -6,9 +6,15 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from montecarlo.engines.filtered import begin_noise, draw_noise, interval, make_room, side_of, with_intervals
+from montecarlo.engines.filtered import begin_noise, draw_noise, interval, make_room, on_grid, side_of
+from montecarlo.engines.grid import Grid
 from montecarlo.engines.random import open_stream, stream_keys
 from montecarlo.engines.start import draw_start
+
+
+def with_intervals(scene, intervals):
+    """The engine's `Problem` of a scene for a number of intervals in a cycle."""
+    return on_grid(scene, Grid(intervals, scene.period / intervals, np.array([float(intervals)])))
 
 
 @kernel

@@ -6,7 +6,7 @@ import math
 import numba
 import numpy as np
 import pytest
-from filtered_paths import coupled, noise_of
+from filtered_paths import coupled, noise_of, with_intervals
 from scipy.stats import kstest
 
 from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, load_scene
@@ -45,7 +45,7 @@ def test_sampled_noise_has_the_autocovariance(noise):
     standard errors but for a probability of 4e-4.
     """
     scene, n, grid = scene_of(noise), 100_000, 4
-    problem = filtered.with_intervals(scene, 24)
+    problem = with_intervals(scene, 24)
     values, flights = noise_of(problem, grid, n)
     h, nodes = problem.span, np.polynomial.legendre.leggauss(48)
     time, weight = 0.5 * h * (1.0 + nodes[0]), 0.5 * h * nodes[1]
@@ -78,7 +78,7 @@ def _mean(noise, first, second):
 @pytest.mark.parametrize("intervals", [24, 400])
 def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     """A flight by the polynomial ends where the drawn one does, to rounding, and the polynomial has the drawn noise."""
-    problem = filtered.with_intervals(scene_of(noise), intervals)
+    problem = with_intervals(scene_of(noise), intervals)
     room, stream = filtered.make_room(problem), open_stream(stream_keys(1), 0)
     filtered.begin_noise(stream, problem, room)
     output = filters.state_space(noise).output / problem.span ** np.arange(problem.stationary.size)

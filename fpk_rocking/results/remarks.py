@@ -103,7 +103,7 @@ def _squat(size):
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Squat block: {size.width:g} m by {size.height:g} m is solved as a slender one, which makes the moment of "
+        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is solved as a slender one, which makes the moment of "
         f"gravity too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
     )
     return [Doubt(CAUTION, sentence)]

@@ -27,7 +27,7 @@ from fpk_rocking.physics import filters
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
-from montecarlo.engines.grid import Grid, grid_of
+from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
 
@@ -105,11 +105,6 @@ def problem_of(scene, steps_per_cycle, times=None):
         )
     longest = min(longest, scene.forcing.shortest_period / _FEWEST, _LONGEST)
     return on_grid(scene, grid_of(scene, longest if envelope is None else min(longest, envelope.spacing), times))
-
-
-def with_intervals(scene, intervals):
-    """Return the `Problem` of a scene for a number of intervals in a cycle."""
-    return on_grid(scene, Grid(intervals, scene.period / intervals, np.array([float(intervals)])))
 
 
 def on_grid(scene, grid):

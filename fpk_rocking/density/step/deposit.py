@@ -16,8 +16,6 @@ from fpk_rocking.density.step.landing import LOST, locate
 CHUNKS = 8
 """Parts of the source mesh, each with a buffer: as many threads at most."""
 
-MAX_DEGREE = 5
-
 _C1, _C2, _C3, _C4, _C5 = math.sqrt(3.0), math.sqrt(5.0) / 2.0, math.sqrt(7.0) / 2.0, 3.0 / 8.0, math.sqrt(11.0) / 8.0
 
 
