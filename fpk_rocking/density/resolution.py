@@ -26,7 +26,7 @@ _NOISY_STEP = 0.03
 """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed^2."""
 
 _TAIL_CELLS = 32.0
-"""Cells an axis within the motion up to which those beyond grow by `TAIL`; with more they grow less, in proportion."""
+"""With up to so many cells an axis for the motion, the cells beyond it grow by `TAIL` each; with more, by less."""
 
 FEWEST = 6
 """Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
