@@ -35,7 +35,7 @@ from fpk_rocking.output import style, summary
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "rest.toml"
-CYCLES = 10
+CYCLES, STEPS = 10, 128
 ANGLE_EDGES = np.linspace(-0.3, 0.3, 61)
 
 
@@ -97,11 +97,12 @@ def look_inside(scene, resolution):
     white = scene.white_equivalent()
     bound = velocity_bound(white, white.noise.diffusion)
     plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, 2))
-    run = NodePropagator(scene, node_grid(scene, plane, resolution), 1e-8)
+    grid = node_grid(scene, plane, resolution)._replace(marks=np.linspace(0.0, 0.5, STEPS // 2 + 1))
+    run = NodePropagator(scene, grid, 1e-8)
     times, resting, angles = [], [], []
 
-    def watch(step, density, rest, turned):
-        if step < run.steps:
+    def watch(time, density, rest, turned):
+        if time < 1.0:
             return
         order = -1 if turned else 1
         each = run.nodes.weights.sum(axis=1)
@@ -109,7 +110,7 @@ def look_inside(scene, resolution):
         binned = np.array(
             [run.space.bin_integrals(part, ANGLE_EDGES, run.space.velocity_lines[[0, -1]]) for part in held]
         )
-        times.append(step / run.steps - 1.0)
+        times.append(time - 1.0)
         resting.append((rest.sum(axis=1) / each)[::order].tolist())
         angles.append((binned[:, :, 0] / each[:, None])[::order, ::order].tolist())
 

@@ -40,7 +40,12 @@ EDGES = np.linspace(-1.6, 1.6, 9), np.linspace(-4.0, 4.0, 9)
 def grid_of(scene, number, nodes, steps, points=8):
     white = scene.white_equivalent()
     plane = RESOLUTIONS[number].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, 4))
-    return NodeGrid(plane, nodes, points, steps, 2 if scene.forcing.half_antisymmetric else 1)
+    return NodeGrid(plane, nodes, points, even_marks(scene, steps))
+
+
+def even_marks(scene, steps):
+    legs = 2 if scene.forcing.half_antisymmetric else 1
+    return np.linspace(0.0, 1.0 / legs, steps // legs + 1)
 
 
 @KINDS
@@ -75,7 +80,7 @@ def test_held_noise_has_the_melnikov_variance(noise):
 def test_a_flight_has_the_covariance_of_its_noise(noise):
     scene, time = MAIN.varied(noise=noise), 0.7
     run = NodePropagator(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
-    flight = Flight(scene, run.nodes, run.dynamics[0])
+    flight = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics)
     _, found = flight.at(time)
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
         wanted = integrate.dblquad(
@@ -103,8 +108,8 @@ def test_held_noise_is_of_second_order_in_flight():
     )
     errors, counts = [], np.array([24, 48, 96])
     for steps in counts:
-        run = NodePropagator(scene, NodeGrid(plane, (3,), 5, int(steps), 2), 1e-12)
-        _, wanted = Flight(scene, run.nodes, run.dynamics[0]).at(scene.period)
+        run = NodePropagator(scene, NodeGrid(plane, (3,), 5, even_marks(scene, steps)), 1e-12)
+        _, wanted = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics).at(scene.period)
         density = Density(run.space, run.evolve(1).coefficients[1])
         errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
     assert np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(-2.0, abs=0.15)

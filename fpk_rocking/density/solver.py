@@ -147,7 +147,7 @@ def solve_fpk(
         lost=fine.gone[:, 2],
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
-        rest_error_estimate=_rest_error(rests, run.space, fine.coefficients, scene.start) if rests else 0.0,
+        rest_error_estimate=_rest_error(rests) if rests else 0.0,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
         wall_s=time.perf_counter() - begin,
@@ -252,16 +252,14 @@ def _spread(noise):
     return max(equivalent_diffusion(noise), filters.inward_variance(noise))
 
 
-def _rest_error(rests, space, coefficients, start):
-    """Error of what is at rest in the last of some solutions, not less than what moves within `REST`.
+def _rest_error(rests):
+    """Error of what is at rest in the last of some solutions.
 
-    That may rest in truth: a mesh does not resolve how a block that was lifted off for a moment comes to rest again. Of
-    first order, the larger of what the two solutions before tell: one may agree with the last by chance, for at each
+    Of first order, the larger of what the two solutions before tell: one may agree with the last by chance, for at each
     resolution the nodes lie about |f + η| = 1 anew.
     """
     apart = [float(np.abs(rests[-1] - before).max()) for before in rests[-2:-4:-1]]
-    rattling = near_rest(space, coefficients, start)[1:]
-    return max(*(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1)), float(rattling.max()))
+    return max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
 
 
 def _refuse_unresolved(result, negative):

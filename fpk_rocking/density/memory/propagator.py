@@ -70,16 +70,14 @@ class NodePropagator:
         plane = grid.plane
         self.space = Space(plane.angle_lines, plane.velocity_lines, plane.degree)
         self.nodes = Nodes(scene.noise, grid.nodes)
-        self.duration = scene.period / self.steps
-        self.legs = 2 if scene.forcing.half_antisymmetric else 1
-        self.mixing = self.nodes.mixing(self.duration)
+        self.begins = scene.period * grid.marks
+        self.durations = np.diff(self.begins)
+        self._mixing = {}
         self.buffers, self.quadrature = deposit_buffers(self.space), Quadrature(grid.points, grid.points, 1, 1, 1)
-        factor = self.nodes.held(self.duration)
-        self.dynamics = [self._dynamics(factor * value) for value in self.nodes.values]
-        self.leg = [self._steps(k) for k in range(self.steps // self.legs)]
+        self.leg = [self._steps(k) for k in range(len(self.durations))]
         self.occupied, self.memory = np.zeros((len(self.leg), *self.space.shape[:2]), dtype=bool), 0
         if guide:
-            self.occupied[:] = [guide.occupied_near(k / self.steps, self.space) for k in range(len(self.leg))]
+            self.occupied[:] = [guide.occupied_near(begin, self.space) for begin in self.begins[:-1]]
 
     def _dynamics(self, constant):
         scene = self.scene
@@ -87,12 +85,21 @@ class NodePropagator:
 
     def _steps(self, k):
         """Step k of a leg at every node of the noise; they share what does not depend on the node."""
-        begin, duration, space = k * self.duration, self.duration, self.space
-        shear = angle_shear_of(space, self.dynamics[0].affine(begin, duration), 0.0, duration)
+        begin, duration, space = self.begins[k], self.durations[k], self.space
+        factor = self.nodes.held(duration)
+        each = [self._dynamics(factor * value) for value in self.nodes.values]
+        shear = angle_shear_of(space, each[0].affine(begin, duration), 0.0, duration)
         return [
             Step(Trace(space, begin, duration, dynamics, self.quadrature, cells=False), space, self.buffers, shear)
-            for dynamics in self.dynamics
+            for dynamics in each
         ]
+
+    def _mixed(self, time):
+        """Return the matrix that takes the masses of the nodes over a time."""
+        key = round(time / self.scene.period, 12)
+        if key not in self._mixing:
+            self._mixing[key] = self.nodes.mixing(time)
+        return self._mixing[key]
 
     def _memory(self):
         """Bytes that the run holds, marginal densities of all cycles left out."""
@@ -100,17 +107,17 @@ class NodePropagator:
         shears = sum(part.nbytes for steps in self.leg for part in steps[0].angle_shear)
         return self.buffers.nbytes + densities + shears + sum(step.memory for steps in self.leg for step in steps)
 
-    def occupied_near(self, part, space):
-        """Cells of another space that meet one which was occupied about a part of the cycle, within its first leg."""
-        before = int(part * self.steps + 1e-9)
-        after = min(before + (part * self.steps - before > 1e-9), len(self.occupied) - 1)
+    def occupied_near(self, time, space):
+        """Cells of another space that meet one which was occupied about a time, within the first leg."""
+        before = int(np.searchsorted(self.begins, time, side="right")) - 1
+        after = min(before + 1, len(self.occupied) - 1)
         return meeting(self.space, self.occupied[before] | self.occupied[after], space)
 
     def evolve(self, cycles, progress=None, watch=None):
         """Evolve over whole cycles, once; returns a `Solution` of the marginal over the filter's states.
 
         The steps are let go of then, and `memory` tells what they took. Before each step, and at the end, `watch` is
-        called with the number of steps taken, the densities of the nodes, their masses at rest, and whether these are
+        called with the time in cycles, the densities of the nodes, their masses at rest, and whether these are
         those of the mirror image (turned, with the nodes in reverse).
         """
         density, rest, gone, first = self._begin()
@@ -125,16 +132,17 @@ class NodePropagator:
                 inside[cycle] = self.space.masses(now).sum() + at_rest[cycle]
                 if progress:
                     progress()
+            here = k % len(self.leg)
             if watch:
-                watch(k, density, rest, turned)
+                watch(k // len(self.leg) / self.grid.legs + self.grid.marks[here], density, rest, turned)
             if k == cycles * self.steps:
                 break
             if (k % self.steps >= len(self.leg)) != turned:
                 density, rest, turned = turn(density)[::-1, ::-1], rest[::-1, ::-1], not turned
-            mixing = self.nodes.mixing(0.5 * self.duration) if k == first else self.mixing
+            mixing = self._mixed(0.5 * (self.durations[here] + (self.durations[here - 1] if k > first else 0.0)))
             density = (mixing @ density.reshape(len(mixing), -1)).reshape(density.shape)
             rest = (mixing @ rest.ravel()).reshape(rest.shape)
-            sinks = self._move(k % len(self.leg), density, rest)
+            sinks = self._move(here, density, rest)
             gone = gone + (sinks[[1, 0, 2]] if turned else sinks)
         self.memory, self.leg, self.buffers = self._memory(), None, None
         return Solution(inside, out, coefficients, at_rest=at_rest)
@@ -145,8 +153,9 @@ class NodePropagator:
         shape = self.nodes.weights.shape
         if flight.at_rest:
             return np.zeros((*shape, *self.space.shape)), self.nodes.weights.copy(), np.zeros(3), 0
-        first = flight.last_step(self.space, self.steps, self.duration)
-        return *_swapped(flight.land(first * self.duration, self.space), np.zeros(shape)), first
+        begins = np.unique(np.concatenate([self.begins + lap * self.begins[-1] for lap in range(self.grid.legs)]))
+        first = flight.last_step(self.space, begins)
+        return *_swapped(flight.land(begins[first], self.space), np.zeros(shape)), first
 
     def _move(self, k, density, rest):
         """Move densities and what is at rest by step k of the leg, in place; return the masses (3,) that are gone."""

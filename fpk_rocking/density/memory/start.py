@@ -64,14 +64,14 @@ class Flight:
         reach = REACH * math.sqrt(covariance[0, 0])
         return reach < self.side * mean[0] < self.dynamics.cutoff - reach
 
-    def last_step(self, space, steps, duration):
-        """Return the step after which the mesh takes over: resolved there, or the last before anything can happen."""
+    def last_step(self, space, begins):
+        """Return the step before which the mesh takes over: resolved there, or the last before anything can happen."""
         last = 0
-        for step in range(1, steps + 1):
-            if not self.undisturbed(step * duration):
+        for step, time in enumerate(begins[1:], 1):
+            if not self.undisturbed(time):
                 break
             last = step
-            if self._resolution(step * duration, space) >= RESOLVED:
+            if self._resolution(time, space) >= RESOLVED:
                 break
         return last
 
