@@ -200,8 +200,9 @@ def section():
         lines, ratios[name], remark = compared(scene, rows)
         parts.append(
             f"**{name}.** The reference against {PATHS:,} paths of the white-noise engine: {remark}.\n\n{lines}\n\n"
-            f"Time of py-pde over that of the density solver at tol {TOLS[0]:g} (whose error is smaller):
-{ratios[name]}."         )
+            f"Time of py-pde over that of the density solver at tol {TOLS[0]:g} (whose error is smaller): "
+            f"{ratios[name]}."
+        )
     cases = "\n\n".join(parts)
     return (
         f"""The problem is x' = v, v' = x - sgn x - cos 2.7 τ + noise, absorbed at |x| = π/2, for {KRAMERS_CYCLES}
