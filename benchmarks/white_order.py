@@ -140,8 +140,8 @@ difference at m = {REFERENCE} if it falls with the first order from there on. Or
 difference is 8 standard errors or more.
 
 **Energy balance** of an unforced block that rattles for ever: (1 - e²) n [w²] / 2 = D, with n the number of impacts in
-a unit of time and [w²] the mean square of their speeds. The table gives its relative error by shortest step h, from {few:,} paths: with steps alone,
-and with each low bounce as one draw, as the engine has it.
+a unit of time and [w²] the mean square of their speeds. The table gives its relative error by shortest step h, from
+{few:,} paths: with steps alone, and with each low bounce as one draw, as the engine has it.
 
 {balance_table(few)}
 
