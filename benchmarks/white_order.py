@@ -35,7 +35,7 @@ DEFAULT = white.FINEST * STEPS
 COARSE = (64, 128, 256, 512, 1024)
 REFERENCE = 256
 CYCLES = (2, 10)
-NAMES = ("S", "<x>", "<v>", "<xx>", "<vv>")
+NAMES = ("S", "⟨x⟩", "⟨v⟩", "⟨x²⟩", "⟨v²⟩")
 
 
 @contextlib.contextmanager
