@@ -135,9 +135,9 @@ def main():
 
 White-noise paths take steps that shorten near an impact. The bias of survival and moments comes from the shortest one,
 a cycle over m. It is measured with steps far longer than any that `simulate` allows, down to the default, m =
-{DEFAULT:,}. The tables give differences from the default in 1e-4. The bias of the default is what is left of the
-difference at m = {REFERENCE} if it falls with the first order from there on. Orders are fitted where the first
-difference is 8 standard errors or more.
+{DEFAULT:,}. The tables give differences from the default in 1e-4; S is survival, and ⟨ ⟩ are means in which a path that
+has overturned counts as 0. The bias of the default is what is left of the difference at m = {REFERENCE} if it falls
+with the first order from there on. Orders are fitted where the first difference is 8 standard errors or more.
 
 **Energy balance** of an unforced block that rattles for ever: (1 - e²) n [w²] / 2 = D, with n the number of impacts in
 a unit of time and [w²] the mean square of their speeds. The table gives its relative error by shortest step h, from
