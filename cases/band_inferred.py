@@ -211,7 +211,8 @@ def _draw(path, rows, values):
     met = joint["meets_all"]
     found = f"all are met by b = {', '.join(f'{b:g}' for b in met)} of those tried" if met else "no b meets all"
     notes = [f"{size}, {values['map']['seeds']} seeds at σ = 0.12 and 0.13, {values['map']['seeds_of_others']} else.",
-             f"Dashed: 5 %, from which on a statement counts as met; {found}."]  # fmt: skip
+             f"Dashed: {100 * LIKELY:g} %, from which on a statement counts as met (5(b): see above); {found}.",
+             f"Grey: b whose product of all is within e^-{WITHIN:g} of its largest. Wedges: lower still."]  # fmt: skip
     title = "Which noise band [0, b] gives what the paper shows?"
     with style.page(path, (10.5, 8.2), title, notes) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
@@ -223,6 +224,7 @@ def _draw(path, rows, values):
         panels[3].set_ylabel("probability of what the paper shows")
 
 
+_SHOWN = 12.0
 _TITLES = {
     "Fig. 5(b)": "Fig. 5(b): overturns after\n125 cycles (113 to 137)",
     "Fig. 6": "Fig. 6: at most 10 of 1,000\nstand after 60 cycles",
@@ -236,9 +238,12 @@ def _likelihood(axes, name, rows, ends, joint):
     axes.axvspan(min(joint["within"]), max(joint["within"]), color="#dddddd", zorder=0)
     if name == "all":
         logs = np.array(joint["log_likelihood"])
-        axes.plot(ends, np.maximum(logs - logs.max(), -12.0), "o-", color=style.COLOURS[1], markersize=4)
+        less, drawn = logs - logs.max(), np.array(ends)
+        shown = less > -_SHOWN
+        axes.plot(drawn[shown], less[shown], "o-", color=style.COLOURS[1], markersize=4)
+        axes.plot(drawn[~shown], np.full(np.count_nonzero(~shown), -_SHOWN), "v", color=style.COLOURS[1], markersize=6)
         axes.axhline(-WITHIN, color="black", linewidth=0.8, linestyle="--")
-        axes.set(title="All, and Fig. 3: logarithm of the\nproduct less its largest (cut at -12)", ylim=(-12.6, 0.6))
+        axes.set(title="All, and Fig. 3: logarithm of the\nproduct, less its largest", ylim=(-_SHOWN - 0.6, 0.6))
         return
     chances = [row["likelihood"][name] for row in rows]
     axes.plot(ends, chances, "o-", color=style.COLOURS[0], markersize=4)
