@@ -108,7 +108,12 @@ def _dimensions(samples):
 
 def _draw(path, attractor, shown, paper, values):
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
-    notes = [f"{size}; grey: without noise. Panels: seed 1; below: {values['seeds']} seeds.", *values["remarks"]]
+    drawn = (
+        f"{size}; grey: without noise; cross: overturned, at the cut-off. (a) to (f): seed 1; (g), (h): "
+        f"{values['seeds']} seeds. Triangles on the axis: the paper's σ. Wedges: the mean stands for all "
+        f"{values['cycles']} cycles."
+    )
+    notes = [drawn, *values["remarks"]]
     title = "The mean Poincaré map as noise grows (cf. paper Fig. 9)"
     with style.page(path, (10.5, 11.4), title, notes) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
@@ -148,24 +153,28 @@ def _dimension_panel(axes, paper, values):
     axes.errorbar(0.0, still["dimension"], still["deviation_of_dimension"], color="black", **(shape | {"marker": "D"}))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle="--")
     axes.annotate("a curve", (0.0, 1.0), xytext=(2, -12), textcoords="offset points")
-    axes.set(title="Correlation dimension of the mean points;\nbars: standard deviation over seeds", xlabel=_DEVIATION)
+    axes.set(
+        title="(g) Correlation dimension of the mean points;\nbars: standard deviation over seeds", xlabel=_DEVIATION
+    )
     axes.set_ylabel("correlation dimension")
     _mark(axes, paper)
 
 
 def _ended_panel(axes, paper, values):
     last = values["cycles"]
-    pairs = [(one["deviation"], after or 1.4 * last) for one in values["maps"] for after in one["overturned_after"]]
-    axes.plot(*np.array(pairs).T, "o", color=style.COLOURS[0], markersize=4, markerfacecolor="none")
-    axes.axhline(last, color="black", linewidth=0.8)
+    pairs = [(one["deviation"], after) for one in values["maps"] for after in one["overturned_after"]]
+    ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)
+    axes.plot(*ended.T, "o", color=style.COLOURS[0], markersize=4, markerfacecolor="none")
+    standing = sorted({deviation for deviation, after in pairs if not after})
+    axes.plot(standing, np.full(len(standing), last), "^", color=style.COLOURS[0], markersize=5, markerfacecolor="none")
     for one in values["maps"]:
         fallen = sum(after is not None for after in one["overturned_after"])
         if one["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
             axes.annotate(f"{fallen}", (one["deviation"], 2.2 * last), ha="center", fontsize=9)
-    axes.annotate("seeds that overturn:", (0.045, 2.2 * last), ha="right", fontsize=9)
+    axes.annotate(f"of {values['seeds']} seeds:", (0.045, 2.2 * last), ha="right", fontsize=9)
     axes.set(yscale="log", ylim=(5, 3.5 * last), xlim=(-0.005, 0.168), xlabel=_DEVIATION)
     axes.set(ylabel="forcing cycles until the mean overturns")
-    axes.set_title(f"Overturning of the mean; above the line:\nnot within {last} cycles")
+    axes.set_title("(h) Overturning of the mean, and\nhow many seeds overturn")
     _mark(axes, paper)
 
 

@@ -49,8 +49,6 @@ PICTURES = {
     "rest": {"rest.png": "rest.png"},
     "overturning_spectrum": {"overturning_spectrum.png": "spectrum.png"},
 }
-# Less than a case does by itself, where that would take minutes: the least noise asks for half of all the time.
-SETTINGS = {"low_noise": {"diffusions": (0.006, 0.004, 0.003, 0.002, 0.0014)}}
 ROOT = pathlib.Path(__file__).parents[1]
 LARGEST = 150_000
 WIDTHS = (1260, 1130, 1010, 900, 800)
@@ -75,7 +73,7 @@ def run(gallery, results, only=tuple(PICTURES)) -> dict:
     for name in only:
         started = time.monotonic()
         folder = pathlib.Path(results) / name
-        importlib.import_module(name).run(folder, **SETTINGS.get(name, {}))
+        importlib.import_module(name).run(folder)
         for made, kept in PICTURES[name].items():
             reduce(folder / made, pathlib.Path(gallery) / kept)
         write_text(pathlib.Path(gallery) / numbers_of(name), _numbers(folder))

@@ -85,7 +85,7 @@ def test_survival_figure(tmp_path, drawn):
     white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=3_000, method="white")
     curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE, white], "Survival")
     (figure,) = drawn
-    survival, tail, difference, leakage = figure.axes
+    survival, tail, leakage, difference = figure.axes
     np.testing.assert_allclose(survival.lines[0].get_ydata(), DENSITY.survival)
     assert tail.get_yscale() == "log"
     assert len(difference.containers) == 2
