@@ -89,7 +89,7 @@ def _draw(path, operator, quiet, ensemble, outlook, notes):
         limit = {"xlim": (-np.pi / 2, np.pi / 2), "ylim": (-2.2, 2.2)}
         first.set(**limit)
         # Means over small bins: near x = 0 the density is singular, and its polynomials swing about it.
-        edges = np.linspace(*limit["xlim"], 201), np.linspace(*limit["ylim"], 201)
+        edges = np.linspace(*limit["xlim"], 141), np.linspace(*limit["ylim"], 141)
         density = operator.quasi_stationary.bin_probabilities(*edges) / np.multiply.outer(*map(np.diff, edges))
         shade = PowerNorm(0.5, 0.0, density.max())
         image = second.pcolormesh(*edges, np.maximum(density, 0.0).T, cmap="viridis", norm=shade, rasterized=True)
@@ -100,7 +100,8 @@ def _draw(path, operator, quiet, ensemble, outlook, notes):
         third.plot(circle.real, circle.imag, color="#999999", linewidth=0.8)
         third.plot(operator.eigenvalues.real, operator.eigenvalues.imag, "o", color=style.COLOURS[1])
         leading = operator.eigenvalues[0].real, 0.0
-        style.named(third, f"{leading[0]:.3f}: share that stands", leading, "black", offset=(-8.0, 8.0), ha="right")
+        style.named(third, f"{leading[0]:.3f}: share that stands", leading, "black", offset=(-30.0, 45.0), ha="right",
+                    arrowprops={"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0})  # fmt: skip
         third.set(
             title="(c) Leading eigenvalues of a cycle; grey: unit circle",
             xlabel="real part",

@@ -97,6 +97,7 @@ def draw_map(axes, across, up, probability):
     filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
     lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
     axes.clabel(lines, fmt="%g")
+    axes.grid(visible=False)
     _logarithmic(axes.set_xscale, axes.xaxis)
     _logarithmic(axes.set_yscale, axes.yaxis)
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
