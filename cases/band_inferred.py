@@ -1,8 +1,8 @@
-"""Which noise band did Lin and Yim (1996) use? Every statement of theirs that depends on it, held against many bands.
+"""The noise band of Lin and Yim (1996), inferred from their figures.
 
 The paper gives the variance of its noise and the number of its harmonics, not the band of their frequencies. Five of
-its figures say something that depends on the band. For a band [a, b] each is put as a probability, its likelihood: how
-probable is what the paper saw, if that was its band?
+its figures say something that depends on it; each is held against many bands. For a band [a, b] each is put as a
+probability, its likelihood: how probable is what the paper saw, if that was its band?
 
 * **Fig. 3** (e = 0.5, σ² = 0.286): noise lowers the critical amplitude. It has to leave one, so σ_M < (1-e²)/2: yes
   or no.

@@ -1,11 +1,11 @@
-"""Where is the density solver's white noise trustworthy? Bands, numbers of harmonics, and an error budget.
+"""Where white noise may stand for band noise.
 
-The density solver replaces band noise by white noise with D = σ_M²/2. Its survival is held against Shinozuka Monte
-Carlo in the main scene and in that with e = 0.7, over bands that cover the block's frequencies or leave some out, with
-two σ or more for each, and over the number N of harmonics. So is a rival closure, which keeps the jump of velocity in
-the heteroclinic orbit (`jump_diffusion` of `fpk_rocking.physics.equivalence`), and the average of the density solver
-over the diffusions of single realizations (`solve_realizations`). For one noise the difference is divided into parts,
-each isolated by switching one thing:
+The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
+is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's
+frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. So is a rival closure,
+which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of `fpk_rocking.physics.equivalence`), and
+the average of the density solver over the diffusions of single realizations (`solve_realizations`). For one noise the
+difference is divided into parts, each isolated by switching one thing:
 
 * finite N: N = 100 against N = 1000,
 * band: N = 1000 against white noise, both sampled,

@@ -1,13 +1,14 @@
-"""Potential, phase portrait and heteroclinic orbits of the free rocking block: cf. Fig. 2 of Lin and Yim (1996).
+"""Fig. 2 of Lin and Yim (1996): the free rocking block.
 
 Without forcing the block d²Θ/dτ² = Θ - s, where s = ±1 is the side on which it rocks, has the energy H = v²/2 + V with
 v = dΘ/dτ and V = |Θ| - Θ²/2: a cusped well between two saddles Θ = ±1 of height 1/2, joined by two heteroclinic orbits
 v = ±(1 - |Θ|). Shown are
 
-* the potential with the saddles and the cut-off ±π/2,
-* orbits without loss at several energies, the heteroclinic ones in bold, and one path that loses speed at each impact,
-* angle and velocity on the heteroclinic orbit against time,
-* the transform 2/(1 + ω²) of that velocity (paper eq. 16), in closed form and by quadrature over the orbit.
+* (a) the potential with the saddles and the cut-off ±π/2,
+* (b) orbits without loss at several energies, the heteroclinic ones in bold, and one path that loses speed at each
+  impact,
+* (c) angle and velocity on the heteroclinic orbit against time,
+* (d) the transform 2/(1 + ω²) of that velocity (paper eq. 16), in closed form and by quadrature over the orbit.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 2.

@@ -1,13 +1,13 @@
-"""Critical amplitude of the forcing against its frequency, with and without noise: Fig. 3 of Lin and Yim (1996).
+"""Fig. 3 of Lin and Yim (1996): critical amplitude of the forcing.
 
 From the critical amplitude on, the Melnikov criterion lets blocks cross the separatrix. Shown are
 
-* the paper's figure: its criterion (14) at e = 0.5, without noise and with σ² = 0.286. Beside it the exact crossing of
-  the manifolds without noise, and the mean square of both parts of the Melnikov process in the place of (14), which
+* (a) the paper's figure: its criterion (14) at e = 0.5, without noise and with σ² = 0.286. Beside it the exact crossing
+  of the manifolds without noise, and the mean square of both parts of the Melnikov process in the place of (14), which
   adds the peak of the harmonic part to the mean square of the noise,
-* criterion (14) for other restitutions,
-* (14) without noise over the exact amplitude: where the first order in 1 - e, A and σ holds,
-* (14) at Ω = 4 against the variance of the noise, for three bands. It is zero where the noise alone meets it.
+* (b) criterion (14) for other restitutions,
+* (c) (14) without noise over the exact amplitude: where the first order in 1 - e, A and σ holds,
+* (d) (14) at Ω = 4 against the variance of the noise, for three bands, until the noise alone meets it.
 
 The paper does not state the noise band. That its noise leaves a critical amplitude, as its figure shows, excludes bands
 [0, b] below b = 6.4 (see band_inferred.py).

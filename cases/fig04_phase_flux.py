@@ -1,11 +1,11 @@
-"""Phase flux against amplitude, frequency, restitution and noise: cf. Fig. 4 of Lin and Yim (1996).
+"""Fig. 4 of Lin and Yim (1996): phase flux.
 
 The phase flux Φ is the mean positive part of the Melnikov process: the phase-space area that crosses a separatrix per
 unit time, to first order. Around (A, Ω) = (4, 4), without noise and with σ² = 0.16, are shown
 
-* the Melnikov process of one realization of the noise, whose positive part, shaded, has the mean Φ,
-* Φ against the amplitude, against the frequency, and against the variance of the noise,
-* Φ against the restitution: corrected, as eqs. 17 and 18 are printed, and by Monte Carlo of the expectation.
+* (a) the Melnikov process of one realization of the noise, whose positive part, shaded, has the mean Φ,
+* Φ (b) against the amplitude, (c) against the frequency and (e) against the variance of the noise, for two e,
+* (d) Φ against the restitution: corrected, as eqs. 17 and 18 are printed, and by Monte Carlo of the expectation.
 
 Band noise of finitely many harmonics is not Gaussian; the mean of the positive part over many realizations tells how
 much of Φ rests on its being so.

@@ -1,8 +1,8 @@
-"""A periodic rocking motion, and noise that makes it chaotic and overturns it late: Fig. 5 of Lin and Yim (1996).
+"""Fig. 5 of Lin and Yim (1996): noise overturns a periodic motion.
 
 The paper has A = 4.2 and Ψ = 3.14: (a) without noise a periodic motion of two forcing cycles; (b) with σ² = 0.05² one
 realization that is chaotic for a while and overturns after 125 cycles, through the upper right corner of the phase
-plane. Shown are time histories of the angle with every impact, the Poincaré points of both, and how many realizations
+plane. Shown are time histories of the angle, the Poincaré points of both, and how many realizations
 stand for how long under three noise bands. The realization shown is the first of its ensemble that overturns to the
 right within five cycles of the 125. The paper does not state the band: how late blocks overturn depends on it.
 

@@ -1,4 +1,4 @@
-"""The mean Poincaré map as noise grows: fractal, worn down, overturned. Fig. 9 of Lin and Yim (1996).
+"""Fig. 9 of Lin and Yim (1996): the mean map as noise grows.
 
 The paper averages 1,200 realizations after each forcing cycle and restarts all of them from the mean (its eq. 21); it
 shows 500 mean points for σ = 0, 0.05, 0.06, 0.12, 0.13 and 0.16 and says: the fractal structure is kept at 0.05 and
@@ -6,9 +6,10 @@ wears away from 0.06 to 0.12, where mean points stay bounded; from 0.13 on the m
 
 * the six panels (a) to (f), one seed each, over the attractor without noise (grey). Overturned realizations lie at the
   cut-off, as in the paper's densities; the mean has overturned once it is there itself, as all realizations are then;
-* the correlation dimension of the mean points against σ, over several seeds: 1 on a curve, more on this attractor. It
-  is taken between lengths of 0.05 and 0.4, above the sampling error of a mean and below the size of the attractor;
-* the number of cycles after which the mean overturns, for the same seeds, and how many of them it overturns within 500.
+* (g) the correlation dimension of the mean points against σ, over several seeds: 1 on a curve, more on this attractor.
+  It is taken between lengths of 0.05 and 0.4, above the sampling error of a mean and below the size of the attractor;
+* (h) the number of cycles after which the mean overturns, for the same seeds, and above them for how many it does
+  within 500; a wedge there stands for seeds with which it does not.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 9: (A, Ω, e, Ψ) = (4.6, 2.7, 0.5, 3.14).

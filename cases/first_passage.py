@@ -1,12 +1,13 @@
-"""When blocks overturn: first-passage times of the main scene under growing noise, by Monte Carlo and by the density.
+"""First passages of the main scene as noise grows.
 
 Shown are
 
-* at which moment of the first cycles blocks pass the cut-off, and on which side: counts in twentieths of a cycle,
-* the probability of overturning per cycle, for three variances of the noise: counts of the same realizations with
+* (a) at which moment of the first cycles blocks pass the cut-off, and on which side: counts in twentieths of a cycle,
+* (b) the probability of overturning per cycle, for three variances of the noise: counts of the same realizations with
   Wilson's intervals, and beside them the differences of the density's overturned probability,
-* those differences over their standard errors, for band noise and for the white noise that the density assumes. The
-  last tells whether the density solver is right; band noise adds what its replacement by white noise costs.
+* (c), (d) those differences over their standard errors, for the white noise that the density assumes and for band
+  noise. The first tells whether the density solver is right; band noise adds what its replacement by white noise
+  costs.
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 

@@ -1,9 +1,10 @@
-"""Overturning over the size and the slenderness of a block: of two blocks of one shape the larger one stands.
+"""Overturning over the size and the slenderness of a block.
 
-Blocks from rest are shaken for ten cycles at 1.5 Hz and 3 m/s², with noise of 0.3 m/s² from 0 to 8 Hz. Shown is the
-probability of overturning over the half diagonal R and the slenderness (height over width) at this shaking, and, for
-one slenderness and for one size, against the scale of the shaking, with the medians of lognormal fits. The first is a
-sweep over a grid, the others are fragility surfaces; `--workers 2` runs all of them on two processes.
+Of two blocks of one shape the larger one stands longer. Blocks from rest are shaken for ten cycles at 1.5 Hz and 3
+m/s², with noise of 0.3 m/s² from 0 to 8 Hz. Shown is the probability of overturning over the half diagonal R and the
+slenderness (height over width) at this shaking, and, for one slenderness and for one size, against the scale of the
+shaking, with the medians of lognormal fits. The first is a sweep over a grid, the others are fragility surfaces;
+`--workers 2` runs all of them on two processes.
 
 Run time: about half a minute on 2 cores, once the kernels are compiled.
 

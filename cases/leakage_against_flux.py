@@ -1,12 +1,12 @@
-"""Does the phase flux foretell the leakage? The Melnikov flux beside measured rates of overturning.
+"""Phase flux beside measured rates of overturning.
 
 The phase flux Φ (paper eq. 17, corrected) is the phase-space area that crosses the separatrix of one saddle per unit
 time, to first order in forcing, noise and loss. The heteroclinic orbits enclose the area 2 and there are two saddles:
 if blocks were spread evenly inside, and what leaves did not return, they would leave at the rate Φ, that is ΦT in
 each forcing cycle. This is held against the rate of overturning of the blocks that stand after 20 cycles,
 
-* over noise levels, at the main scene's e = 0.5 and three noise bands,
-* over restitutions from 0.5 to 0.9, at σ² = 0.04.
+* (a) over noise levels, at the main scene's e = 0.5 and three noise bands,
+* (b) over restitutions from 0.5 to 0.9, at σ² = 0.04.
 
 Kendall's τ tells whether Φ puts the rates in the right order, their ratio how far it is off. Overturning is first
 passage of the cut-off, not of the separatrix, and neither forcing nor loss is small here: the flux is asked for more

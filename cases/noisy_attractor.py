@@ -1,9 +1,10 @@
-"""The noisy attractor of the main scene, how long it lasts, and survival over any number of cycles.
+"""The noisy attractor of the main scene and how long it lasts.
 
 The one-cycle operator of the density has a leading mode: the density that keeps its shape while it leaks. It stands
-beside the attractor of the block without noise, which the exact engine follows; its eigenvalue is the escape rate. The
-other eigenvalues say how soon a start is forgotten. Survival from rest follows from the modes, beside Monte Carlo with
-the same white noise.
+beside the attractor of the block without noise, which the exact engine follows; one less its eigenvalue is the escape
+rate. The other eigenvalues say how soon a start is forgotten. The density is drawn as means over small bins: near Θ = 0
+it is singular, and the polynomials of the solver swing about it there. Survival from rest follows from the modes,
+beside Monte Carlo with the same white noise.
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 

@@ -1,10 +1,11 @@
-"""Safe basins in noise: survival from every start at once, its erosion as noise grows, and the mean time that is left.
+"""Safe basins and their erosion by noise.
 
 The adjoint of the density solver's steps gives the probability of standing for a number of cycles as a function of the
 start, for the whole plane in one backward run. Without noise it is 1 inside the safe basin and 0 outside, which the
-exact engine tells start by start: here from random starts all over the plane. The lines x + v = ±1 + (A/√(1+Ω²))
-cos(Ψ + atan Ω) are the moving separatrices: beyond them a block that meets no impact goes over. The integral of the
-probability over the plane is the safe area, an integrity measure; its fall as noise grows is the erosion curve.
+exact engine tells start by start: here from random starts all over the plane. With x = Θ and v = dΘ/dτ the lines x + v
+= ±1 + (A/√(1+Ω²)) cos(Ψ + atan Ω) are the moving separatrices: beyond them a block that meets no impact goes over. The
+integral of the probability over the plane is the safe area, an integrity measure; its fall as noise grows is the
+erosion curve.
 
 Noise is white here: D = σ_M²/2 of the main scene's band [0, 10], which is inferred (band_inferred.py).
 

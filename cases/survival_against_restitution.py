@@ -1,8 +1,10 @@
-"""Survival against the restitution of the impacts, 0.5 to 1: a study that Lin and Yim (1996) leave to their Part II.
+"""Survival against the restitution of the impacts.
 
-The main scene from rest with other restitutions. Shown is the probability of standing after 10, 20 and 40 forcing
-cycles by Monte Carlo with Wilson's intervals and by the density, on linear and logarithmic axes; survival after 20
-cycles under three noise bands; and for how many cycles, up to 200, the block stands without noise, from rest.
+The main scene from rest with restitutions from 0.5 to 1, a study that Lin and Yim (1996) leave to their Part II. Shown
+is the probability of standing after 10, 20 and 40 forcing cycles by Monte Carlo with Wilson's intervals and by the
+density, (a) on linear and (b) on logarithmic axes; (c) survival after 20 cycles under three noise bands; and (d) for
+how many cycles the block stands without noise, from rest. A wedge in (b) is the upper end of the interval where none
+stands; one in (d) is a block that stands for all of the 200 cycles it is followed.
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 

@@ -20,6 +20,7 @@ __all__ = ["survival_figure"]
 _MARKERS = "osD^"
 _SIZE = (10.5, 7.6)
 _LINE = 0.22
+_SMALL = 2.8
 _NOTE_WIDTH = 115
 
 
@@ -67,8 +68,8 @@ def survival_figure(path: File, results: Sequence[Result], title: str) -> pathli
 
 
 def _noise(result):
-    """Name the noise of a result; for a density of band noise that was solved as another, as in the remark below."""
-    return f"closure for {noise_text(result.scene.noise)}" if result.closure else noise_text(result.scene.noise)
+    """Name the noise of a result; a remark below the panels says what a density has in its place."""
+    return "equivalent noise, see below" if result.closure else noise_text(result.scene.noise)
 
 
 def _points(marker) -> dict:
@@ -80,7 +81,8 @@ def _survival(axes, result, label, colour, marker):
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
-    error_bars(axes, cycles, survival, result.survival_interval(0.95), color=colour, label=label, marker=marker)
+    look = {"color": colour, "label": label, "marker": marker, "markersize": _SMALL}
+    error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
 
 
 def _difference(axes, comparison, times, place):
@@ -93,7 +95,7 @@ def _difference(axes, comparison, times, place):
 def _leakage(axes, result, colour, marker):
     cycles = shown_times(result)[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
-    shape = _points(marker) if result.realizations else {}
+    shape = _points(marker) | {"markersize": _SMALL} if result.realizations else {}
     for values in (right, -left):
         axes.plot(cycles, values, color=colour, **shape)
 
