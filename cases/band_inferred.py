@@ -210,9 +210,12 @@ def _draw(path, rows, values):
     size = f"{values['realizations']:,} realizations a band; mean maps of {values['map']['realizations']:,}"
     met = joint["meets_all"]
     found = f"all are met by b = {', '.join(f'{b:g}' for b in met)} of those tried" if met else "no b meets all"
-    notes = [f"{size}, {values['map']['seeds']} seeds at σ = 0.12 and 0.13, {values['map']['seeds_of_others']} else.",
-             f"Dashed: {100 * LIKELY:g} %, from which on a statement counts as met (5(b): see above); {found}.",
-             f"Grey: b whose product of all is within e^-{WITHIN:g} of its largest. Wedges: lower still."]  # fmt: skip
+    seeds = f"{values['map']['seeds']} seeds at σ = 0.12 and 0.13, {values['map']['seeds_of_others']} else"
+    limits = (
+        f"Dashed: {100 * LIKELY:g} %, from which on a statement counts as met; in 5(b), where {LATE} cycles lie within "
+        f"the central 95 %. Grey: b whose product of all is within e^-{WITHIN:g} of its largest. Wedges: lower still."
+    )
+    notes = [f"{size}, {seeds}.", limits, f"{found[0].upper()}{found[1:]}."]
     title = "Which noise band [0, b] gives what the paper shows?"
     with style.page(path, (10.5, 8.2), title, notes) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
