@@ -108,7 +108,7 @@ def run(
         "left_out": variants,
         "joint": _joint(from_zero, seeds, few_seeds),
     }
-    _draw(out / "band.png", from_zero, values)
+    draw(out / "band.png", values)
     summary.write_summary(out / "band.json", values)
     return values
 
@@ -205,7 +205,9 @@ def _joint(rows, seeds, few_seeds):
     }
 
 
-def _draw(path, rows, values):
+def draw(path, values):
+    """Draw what the JSON file holds of the bands that begin at 0."""
+    rows = [row for row in values["rows"] if row["band"][0] == 0.0]
     joint, ends = values["joint"], [row["band"][1] for row in rows]
     size = f"{values['realizations']:,} realizations a band; mean maps of {values['map']['realizations']:,}"
     met = joint["meets_all"]

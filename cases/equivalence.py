@@ -165,9 +165,9 @@ def worst(differences):
     return np.take_along_axis(differences, places, axis=-1)[..., 0]
 
 
-def draw(path, findings):
+def draw(path, values):
     """Draw errors against cover and spread, what the average over realizations leaves, and the error budget."""
-    size = f"{findings['realizations']:,} realizations (± 0.004 or less, one standard error)"
+    size = f"{values['realizations']:,} realizations (± 0.004 or less, one standard error)"
     cycles = ", ".join(map(str, CYCLES))
     points = (
         f"N: harmonics of the band noise. Each point: the difference that is largest after {cycles} cycles; {size}. "
@@ -186,14 +186,14 @@ def draw(path, findings):
     rows = [["cover", "jump"], ["excess", "left"], ["budget", "budget"]]
     with style.page(path, (10.5, 11.4), "White noise for band noise: where it is trustworthy", notes) as figure:
         panels = figure.subplot_mosaic(rows, height_ratios=(1.2, 1.0, 0.8))
-        last = findings["harmonics"][-1]
-        _against_cover(panels["cover"], findings, "density", f"(a) D = σ_M²/2, N = {last}")
+        last = values["harmonics"][-1]
+        _against_cover(panels["cover"], values, "density", f"(a) D = σ_M²/2, N = {last}")
         panels["jump"].sharey(panels["cover"])
-        _against_cover(panels["jump"], findings, "jump_density", f"(b) D with the jump kept, N = {last}")
+        _against_cover(panels["jump"], values, "jump_density", f"(b) D with the jump kept, N = {last}")
         panels["left"].sharey(panels["excess"])
-        _against_spread(panels["excess"], findings, "density", "(c) Excess of N harmonics over white noise")
-        _against_spread(panels["left"], findings, "averaged", "(d) What the average over realizations leaves of it")
-        _budget(panels["budget"], findings["budget"])
+        _against_spread(panels["excess"], values, "density", "(c) Excess of N harmonics over white noise")
+        _against_spread(panels["left"], values, "averaged", "(d) What the average over realizations leaves of it")
+        _budget(panels["budget"], values["budget"])
 
 
 def _against_cover(axes, findings, name, title):

@@ -114,7 +114,7 @@ def run(
         ],
         "remarks": [scene.noise.remark, _CLOSURE],
     }
-    _draw(out / "fig07.png", values)
+    draw(out / "fig07.png", values)
     summary.write_summary(out / "fig07.json", values)
     return values
 
@@ -158,7 +158,8 @@ def _plain(ensembles):
     }
 
 
-def _draw(path, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     title = f"Survival after {values['cycles']} cycles against noise (cf. paper Fig. 7)"
     count = values["realizations"]
     notes = [f"{count:,} realizations of band noise a point, {PHASE_TIMES * count:,} in (d); bars: 95 % intervals.",

@@ -27,7 +27,7 @@ import sys
 
 import numpy as np
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import Scene, load_scene, solve_fpk
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
@@ -85,7 +85,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
             _CLOSURE.format(scene.white_equivalent().noise.diffusion / scene.noise.variance),
         ],
     }
-    _draw(out / "passage.png", scene, values)
+    draw(out / "passage.png", values)
     summary.write_summary(out / "passage.json", values)
     return values
 
@@ -110,7 +110,8 @@ def _row(density, band, white):
     return found
 
 
-def _draw(path, scene, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     notes = [f"{values['realizations']:,} realizations of each noise; T is the forcing period.",
              "(c) and (d) have the symbols of (b). In the grey strip lie 95 % of the differences by chance alone.",
              *values["remarks"]]  # fmt: skip
@@ -118,13 +119,14 @@ def _draw(path, scene, values):
         rows = [["early", "early"], ["cycle", "cycle"], ["white", "band"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 0.8))
         panels["band"].sharey(panels["white"])
-        _early(panels["early"], scene, values)
+        _early(panels["early"], values)
         _cycles(panels["cycle"], values)
         _differences(panels["white"], values, "white", "(c) Monte Carlo of white noise less density")
         _differences(panels["band"], values, "band", "(d) Monte Carlo of band noise less density")
 
 
-def _early(axes, scene, values):
+def _early(axes, values):
+    scene = Scene.from_toml(values["scene"])
     early, trials = np.array(values["early"]), values["realizations"]
     width = scene.period / PARTS
     edges = width * np.arange(len(early) + 1)

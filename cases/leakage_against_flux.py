@@ -80,7 +80,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
         "over_restitution": _held(blocks, sampled),
         "remarks": [scene.noise.remark],
     }
-    _draw(out / "flux.png", values)
+    draw(out / "flux.png", values)
     summary.write_summary(out / "flux.json", values)
     return values
 
@@ -100,7 +100,8 @@ def _held(scenes, sampled):
     }
 
 
-def _draw(path, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     sampled = (
         f"Φ: phase flux (paper eq. 17, corrected); T: forcing period. Points, with 95 % intervals: rate of overturning "
         f"of those of {values['realizations']:,} blocks that stand after {values['forgotten_cycles']} cycles, until "

@@ -76,7 +76,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
         for diffusion, count in walkers.items()
     ]
     values = {"scene": scene.to_toml(), "orbit": orbit, "tol": tol, "operator": rows, "splitting": sampled}
-    _draw(out / "low_noise.png", values)
+    draw(out / "low_noise.png", values)
     summary.write_summary(out / "low_noise.json", values)
     return values
 
@@ -91,7 +91,8 @@ def _split(scene, walkers, seed):
     }  # fmt: skip
 
 
-def _draw(path, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     rows, sampled = values["operator"], values["splitting"]
     note = (
         "Main scene with A = 3, white noise of diffusion D. Bars: error estimates of the operator, refined to "

@@ -89,7 +89,7 @@ def run(
         "cycles_without_noise": [_stood(scene, e) for e in restitutions],
         "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS], *densities[:1])))),
     }
-    _draw(out / "restitution.png", values)
+    draw(out / "restitution.png", values)
     summary.write_summary(out / "restitution.json", values)
     return values
 
@@ -104,7 +104,8 @@ def _stood(scene, restitution):
     return float(quiet.overturn_time[0] / scene.period) if quiet.overturn_side[0] else float(QUIET_CYCLES)
 
 
-def _draw(path, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     drawn = (
         f"Open symbols: Monte Carlo, {values['realizations']:,} realizations a point, variance 0.04, 95 % intervals; a "
         "wedge, where none stands, is the upper limit. Lines through dots: Fokker-Planck density. (b): colours of (a)."
