@@ -79,13 +79,15 @@ def _draw(path, overturned, by_size, by_shape):
     shape, radius = size.height / size.width, size.half_diagonal
     shaking = f"Scale 1: {CYCLES} cycles of 3 m/s² at 1.5 Hz, noise of 0.3 m/s² from 0 to 8 Hz"
     sampled = f"{by_size.realizations:,} realizations a point, exact engine"
-    notes = [f"{shaking}. {sampled}. R: half diagonal. Black lines: probabilities 0.1, 0.5 and 0.9.", *by_shape.remarks]
+    drawn = "R: half diagonal. Black lines: probabilities 0.1, 0.5 and 0.9. Dots: medians of lognormal fits."
+    notes = [f"{shaking}. {sampled}. {drawn}", *by_shape.remarks]
     with style.page(path, (16.0, 6.2), "Overturning over size and slenderness", notes) as figure:
         panels = figure.subplots(1, 3)
         filled = draw_map(panels[0], by_size.place, by_shape.place, overturned.T)
-        panels[0].set(xlabel=NAMES["size"], ylabel=NAMES["slenderness"], title="(a) At scale 1")
+        panels[0].set(xlabel=NAMES["size"], ylabel=NAMES["slenderness"])
+        panels[0].set_title("(a) Scale 1", loc="left")
         draw_surface(panels[1], by_size)
-        panels[1].set_title(f"(b) {NAMES['slenderness']} = {shape:.2g}", loc="left")
+        panels[1].set_title(f"(b) {NAMES['slenderness'].capitalize()} {shape:.2g}", loc="left")
         draw_surface(panels[2], by_shape)
         panels[2].set_title(f"(c) R = {radius:.2f} m", loc="left")
         figure.colorbar(filled, ax=panels, label="P(overturned)")
