@@ -81,13 +81,16 @@ def main():
                 command = [sys.executable, "-c", BY_KERNEL, *COMMANDS[name]]
                 subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, **pinned)
         return
+    lines = list(rows())
     write_section(
         "Cold start",
-        f"""Main scene, 40 cycles, default settings: seconds from the start of a process to its answer, the first time
-on a machine (an empty cache of machine code) and once the machine code is there (least of {WARM_ROUNDS}). Processor
-seconds include those of helpers that compile beside the first process.
+        f"""**Result.** The first `fpk` on a machine takes {lines[0][1]} s, a later one {lines[0][3]} s.
 
-{table(["command", "first, s", "first, processor s", "then, s"], rows())}
+Main scene, 40 cycles, default settings. Seconds from the start of a process to its answer: the first time on a machine
+(an empty cache of machine code), and once the machine code is there (least of {WARM_ROUNDS}). Processor seconds include
+those of helpers that compile beside the first process.
+
+{table(["command", "first, s", "first, processor s", "then, s"], lines)}
 """,
     )
 

@@ -13,7 +13,7 @@ import warnings
 
 import numpy as np
 from density import CYCLES, MAIN, TOLERANCES, peak_memory
-from equal_pictures import draw_errors, draw_growth
+from equal_pictures import WHITE_ERROR, draw_errors, draw_growth
 from equal_truth import Truth
 from eulerian_runs import EDGES, Row
 from eulerian_runs import Run as Baseline
@@ -159,7 +159,7 @@ def noise_rows():
             found = solve_fpk(scene, cycles=CYCLES, tol=LOOSE)
         bins = np.clip(found.bin_probabilities(CYCLES, *EDGES), 0.0, 1.0)
         rate = sampling_rates({"white": (scene, METHODS["white"][1])})["white"]
-        paths = SAMPLE * (distances.l1_floor(bins, SAMPLE, math.inf) / 0.01) ** 2
+        paths = SAMPLE * (distances.l1_floor(bins, SAMPLE, math.inf) / WHITE_ERROR) ** 2
         rows.append(
             {"diffusion": diffusion, "seconds": found.wall_s, "unknowns": found.settings["unknowns"],
              "error_estimate": found.error_estimate, "bins_estimate": found.bins_error_estimate,
@@ -214,44 +214,61 @@ def body(scenes, noise, horizon, memory):
     truth = scenes["main"]["truth"]
     paths, apart, floor, difference, error = truth.against_paths()
     finest, held = RESOLUTIONS[-1], ", ".join(f"{name} {value:.0f} MB" for name, value in memory.items())
-    return f"""White noise, {CYCLES} cycles from rest. Errors against the solver's finest mesh ({finest.angle_cells} ×
-{finest.velocity_cells} cells of degree {finest.degree}); the next one lies {truth.unsure["survival"]:.1e} from it in
-survival and {truth.unsure["coarse"]:.4f}, {truth.unsure["fine"]:.4f} in L1 on bins of .1 and .025, which is added to
-every error before it may meet a target. Against {paths:,} paths: S(10) {difference:+.1e} ± {error:.1e}; L1
-{apart:.4f} on bins of .025, of which sampling explains {floor:.4f}. dS is the largest in survival over the cycles, L1
-after the tenth.
+    met, told = (ratio_range(scenes["main"]["equal"], way) for way in ("whole", "told"))
+    head = ["D", "s", "unknowns", "estimate of S", "estimate of bins", "white, s", "ratio"]
+    return f"""**Result**, main scene: sampling takes {met} as long as the density solver for the same error.
+Where the solver's own estimate has to certify the error, the range is {told}.
 
-Seconds of the density solver, three ways. First the cheapest whole call whose measured **error** meets the target. Then
-the cheapest whole call whose own estimate **certifies** that (there is none for bins of .025). Last **one run alone**,
-without estimates: the fastest of {len(ALONE)} resolutions whose error meets it. Sampling is
-**extrapolated** to the expected error of a sample from the time of {SAMPLE:,} realizations on both cores
-({", ".join(f"{name} {1e6 * rate:.1f}" for name, rate in rates.items())} μs; rk4 has the 200 steps a cycle of the paper
-unless said). exact and rk4 sample the band noise itself, whose law is not that of the equivalent white noise:
-their times are those of the same error in their own law. The Eulerian baseline, on one core, is **extrapolated** at
+**Truth.** White noise, {CYCLES} cycles from rest; dS over the cycles, L1 after the tenth. Errors are against the
+solver's finest mesh ({finest.angle_cells} × {finest.velocity_cells} cells of degree {finest.degree}). The next finest
+differs from it by {truth.unsure["survival"]:.1e} in survival, and by {truth.unsure["coarse"]:.4f} and
+{truth.unsure["fine"]:.4f} in L1 on bins of .1 and .025. This difference is added to every error before it may meet a
+target. The finest mesh differs from {paths:,} paths by {difference:+.1e} ± {error:.1e} in S(10), and by {apart:.4f} in
+L1 on bins of .025, of which sampling explains {floor:.4f}.
+
+**Density solver**, in three ways:
+
+* *call*: the fastest whole call whose measured error meets the target;
+* *call that certifies*: the fastest whole call whose own estimate meets it (bins of .025 have no estimate);
+* *one run alone*, without estimates: the fastest of {len(ALONE)} resolutions whose measured error meets it.
+
+**Others.** Their times are extrapolated. For a sampler it is the time after which the expected error of its sample
+meets the target, from the time of {SAMPLE:,} realizations on both cores
+({", ".join(f"{name} {1e6 * rate:.1f}" for name, rate in rates.items())} μs a realization; rk4 has the 200 steps a cycle
+of the paper unless said). exact and rk4 sample the band noise itself, whose law is not that of the equivalent white
+noise; their times are those for the same error in their own law. The Eulerian baseline, on one core, is extrapolated at
 fourth order from {BASELINE.mesh} cells, {base["seconds"]:.0f} s for nine cycles (dS {base["survival"]:.1e}, L1
 {base["coarse"]:.4f}, {base["fine"]:.4f}).
 
-In brackets: time over that of the call that meets the target / that certifies it / of the run alone.
+Each entry is in seconds. In brackets, for the density solver: what was run, and its error or estimate. In brackets, for
+the others: time over that of the call / of the call that certifies / of the run alone.
 
 {table(["scene", "target", "call, s", "call that certifies, s", "one run alone, s", *OTHERS], equal_lines(scenes))}
 
-Peak memory of a process, some 200 MB of it interpreter and libraries: {held}. Counting holds no paths: 50,000
-realizations or more take the same.
+Peak memory of a process, of which interpreter and libraries take some 200 MB: {held}. The samplers
+only count here, so more than 50,000 realizations take the same.
 
 ![Error against time](benchmarks/{slug(TITLE)}.png)
 
 ![Time against noise and cycles](benchmarks/{slug(TITLE)}_growth.png)
 
-**As noise falls**: main scene at tol {LOOSE:g}; and the white engine at L1 = 0.01 of the bins of .1 after the tenth
-cycle (extrapolated), with its time over the solver's. Where the solver warns that it misses its tolerance the two are
-no longer at equal error.
+**As noise falls**: seconds of the density solver in the main scene at tol {LOOSE:g}, and of the white engine at L1 =
+0.01 on bins of .1 after the tenth cycle (extrapolated). The ratio is white over solver. Where the solver warns that it
+misses its tolerance, the two are no longer at equal error. The picture has the white engine at the
+solver's own estimate instead.
 
-{table(["D", "s", "unknowns", "estimate", "of bins", "white, s", "ratio"], [noise_line(row) for row in noise])}
+{table(head, [noise_line(row) for row in noise])}
 
-**As the horizon grows**, tol {LOOSE:g}; the last row is the one-cycle operator's.
+**As the number of cycles grows**, at tol {LOOSE:g}. The last row is by the one-cycle operator.
 
 {table(["cycles", "s"], [[f"{row['cycles']:,}", f"{row['seconds']:.2f}"] for row in horizon])}
 """
+
+
+def ratio_range(rows, way):
+    """Return the least and the largest time of a sampler over that of the density solver, as text."""
+    ratios = [row[method] / row[way]["seconds"] for row in rows if way in row for method in METHODS]
+    return f"{min(ratios):.2g} to {max(ratios):,.0f} times"
 
 
 def equal_lines(scenes):

@@ -95,14 +95,15 @@ def main():
     for number in range(1, 11):
         rows += judged(f"random {number}", random_scene(rng))
     lines, count, within, above, below = report(rows)
-    text = f"""The public scenes and ten random bounded ones (seed {seed}, drawn after the solver was frozen), {CYCLES}
-cycles from rest. Error: the largest difference from a solution one resolution finer than that at tol 1e-4, in survival
-and in L1 of the bins.
+    text = f"""**Result.** Errors in survival: {above[0]} of {count} above the estimate, {within[0]} between a tenth of
+it and the estimate; {below} are below the tolerance. Errors of the bins: {above[1]} of {count} above the estimate,
+{within[1]} between a tenth of it and the estimate.
+
+Scenes: main, second, and ten random ones (seed {seed}, drawn after the solver was finished) that do not overturn
+without noise; {CYCLES} cycles from rest. Error: the largest difference, in survival and in L1 of the bins, from a
+solution one resolution finer than that at tol 1e-4. Ratio: error over estimate.
 
 {lines}
-
-Of {count} errors in survival {within[0]} lie within a tenth of the estimate and the estimate, {above[0]} above it;
-{below} are below the tolerance. Of {count} errors of bins {within[1]} lie within, {above[1]} above.
 """
     if seed == SEED:
         write_section("Density solver: is its estimate honest?", text)

@@ -119,68 +119,82 @@ def alone(call, *arguments):
 
 
 def compared(rows, truth):
-    """Run rows of the baseline and the density solver; return the table, and a remark on balance and iterations."""
+    """Run rows of the baseline and the density solver; return the table, a remark on the balance, and the result."""
     runs = []
     for row in rows:
         runs.append(alone(baseline, row, truth))
         print(*runs[-1], flush=True)
     lines, defects, iterations = zip(*runs, strict=True)
-    lines += tuple(alone(density_solver, tol) for tol in TOLS)
+    best, ours = lines[-1], [alone(density_solver, tol) for tol in TOLS]
+    cpu, error = (COLUMNS.index(name) for name in ("all", "dS"))
+    result = (
+        f"**Result.** The density solver at tol {TOLS[0]:g} takes {ours[0][cpu]} s and errs by {ours[0][error]} in "
+        f"survival. The finest run of the baseline takes {best[cpu]} s and errs by {best[error]}."
+    )
+    lines += tuple(ours)
     least, most = min(iterations), max(iterations)
     remark = f"Balance of mass kept to {max(defects):.0e}; {least:.0f} to {most:.0f} iterations of GMRES a step."
-    return table(COLUMNS, lines), remark
+    return table(COLUMNS, lines), remark, result
 
 
 def write_rows(truth):
     """Run the quick rows and the orders, and write their section."""
-    lines, remark = compared(ROWS, truth)
+    lines, remark, result = compared(ROWS, truth)
     meshes, mesh_order = alone(finer_meshes, truth)
     write_section(
         "Eulerian baseline",
-        f"""The Fokker-Planck equation of the main scene with white noise on a mesh that stays where it is: finite
-elements in both variables and implicit steps, as usual since Spencer and Bergman (1993, Nonlinear Dynamics 4, 357).
-For comparison only (`benchmarks/eulerian_operator.py`, `benchmarks/eulerian_steps.py`).
+        f"""{result}
 
-Space: discontinuous, on tensor meshes graded like the density solver's; upwind fluxes across lines of the angle, local
-Lax-Friedrichs fluxes and interior penalty across those of the velocity. Impact: what flows out of one side of x = 0 at
-v flows into the other at e v. Time: Crank-Nicolson, or Gauss's method of two stages as one complex solve with the mean
-force of the step. Linear solver: GMRES to {TOLERANCE:.0e}, preconditioned by inverted blocks of the cells.
+The baseline solves the Fokker-Planck equation of the main scene with white noise in the usual way (since Spencer and
+Bergman 1993, Nonlinear Dynamics 4, 357): finite elements in both variables on a fixed mesh, and implicit steps. It
+exists for comparison only (`benchmarks/eulerian_operator.py`, `benchmarks/eulerian_steps.py`).
 
-A start at rest has no density on a mesh, so the baseline begins at the end of cycle 1 with the density solver's at tol
-{TRUTH:g}: its L1 at 1 cycle is that of its mesh alone, and its times are those of the nine cycles that follow. The
-density solver's are those of a whole call of ten cycles with its error estimate. dS is the largest error in survival,
-L1 that of the bins of 0.1, against 10⁷ paths (sampling alone: 1.6e-4; .0014 .0023 .0026 .0020). Seconds of CPU:
-assembly, inverted blocks, steps, and all; then seconds of the wall clock, where the baseline has one core and the
-density solver two. Memory: the most that the process had, some 120 MB of it interpreter and libraries.
+* Space: discontinuous elements on tensor meshes graded like the density solver's. Fluxes are upwind across lines of the
+  angle, and local Lax-Friedrichs with interior penalty across those of the velocity.
+* Impact: what flows out of one side of x = 0 at v flows into the other at e v.
+* Time: Crank-Nicolson, or Gauss's method of two stages as one complex solve with the mean force of the step.
+* Linear solver: GMRES to {TOLERANCE:.0e}, preconditioned by inverted blocks of the cells.
+
+A start at rest has no density on a mesh. The baseline therefore begins at the end of cycle 1 with the density that the
+solver finds at tol {TRUTH:g}. So its L1 at 1 cycle is that of its mesh alone, and its times are those of the nine
+cycles that follow. The times of the density solver are those of a whole call of ten cycles with its error estimate.
+Errors are against 10⁷ paths (sampling alone: dS 1.6e-4, L1 .0014 .0023 .0026 .0020); bins of 0.1. Times are seconds of
+CPU for assembly, inverted blocks, steps, and all; then seconds of the wall clock, where the baseline has one core and
+the density solver two. Memory is the peak of the process, of which interpreter and libraries take some 120 MB.
 
 {lines}
 
 {remark}
 
-**Orders**, after one cycle from that start, against the density solver at tol {TRUTH:g}. Degree 3, Gauss; the order in
-the mesh, fitted to the bins of 0.025, is {mesh_order:.1f}.
+**Orders**, after one cycle from that start, against the density solver at tol {TRUTH:g}. Degree 3, Gauss. The order in
+the mesh, fitted to L1 of the bins of 0.025, is {mesh_order:.1f}.
 
 {table(["mesh", "steps a cycle", "dS", "L1, bins of 0.1", "L1, bins of 0.025"], meshes)}
 
-16 × 28 cells of degree 3, against {CONVERGED} steps a cycle, bins of 0.025:
+The order in the step, on 16 × 28 cells of degree 3, against {CONVERGED} steps a cycle; L1 of bins of 0.025:
 
 {table(["method", "steps a cycle", "L1", "order"], alone(shorter_steps, truth))}
 
-**Alternatives tried**, on 24 × 40 cells of degree 3. Sparse LU factors instead of GMRES, kept for the 96 phases of half
-a cycle: 0.2 s and 64 MB each, and no faster over ten cycles. One factor as preconditioner: twice the iterations of the
-blocks when it is a quarter of a cycle away. Explicit Runge-Kutta steps of order 4: stable with 1,270 a cycle, that is
-5,080 products with the matrix, of which GMRES takes 3,300. SDIRK of order 4 with 32 steps a cycle, 160 solves, was off
-twice as much as Gauss with 64.
+**Alternatives tried**, on 24 × 40 cells of degree 3:
+
+* Sparse LU factors instead of GMRES, kept for the 96 phases of half a cycle: 0.2 s and 64 MB each, and no faster over
+  ten cycles.
+* One such factor as preconditioner: twice as many iterations as with the blocks when it is a quarter of a cycle away.
+* Explicit Runge-Kutta steps of order 4: stable with 1,270 steps a cycle. That is 5,080 products with the matrix a
+  cycle, where GMRES needs 3,300.
+* SDIRK of order 4 with 32 steps a cycle (160 solves): twice the error of Gauss with 64.
 """,
     )
 
 
 def write_finer_rows(truth):
     """Run the slow rows and write their section."""
-    lines, remark = compared(FINER, truth)
+    lines, remark, result = compared(FINER, truth)
     write_section(
         "Eulerian baseline: finer meshes",
-        f"""As above, with the meshes of the density solver (`python benchmarks/eulerian.py --all`).
+        f"""{result}
+
+As above, with the meshes of the density solver (`python benchmarks/eulerian.py --all`).
 
 {lines}
 

@@ -22,7 +22,10 @@ TOL = 1e-3
 SIGMAS = 3.5
 BINS = 10.0
 PAGE = ROOT / "docs" / "hard_cases.md"
-HEAD = "# Hard cases\n\nThe density solver on scenes unlike those that it was made for.\n"
+HEAD = """# Hard cases
+
+The density solver on scenes at the limits of what it accepts, or beyond.
+"""
 COLUMNS = [
     "row", "S", "dS", "estimate", "L1 of the bins", "negative", "lost", "mass defect", "time", "verdict"
 ]  # fmt: skip
@@ -192,24 +195,36 @@ def write_table(findings):
     standing = sum(finding.stands for finding in findings.values())
     write_section(
         "The table",
-        f"""`solve_fpk` at tol {TOL:g}; {standing} of {len(findings)} rows inside their tolerance or refused.
+        f"""**Result**, `solve_fpk` at tol {TOL:g}: {standing} of {len(findings)} rows are inside their tolerance or
+refused, with a reason.
 
-A row is the main scene with white noise (A = 4.6, Ω = 2.7, e = 0.5, Ψ = π, D = 0.00628, cut-off π/2, from rest, 10
-cycles) but for what it names. Its reference is a white-noise Monte Carlo (`tests/data/hard_cases.npz`, seed {SEED}).
-S: the reference's survival at its end, and its paths. dS: the solver's largest error in survival, ± its standard
-error. L1 of the bins of 0.1 at the two binned cycles, the four about the origin, where blocks at rest are, taken as
-one, and in brackets what sampling alone gives. Time: 1 is the main scene's {unit:.1f} s in this run, good to a factor 2
-where other work shares the cores.
+**Scenes.** The main scene with white noise has the amplitude A = 4.6, frequency Ω = 2.7 and phase Ψ = π of the forcing,
+the restitution e = 0.5, the diffusion D = 0.00628, the cut-off π/2, a start from rest and 10 cycles. A row has these
+values except for those that it names.
 
-*Inside* means, at all cycles of the reference, |dS| at most tol and at most the solver's own estimate, each with
-{SIGMAS} standard errors added; L1 at most {BINS:g} tol above what sampling explains, {SIGMAS} standard errors included;
-and at most tol lost. What fails is named: survival, estimate, bins, lost. For {len(findings)} rows right in everything
-a failure by chance has a probability below a hundredth, as tol comes on top. The row of more cycles than its reference
-is also judged by the loss of log S a cycle after it (tail).
+**Columns.** The reference of a row is a white-noise Monte Carlo (`tests/data/hard_cases.npz`, seed {SEED}).
+
+* S: survival of the reference at its end (number of its paths).
+* dS: largest error of the solver in survival ± its standard error; estimate: the solver's own.
+* L1 of the bins of 0.1, at two cycles; in brackets that of sampling alone. The four bins about the origin, where blocks
+  at rest are, count as one.
+* negative, lost, mass defect: integral of the negative part of the density; mass beyond the mesh; how far all masses
+  are from adding up to 1.
+* time: 1 is the main scene's {unit:.1f} s in this run, good to a factor 2 where other work shares the cores.
+
+**Verdict.** A row is *inside* if at all cycles of the reference
+
+* |dS| is at most tol, and at most the solver's own estimate, each with {SIGMAS} standard errors added;
+* L1 is at most {BINS:g} tol above that of sampling, with {SIGMAS} standard errors added;
+* at most tol is lost.
+
+Otherwise it is named what fails: survival, estimate, bins, lost. If all {len(findings)} rows are right, the probability
+that chance makes one of them fail is below a hundredth, because tol is added. A row of more cycles than its reference
+is also judged by its later loss of log S in a cycle (tail).
 
 {table(COLUMNS, lines)}
 
-What was said:
+Warnings, and reasons of refusals:
 
 {chr(10).join(remarks)}
 """,

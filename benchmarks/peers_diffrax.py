@@ -154,20 +154,22 @@ def section():
     lines, found = rows()
     head = ["", "steps a cycle", "error of S(10)", "μs a path", "ratio", f"s to ± {TARGET:g}"]
     return (
-        f"""Main scene with white noise, {CYCLES} cycles. Errors of survival: {BATCH * BATCHES:,} paths a row,
-against 10⁷ others (± 1.6e-4). Times of the same run, compiled; ratio to the white engine as it is by default. The last
-column: time to a standard error of {TARGET:g} in survival, bias aside, beside that of the density solver.
+        f"""Main scene with white noise, {CYCLES} cycles. Errors of survival are those of {BATCH * BATCHES:,} paths a
+row against 10⁷ others (± 1.6e-4). Times are of the same run, compiled; the ratio is to the white engine with its
+default steps. The last column is the time to a standard error of {TARGET:g} in survival, without regard to bias; for
+the density solver it is that of the call.
 
-diffrax: `Heun` with `UnsafeBrownianPath`, {BATCH:,} paths as one state, 32 bits, jax's default random numbers; steps by
-`solver.step` in a scan, as an `Event` would end the solve of all paths at once. After a step the paths that changed
-side have their impact put where it was, along a parabola, and the noise of the step split there; the plain map damps
-all of it. Overturning is looked for at the ends of steps. Overturned paths are carried on to the end.
+In diffrax the method is `Heun` with `UnsafeBrownianPath`, {BATCH:,} paths as one state, in 32 bits with jax's default
+random numbers. Steps are taken by `solver.step` in a scan, because an `Event` would end the solve of all paths at once.
+After a step, paths that changed side get their impact at its place along a parabola, and the noise of the step is split
+there. The row "plain map" multiplies all of the step's noise by the restitution instead. Overturning is looked for at
+the ends of steps, and overturned paths are carried on to the end.
 
 {table(head, lines)}
 
-**Alternatives tried.** `ShARK` and `SRA1`: the same errors, as they stem from the impacts, for 2.5 times the time.
-`SEA` and `Euler`, of first order in the drift: off by 0.04 with 400 steps a cycle. `vmap` over paths with a key each: 3
-times the time. 64 bits: twice the time. The generator `unsafe_rbg`: no faster.
+**Alternatives tried.** `ShARK` and `SRA1` take 2.5 times as long for the same errors, which stem from the impacts.
+`SEA` and `Euler`, of first order in the drift, are off by 0.04 with 400 steps a cycle. `vmap` over paths with a key
+each takes 3 times as long, 64 bits twice as long. The generator `unsafe_rbg` is no faster.
 """,
         found,
     )

@@ -35,8 +35,8 @@ def balances():
     after = run.time >= SETTLED
     angle, velocity = np.abs(run.angle[:, after]), run.velocity[:, after]
     sides = {
-        "(1+e) M₂ = 1 - ⟨u⟩": ((1.0 + restitution) * moment(1), 1.0 - angle.mean(axis=1)),
-        "(1-e²) M₃ = 2 D": ((1.0 - restitution**2) * moment(2), np.full(BALL_PATHS, 2.0 * diffusion)),
+        "(1+e) n [w] = 1 - ⟨u⟩": ((1.0 + restitution) * moment(1), 1.0 - angle.mean(axis=1)),
+        "(1-e²) n [w²] = 2 D": ((1.0 - restitution**2) * moment(2), np.full(BALL_PATHS, 2.0 * diffusion)),
         "⟨v²⟩ = ⟨u(1-u)⟩": ((velocity**2).mean(axis=1), (angle * (1.0 - angle)).mean(axis=1)),
     }
     lines = []
@@ -63,25 +63,26 @@ def exponents():
 
 def section():
     """Return the body of the section."""
-    return f"""What is published for oscillators with an inelastic wall under white noise by path integration has a
-restoring force towards a rest position, damping, or walls on both sides: the step matrix method of Sykora, Kuske and
-Yurchenko (Nonlinear Dynamics 2024, doi 10.1007/s11071-024-09513-y) treats a linear oscillator with one barrier and a
-nonlinear one between two. A scene has v' = x - sgn x + f and its wall in the middle: it **cannot state** these, so
+    return f"""Path integration has been published for oscillators with an inelastic wall under white noise: the step
+matrix method of Sykora, Kuske and Yurchenko (Nonlinear Dynamics 2024, doi 10.1007/s11071-024-09513-y) treats a linear
+oscillator with one barrier and a nonlinear one between two. These have a restoring force towards a rest position,
+damping, or walls on both sides. A scene has v' = x - sgn x + f and its wall in the middle. It **cannot state** them, so
 there is no figure to compare. Their PathIntegrationMethod.jl is in Julia, has no Python package, and is not run here.
 
-What a scene can state is the block without forcing: with u = |x| a ball that bounces on an inelastic wall under white
-noise in the field 1 - u (Burkhardt and Kotsev 2006 for a constant field). Two things are known of it.
+A scene can state the block without forcing. With u = |x| this is a ball that bounces on an inelastic wall under white
+noise in the field 1 - u (Burkhardt and Kotsev 2006 treat a constant field). Two things are known of it.
 
-**Balances** of momentum, energy and virial (docs/theory.md, section 5), exact as long as escape is negligible: M_k is
-the rate of impacts times the mean of w^(k-1) over their speeds w. e = {BALL.block.restitution:g},
-D = {BALL.noise.diffusion:g}, {BALL_PATHS:,} paths of the white-noise engine over a time of {BALL.period - SETTLED:g}.
-How the second one's error falls with the shortest step is in docs/benchmarks.md (`benchmarks/white_order.py`).
+**Balances** of momentum, energy and virial ([theory.md](theory.md), section 5) are exact as long as escape is
+negligible. n is the number of impacts in a unit of time, and [w], [w²] are means over their speeds w. They are measured
+with e = {BALL.block.restitution:g}, D = {BALL.noise.diffusion:g} on {BALL_PATHS:,} paths of the white-noise engine over
+a time of {BALL.period - SETTLED:g}. How the error of the second one falls with the shortest step is in
+[benchmarks.md](benchmarks.md#white-noise-paths-order-of-the-time-step).
 
 {table(["", "left", "right", "difference"], balances())}
 
-**Slow impacts**: their speeds have a rate density w^(λ-1), with the exponent λ of Cornell, Swift and Bray (1998).
-Fitted to speeds from {SPEEDS[0]:g} to {SPEEDS[1]:g} under D = {STRONG.noise.diffusion:g}, {STRONG_STEPS:,} steps a
-cycle, from τ = {STARTED:g} to 1.
+**Slow impacts**: the number of impacts at speeds near w goes like w^(λ-1), with the exponent λ of Cornell, Swift and
+Bray (1998). It is fitted to speeds from {SPEEDS[0]:g} to {SPEEDS[1]:g}, under D = {STRONG.noise.diffusion:g} with
+{STRONG_STEPS:,} steps a cycle, from τ = {STARTED:g} to 1.
 
 {table(["e", "λ, published", "λ, measured"], exponents())}
 """

@@ -12,9 +12,13 @@ ROOT = pathlib.Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"
 HEAD = """# Benchmarks
 
-Written by the scripts in `benchmarks/` (`make bench`), a section each, on 2 cores. Times are ratios within one run, or
-stand beside their rival in the same run; a first call that compiles is never timed. The tables are also in
-`benchmarks/` beside this page, as JSON.
+Each section is written by a script in `benchmarks/` (`make bench`), on 2 cores. S is survival, the probability of not
+having overturned, and S(k) that after k cycles. dS is the largest error in survival over the cycles. L1 of the bins is
+the sum of |difference| of the probabilities of bins of angle and velocity. *tol* is the error in survival that is asked
+of the density solver. The *main scene* and the *second scene* come with the package (`load_scene`); for the density
+solver, and where white noise is said, band noise is replaced by the equivalent white noise. Times in a table are
+comparable with each other, because the methods took turns in one run; a first call that compiles is never timed. The
+tables are also in `benchmarks/` beside this page, as JSON.
 """
 TABLE = re.compile(r"(?m)(?:^\|.*\|\n?)+")
 

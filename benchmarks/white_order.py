@@ -35,7 +35,7 @@ DEFAULT = white.FINEST * STEPS
 COARSE = (64, 128, 256, 512, 1024)
 REFERENCE = 256
 CYCLES = (2, 10)
-NAMES = ("S", "<x>", "<v>", "<xx>", "<vv>")
+NAMES = ("S", "⟨x⟩", "⟨v⟩", "⟨x²⟩", "⟨v²⟩")
 
 
 @contextlib.contextmanager
@@ -125,19 +125,23 @@ def main():
     """Measure, and write the section or print."""
     paths = int(sys.argv[1]) if len(sys.argv) > 1 else PATHS
     few = max(1000, paths // 50)
-    parts = []
+    parts, biases = [], []
     for name in ("second", "main"):
         lines, worst = scene_table(load_scene(SCENES / f"{name}.toml").white_equivalent(), paths)
         bias = f"{worst[0]:.2f} ± {worst[1]:.2f}"
-        parts.append(f"**The {name} scene**, {paths:,} paths. Largest bias at the default: {bias}.\n\n{lines}")
-    text = f"""How the time step of the white-noise paths shifts what they tell. Their shortest step, a cycle over m, is
-taken far longer than any that `simulate` allows, and followed down to the default, m = {DEFAULT:,}. Differences to the
-default and its bias in 1e-4; the bias is what is left of the difference at m = {REFERENCE} if it falls with the first
-order. Orders are fitted where the first difference is 8 standard errors or more.
+        biases.append(f"{bias} in the {name} scene")
+        parts.append(f"**The {name} scene**, {paths:,} paths.\n\n{lines}")
+    text = f"""**Result.** The largest bias at the default, in 1e-4: {", ".join(biases)}.
 
-**Energy balance** of an unforced block that rattles for ever, (1 - e²) M₃ / 2 = D, with M₃ the sum a time of the
-squared impact speeds: relative error by shortest step h, {few:,} paths; by steps alone, and as the engine does it, with
-low bounces in one draw each.
+White-noise paths take steps that shorten near an impact. The bias of survival and moments comes from the shortest one,
+a cycle over m. It is measured with steps far longer than any that `simulate` allows, down to the default, m =
+{DEFAULT:,}. The tables give differences from the default in 1e-4; S is survival, and ⟨ ⟩ are means in which a path that
+has overturned counts as 0. The bias of the default is what is left of the difference at m = {REFERENCE} if it falls
+with the first order from there on. Orders are fitted where the first difference is 8 standard errors or more.
+
+**Energy balance** of an unforced block that rattles for ever: (1 - e²) n [w²] / 2 = D, with n the number of impacts in
+a unit of time and [w²] the mean square of their speeds. The table gives its relative error by shortest step h, from
+{few:,} paths: with steps alone, and with each low bounce as one draw, as the engine has it.
 
 {balance_table(few)}
 

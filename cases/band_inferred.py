@@ -1,8 +1,8 @@
-"""Which noise band did Lin and Yim (1996) use? Every statement of theirs that depends on it, held against many bands.
+"""The noise band of Lin and Yim (1996), inferred from their figures.
 
 The paper gives the variance of its noise and the number of its harmonics, not the band of their frequencies. Five of
-its figures say something that depends on the band. For a band [a, b] each is put as a probability, its likelihood: how
-probable is what the paper saw, if that was its band?
+its figures say something that depends on it; each is held against many bands. For a band [a, b] each is put as a
+probability, its likelihood: how probable is what the paper saw, if that was its band?
 
 * **Fig. 3** (e = 0.5, σ² = 0.286): noise lowers the critical amplitude. It has to leave one, so σ_M < (1-e²)/2: yes
   or no.
@@ -108,7 +108,7 @@ def run(
         "left_out": variants,
         "joint": _joint(from_zero, seeds, few_seeds),
     }
-    _draw(out / "band.png", from_zero, values)
+    draw(out / "band.png", values)
     summary.write_summary(out / "band.json", values)
     return values
 
@@ -205,13 +205,19 @@ def _joint(rows, seeds, few_seeds):
     }
 
 
-def _draw(path, rows, values):
+def draw(path, values):
+    """Draw what the JSON file holds of the bands that begin at 0."""
+    rows = [row for row in values["rows"] if row["band"][0] == 0.0]
     joint, ends = values["joint"], [row["band"][1] for row in rows]
     size = f"{values['realizations']:,} realizations a band; mean maps of {values['map']['realizations']:,}"
     met = joint["meets_all"]
     found = f"all are met by b = {', '.join(f'{b:g}' for b in met)} of those tried" if met else "no b meets all"
-    notes = [f"{size}, {values['map']['seeds']} seeds at σ = 0.12 and 0.13, {values['map']['seeds_of_others']} else.",
-             f"Dashed: 5 %, from which on a statement counts as met; {found}."]  # fmt: skip
+    seeds = f"{values['map']['seeds']} seeds at σ = 0.12 and 0.13, {values['map']['seeds_of_others']} else"
+    limits = (
+        f"Dashed: {100 * LIKELY:g} %, from which on a statement counts as met; in 5(b), where {LATE} cycles lie within "
+        f"the central 95 %. Grey: b whose product of all is within e^-{WITHIN:g} of its largest. Wedges: lower still."
+    )
+    notes = [f"{size}, {seeds}.", limits, f"{found[0].upper()}{found[1:]}."]
     title = "Which noise band [0, b] gives what the paper shows?"
     with style.page(path, (10.5, 8.2), title, notes) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
@@ -223,6 +229,7 @@ def _draw(path, rows, values):
         panels[3].set_ylabel("probability of what the paper shows")
 
 
+_SHOWN = 12.0
 _TITLES = {
     "Fig. 5(b)": "Fig. 5(b): overturns after\n125 cycles (113 to 137)",
     "Fig. 6": "Fig. 6: at most 10 of 1,000\nstand after 60 cycles",
@@ -236,9 +243,12 @@ def _likelihood(axes, name, rows, ends, joint):
     axes.axvspan(min(joint["within"]), max(joint["within"]), color="#dddddd", zorder=0)
     if name == "all":
         logs = np.array(joint["log_likelihood"])
-        axes.plot(ends, np.maximum(logs - logs.max(), -12.0), "o-", color=style.COLOURS[1], markersize=4)
+        less, drawn = logs - logs.max(), np.array(ends)
+        shown = less > -_SHOWN
+        axes.plot(drawn[shown], less[shown], "o-", color=style.COLOURS[1], markersize=4)
+        axes.plot(drawn[~shown], np.full(np.count_nonzero(~shown), -_SHOWN), "v", color=style.COLOURS[1], markersize=6)
         axes.axhline(-WITHIN, color="black", linewidth=0.8, linestyle="--")
-        axes.set(title="All, and Fig. 3: logarithm of the\nproduct less its largest (cut at -12)", ylim=(-12.6, 0.6))
+        axes.set(title="All, and Fig. 3: logarithm of the\nproduct, less its largest", ylim=(-_SHOWN - 0.6, 0.6))
         return
     chances = [row["likelihood"][name] for row in rows]
     axes.plot(ends, chances, "o-", color=style.COLOURS[0], markersize=4)

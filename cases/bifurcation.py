@@ -1,8 +1,9 @@
-"""Bifurcation diagram of the block without noise against the amplitude, and its boundary crisis.
+"""Bifurcations and boundary crisis of the block without noise.
 
 The main scene without noise, with the amplitude A of the forcing as parameter. Shown are the Poincaré velocities of the
-motion that a slowly growing and a slowly falling amplitude carry along and of the motion from rest; the symmetric
-orbits with one impact in each half cycle, in closed form; and how long blocks stand beyond the crisis. Where the
+motion that a slowly growing and a slowly falling amplitude carry along and of the motion from rest, each in a panel of
+its own; the symmetric orbits with one impact in each half cycle, in closed form; and how long blocks stand beyond the
+crisis. Where the
 symmetric orbit loses its stability a pair of orbits is born, each the other's mirror image, so that the three motions
 need not agree; the pair doubles its period, turns chaotic and merges.
 
@@ -139,32 +140,52 @@ def _stable_up_to(scene):
 
 
 def _draw(path, scene, points, values):
-    with style.page(path, (10.5, 10.0), "The block without noise: bifurcations and boundary crisis") as figure:
-        panels = figure.subplot_mosaic([["all", "all"], ["zoom", "beyond"]], height_ratios=(1.2, 1.0))
-        for name in ("all", "zoom"):
-            _diagram(panels[name], scene, points, values)
-        panels["all"].legend(loc="lower left", markerscale=5.0)
-        panels["all"].set(title=f"Poincaré points, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}")
-        panels["zoom"].set(title="Chaos and its end (vertical line)", xlim=(4.15, values["amplitudes"][-1]))
+    note = (
+        "Every diagram: Poincaré velocities after each of 100 cycles, 300 cycles after the start or the last amplitude."
+    )
+    with style.page(path, (12.0, 9.0), "The block without noise: bifurcations and boundary crisis", [note]) as figure:
+        panels = figure.subplot_mosaic([["growing", "growing", "beyond"], list(points)])
+        _diagram(panels["growing"], scene, points["growing amplitude"], values, markersize=1.2)
+        title = f"(a) Growing amplitude, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}"
+        panels["growing"].set_title(title)
+        _orbits_named(panels["growing"], scene, values)
+        for letter, name in zip("cde", points, strict=True):
+            _diagram(panels[name], scene, points[name], values, markersize=0.8)
+            panels[name].set(title=f"({letter}) {name.capitalize()}", xlim=(4.0, values["amplitudes"][-1] + 0.03))
+            panels[name].sharey(panels["growing"])
         _beyond(panels["beyond"], values)
 
 
-def _diagram(axes, scene, points, values):
+def _diagram(axes, scene, found, values, markersize):
     amplitudes = np.array(values["amplitudes"])
-    looks = zip(points.items(), style.COLOURS[2::-1], (3.0, 1.6, 0.6), strict=True)
-    for (name, found), colour, size in looks:
-        places = np.repeat(amplitudes, [len(one) for one in found])
-        velocity = np.concatenate(found)[:, 1]
-        axes.plot(places, velocity, ".", markersize=size, color=colour, label=name, rasterized=True)
-    orbits = [symmetric_orbits(a, scene.forcing.frequency, scene.block.restitution) for a in amplitudes]
-    lines = np.full((2, amplitudes.size), np.nan)
-    for place, found in enumerate(orbits):
-        for orbit in found:
-            lines[0 if orbit.stable else 1, place] = orbit.state(scene.forcing.phase)[1]
-    axes.plot(amplitudes, lines[0], "-", color="black", linewidth=1.2, label="symmetric orbit, stable")
-    axes.plot(amplitudes, lines[1], "--", color="black", linewidth=1.2, label="symmetric orbit, unstable")
+    places, velocity = np.repeat(amplitudes, [len(one) for one in found]), np.concatenate(found)[:, 1]
+    axes.plot(places, velocity, ".", markersize=markersize, color=style.COLOURS[0], rasterized=True)
+    for line, orbit in zip(("-", "--"), _symmetric(scene, amplitudes), strict=True):
+        axes.plot(amplitudes, orbit, line, color="black", linewidth=1.2)
     axes.axvline(np.mean(values["crisis"]), color=style.OVERTURNED, linewidth=1.0)
     axes.set(xlabel=_AMPLITUDE, ylabel=motion.VELOCITY)
+
+
+def _symmetric(scene, amplitudes):
+    """Velocities (2, amplitudes) on the stable and on the unstable symmetric orbit, nan where there is none."""
+    found = np.full((2, amplitudes.size), np.nan)
+    for place, amplitude in enumerate(amplitudes):
+        for orbit in symmetric_orbits(amplitude, scene.forcing.frequency, scene.block.restitution):
+            found[0 if orbit.stable else 1, place] = orbit.state(scene.forcing.phase)[1]
+    return found
+
+
+def _orbits_named(axes, scene, values):
+    """Name the two parts of the symmetric orbit above themselves, and the crisis at the foot of its line."""
+    amplitudes = np.array(values["amplitudes"])
+    for name, orbit in zip(("stable", "unstable"), _symmetric(scene, amplitudes), strict=True):
+        places = np.flatnonzero(np.isfinite(orbit))
+        if places.size:
+            point = amplitudes[places[0]], orbit[places[0]]
+            offset = (0.0, 8.0) if name == "stable" else (60.0, 14.0)
+            style.named(axes, f"symmetric orbit, {name}", point, "black", offset)
+    foot = np.mean(values["crisis"]), -0.35
+    style.named(axes, "boundary crisis", foot, style.OVERTURNED, offset=(5.0, 0.0), rotation=90)
 
 
 def _beyond(axes, values):
@@ -175,7 +196,7 @@ def _beyond(axes, values):
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
     axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)
-    axes.set_title(f"Cycles until overturning beyond the crisis\n{BLOCKS} blocks, 95 % intervals", fontsize=11)
+    axes.set_title(f"(b) Until overturning beyond the crisis\n{BLOCKS} blocks, 95 % intervals")
 
 
 def main() -> int:

@@ -1,11 +1,11 @@
-"""Where is the density solver's white noise trustworthy? Bands, numbers of harmonics, and an error budget.
+"""Where white noise may stand for band noise.
 
-The density solver replaces band noise by white noise with D = σ_M²/2. Its survival is held against Shinozuka Monte
-Carlo in the main scene and in that with e = 0.7, over bands that cover the block's frequencies or leave some out, with
-two σ or more for each, and over the number N of harmonics. So is a rival closure, which keeps the jump of velocity in
-the heteroclinic orbit (`jump_diffusion` of `fpk_rocking.physics.equivalence`), and the average of the density solver
-over the diffusions of single realizations (`solve_realizations`). For one noise the difference is divided into parts,
-each isolated by switching one thing:
+The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
+is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's
+frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. So is a rival closure,
+which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of `fpk_rocking.physics.equivalence`), and
+the average of the density solver over the diffusions of single realizations (`solve_realizations`). For one noise the
+difference is divided into parts, each isolated by switching one thing:
 
 * finite N: N = 100 against N = 1000,
 * band: N = 1000 against white noise, both sampled,
@@ -165,35 +165,50 @@ def worst(differences):
     return np.take_along_axis(differences, places, axis=-1)[..., 0]
 
 
-def draw(path, findings):
+def draw(path, values):
     """Draw errors against cover and spread, what the average over realizations leaves, and the error budget."""
-    size = f"{findings['realizations']:,} realizations (± 0.004 or less, one standard error)"
+    size = f"{values['realizations']:,} realizations (± 0.004 or less, one standard error)"
     cycles = ", ".join(map(str, CYCLES))
-    notes = [f"Each point: the difference that is largest after {cycles} cycles; {size}. Grey: trusted."]
-    rows = [["cover", "cover"], ["excess", "left"], ["budget", "budget"]]
-    with style.page(path, (10.5, 10.0), "White noise for band noise: where it is trustworthy", notes) as figure:
+    points = (
+        f"N: harmonics of the band noise. Each point: the difference that is largest after {cycles} cycles; {size}. "
+        "Grey: where white noise is trusted."
+    )
+    closures = (
+        "(a) D = σ_M²/2, half the Melnikov variance of the band, as in the density solver. (b) D from the band "
+        "with the velocity jump at the impact of the heteroclinic orbit kept. Cover: part of the Melnikov variance of "
+        "white noise that the band has. Spread: standard deviation over mean of the diffusions of single realizations."
+    )
+    parts = (
+        "(e) whole: N = 100 less density; finite N: N = 100 less N = 1000; band: N = 1000 less white noise; "
+        "discretization: white noise less density."
+    )
+    notes = [points, closures, parts]
+    rows = [["cover", "jump"], ["excess", "left"], ["budget", "budget"]]
+    with style.page(path, (10.5, 11.4), "White noise for band noise: where it is trustworthy", notes) as figure:
         panels = figure.subplot_mosaic(rows, height_ratios=(1.2, 1.0, 0.8))
-        _against_cover(panels["cover"], findings)
+        last = values["harmonics"][-1]
+        _against_cover(panels["cover"], values, "density", f"(a) D = σ_M²/2, N = {last}")
+        panels["jump"].sharey(panels["cover"])
+        _against_cover(panels["jump"], values, "jump_density", f"(b) D with the jump kept, N = {last}")
         panels["left"].sharey(panels["excess"])
-        _against_spread(panels["excess"], findings, "density", "Excess of N harmonics over white noise")
-        _against_spread(panels["left"], findings, "averaged", "What the average over realizations leaves of it")
-        _budget(panels["budget"], findings["budget"])
+        _against_spread(panels["excess"], values, "density", "(c) Excess of N harmonics over white noise")
+        _against_spread(panels["left"], values, "averaged", "(d) What the average over realizations leaves of it")
+        _budget(panels["budget"], values["budget"])
 
 
-def _against_cover(axes, findings):
-    rows = findings["noises"]
-    marks = dict(zip(dict.fromkeys(row["restitution"] for row in rows), "os", strict=False))
-    for name, colour, label in (("density", 0, "D = σ_M²/2"), ("jump_density", 1, "rival: jump kept")):
-        for e, mark in marks.items():
-            here = [row for row in rows if row["restitution"] == e]
-            errors = [worst(np.subtract(row["sampled"][-1], row[name])) for row in here]
-            look = {"color": style.COLOURS[colour], "markerfacecolor": "white" if colour else None, "markersize": 6}
-            axes.plot([row["cover"] for row in here], errors, mark, label=f"{label}, e = {e:g}", **look)
+def _against_cover(axes, findings, name, title):
+    """Draw what Monte Carlo of the most harmonics differs by from the density with one closure."""
+    for k, (e, mark) in enumerate(
+        zip(dict.fromkeys(row["restitution"] for row in findings["noises"]), "os", strict=False)
+    ):
+        here = [row for row in findings["noises"] if row["restitution"] == e]
+        errors = [worst(np.subtract(row["sampled"][-1], row[name])) for row in here]
+        look = {"color": style.COLOURS[k], "markerfacecolor": "none", "markersize": 6}
+        axes.plot([row["cover"] for row in here], errors, mark, label=f"e = {e:g}", **look)
     axes.axvspan(equivalence.TRUSTED_COVER, 1.02, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(xlabel="cover of the band (part of the Melnikov variance of white noise)", xlim=(-0.02, 1.02))
-    axes.set(ylabel="survival, Monte Carlo less density", title=f"Band, N = {findings['harmonics'][-1]}")
-    axes.legend(ncols=2, fontsize=9, loc="lower center")
+    axes.set(xlabel="cover of the band", xlim=(-0.02, 1.02), ylabel="survival, Monte Carlo less density", title=title)
+    axes.legend(loc="lower center")
 
 
 def _against_spread(axes, findings, name, title):
@@ -214,7 +229,7 @@ def _against_spread(axes, findings, name, title):
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set(title=title, xlabel="spread of the realizations' diffusions, relative", ylabel="difference in survival")
     axes.set_xlim(0.0, 1.25)
-    axes.legend(fontsize=9, loc="upper left")
+    axes.legend(fontsize=9, loc="upper left", bbox_to_anchor=(0.26, 1.0))
 
 
 def _budget(axes, found):
@@ -227,7 +242,7 @@ def _budget(axes, found):
     axes.invert_yaxis()
     (low, high), sigma = BUDGETED
     size = f"{found['realizations']:,} realizations"
-    title = f"Error budget: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
+    title = f"(e) Error budget: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
     axes.set(xlabel="Monte Carlo less density, in survival", title=title)
     axes.legend(fontsize=9)
 

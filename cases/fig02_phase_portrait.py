@@ -1,12 +1,14 @@
-"""Potential, phase portrait and heteroclinic orbits of the free rocking block: cf. Fig. 2 of Lin and Yim (1996).
+"""Fig. 2 of Lin and Yim (1996): the free rocking block.
 
-Without forcing the block dx/dτ = v, dv/dτ = x - s has the energy H = v²/2 + V, V = |x| - x²/2: a cusped well between
-two saddles x = ±1 of height 1/2, joined by two heteroclinic orbits v = ±(1 - |x|). Shown are
+Without forcing the block d²Θ/dτ² = Θ - s, where s = ±1 is the side on which it rocks, has the energy H = v²/2 + V with
+v = dΘ/dτ and V = |Θ| - Θ²/2: a cusped well between two saddles Θ = ±1 of height 1/2, joined by two heteroclinic orbits
+v = ±(1 - |Θ|). Shown are
 
-* the potential with the saddles and the cut-off ±π/2,
-* orbits without loss at several energies, the heteroclinic ones in bold, and one path that loses speed at each impact,
-* angle and velocity on the heteroclinic orbit against time,
-* the transform 2/(1 + ω²) of that velocity (paper eq. 16), in closed form and by quadrature over the orbit.
+* (a) the potential with the saddles and the cut-off ±π/2,
+* (b) orbits without loss at several energies, the heteroclinic ones in bold, and one path that loses speed at each
+  impact,
+* (c) angle and velocity on the heteroclinic orbit against time,
+* (d) the transform 2/(1 + ω²) of that velocity (paper eq. 16), in closed form and by quadrature over the orbit.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 2.
@@ -27,14 +29,12 @@ import numpy as np
 from scipy.integrate import quad
 
 from fpk_rocking import melnikov
-from fpk_rocking.output import style, summary
+from fpk_rocking.output import motion, style, summary
 
 CUTOFF = math.pi / 2
 INSIDE = (0.1, 0.2, 0.3, 0.4)
 OUTSIDE = (0.65, 0.85)
 IMPACTS = 12
-_ANGLE = "angle x, in units of the critical angle"
-_VELOCITY = "velocity v, nondimensional"
 
 
 def run(out, restitution=0.7, frequencies=(0.0, 0.5, 1.0, 2.0, 2.7, 4.0, 8.0)) -> dict:
@@ -116,11 +116,11 @@ def _well(axes):
     axes.annotate("rest", (0.0, 0.0), xytext=(0, -14), textcoords="offset points", ha="center")
     _cutoff(axes, -0.08, 0.55)
     axes.text(CUTOFF - 0.03, 0.02, "cut-off π/2", rotation=90, ha="right", color=style.OVERTURNED)
-    axes.set(title="Potential |x| - x²/2", xlabel=_ANGLE, ylabel="energy, nondimensional", ylim=(-0.08, 0.62))
+    axes.set(title="(a) Potential |Θ| - Θ²/2", xlabel=motion.ANGLE, ylabel="energy, nondimensional", ylim=(-0.08, 0.62))
 
 
 def _portrait(axes, restitution):
-    label = "samples, e = 1"
+    label = "free orbits, e = 1"
     for energy in (*INSIDE, *OUTSIDE):
         x, v = free_orbit(energy)
         for side in (1.0, -1.0):
@@ -145,9 +145,9 @@ def _portrait(axes, restitution):
     axes.plot([-1.0, 0.0, 1.0], [0.0, 0.0, 0.0], "o", color="black", markersize=5, zorder=3)
     _cutoff(axes, -1.5, 1.4)
     axes.set(
-        title="Phase portrait: saddles at ±1, centre at 0",
-        xlabel=_ANGLE,
-        ylabel=_VELOCITY,
+        title="(b) Phase portrait: saddles at ±1, centre at 0",
+        xlabel=motion.ANGLE,
+        ylabel=motion.VELOCITY,
         xlim=(-1.75, 1.75),
         ylim=(-1.5, 2.0),
     )
@@ -157,12 +157,14 @@ def _portrait(axes, restitution):
 def _orbit(axes):
     time = np.linspace(-6.0, 6.0, 601)
     for values, colour, label, line in zip(
-        melnikov.heteroclinic_orbit(time), style.COLOURS, ("angle x", "velocity v"), ("-", "--"), strict=False
+        melnikov.heteroclinic_orbit(time), style.COLOURS, ("angle Θ", "velocity dΘ/dτ"), ("-", "--"), strict=False
     ):
-        axes.plot(time, values, line, color=colour, label=label)
-    axes.set(title="Heteroclinic orbit from left to right; impact at τ = 0")
-    axes.set(xlabel="time τ, nondimensional", ylabel="x and v, nondimensional")
-    axes.legend(loc="upper left")
+        axes.plot(time, values, line, color=colour)
+        style.named(
+            axes, label, (time[-1], values[-1]), colour, offset=(-4.0, -14.0 if values[-1] > 0.5 else 14.0), ha="right"
+        )
+    axes.set(title="(c) Heteroclinic orbit from left to right; impact at τ = 0")
+    axes.set(xlabel=motion.TIME, ylabel="angle and velocity")
 
 
 def _transform(axes, frequencies, work):
@@ -170,7 +172,7 @@ def _transform(axes, frequencies, work):
     axes.plot(omega, melnikov.transfer(omega), color=style.COLOURS[0], label="2/(1 + ω²), paper (16)")
     points = {"color": style.COLOURS[1], "markerfacecolor": "white", "label": "quadrature over the orbit"}
     axes.plot(frequencies, work, "o", **points)
-    axes.set(title="Transform of the velocity on the orbit", ylim=(0.0, None))
+    axes.set(title="(d) Transform of the velocity on the orbit", ylim=(0.0, None))
     axes.set(xlabel="frequency ω, nondimensional", ylabel="work of cos ωτ, nondimensional")
     axes.legend()
 

@@ -1,13 +1,13 @@
-"""Critical amplitude of the forcing against its frequency, with and without noise: Fig. 3 of Lin and Yim (1996).
+"""Fig. 3 of Lin and Yim (1996): critical amplitude of the forcing.
 
 From the critical amplitude on, the Melnikov criterion lets blocks cross the separatrix. Shown are
 
-* the paper's figure: its criterion (14) at e = 0.5, without noise and with σ² = 0.286. Beside it the exact crossing of
-  the manifolds without noise, and the mean square of both parts of the Melnikov process in the place of (14), which
+* (a) the paper's figure: its criterion (14) at e = 0.5, without noise and with σ² = 0.286. Beside it the exact crossing
+  of the manifolds without noise, and the mean square of both parts of the Melnikov process in the place of (14), which
   adds the peak of the harmonic part to the mean square of the noise,
-* criterion (14) for other restitutions,
-* (14) without noise over the exact amplitude: where the first order in 1 - e, A and σ holds,
-* (14) at Ω = 4 against the variance of the noise, for three bands. It is zero where the noise alone meets it.
+* (b) criterion (14) for other restitutions,
+* (c) (14) without noise over the exact amplitude: where the first order in 1 - e, A and σ holds,
+* (d) (14) at Ω = 4 against the variance of the noise, for three bands, until the noise alone meets it.
 
 The paper does not state the noise band. That its noise leaves a critical amplitude, as its figure shows, excludes bands
 [0, b] below b = 6.4 (see band_inferred.py).
@@ -36,6 +36,7 @@ RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 PAPER = 0.5
 BANDS = (5.0, 10.0, 20.0)
 SHOWN = (0.5, 1.0, 2.0, 2.7, 4.0, 6.0)
+_HIGHEST = 7.6
 _AMPLITUDE = "amplitude A, nondimensional"
 _FREQUENCY = "frequency Ω, nondimensional"
 
@@ -87,7 +88,11 @@ def draw(path, noise, points):
     """Write the picture."""
     omega = np.linspace(0.05, 6.0, points)
     title = "Critical amplitude of the forcing (cf. paper Fig. 3)"
-    notes = [f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
+    criteria = (
+        "(14): the paper's Melnikov criterion, eq. 14. Mean square: that of both parts of the Melnikov process. Exact "
+        "crossing: of the manifolds of the saddles. e: restitution; σ²: variance of the noise."
+    )
+    notes = [criteria, f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
     with style.page(path, (10.5, 9.0), title, notes) as figure:
         (paper, others), (ratio, noisy) = figure.subplots(2, 2)
         _paper(paper, omega, noise)
@@ -105,24 +110,27 @@ def _paper(axes, omega, noise):
         for one, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
             amplitude = melnikov.critical_amplitude(omega, PAPER, one, criterion)
             width = 2.2 if criterion == "peak" else 1.0
-            axes.plot(omega, amplitude, line, color=colour, linewidth=width, label=f"{name}, {label}")
+            axes.plot(omega, amplitude, line, color=colour, linewidth=width)
+            last = np.flatnonzero(amplitude < _HIGHEST)[-1]
+            style.named(axes, f"{name}, {label}", (omega[last], amplitude[last]), colour, fontsize=9)
     exact = melnikov.exact_critical_amplitude(omega, PAPER)
-    axes.plot(omega, exact, color="black", linestyle="-.", linewidth=1.0, label="exact crossing, no noise")
-    axes.set(title=f"The paper's figure, e = {PAPER:g}; thin lines: ours", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
-    axes.set(ylim=(-0.1, 8.0))
-    axes.legend(loc="upper left")
+    axes.plot(omega, exact, color="black", linestyle="-.", linewidth=1.0)
+    style.named(axes, "exact crossing, no noise", (omega[-1], exact[-1]), "black", offset=(5.0, -5.0), fontsize=9)
+    axes.set(title=f"(a) The paper's figure, e = {PAPER:g}; thin lines: ours", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
+    axes.set(ylim=(-0.1, 8.0), xlim=(-0.25, 9.4), xticks=range(7))
 
 
 def _others(axes, omega, noise):
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         still = melnikov.critical_amplitude(omega, e, NoNoise())
         axes.plot(omega, still, color=colour)
-        axes.plot(omega, melnikov.critical_amplitude(omega, e, noise), "--", color=colour)
-        last = int(np.argmax(still > 7.6)) if still.max() > 7.6 else -1
-        axes.annotate(f"e = {e:g}", (omega[last], still[last]), xytext=(4, 0), textcoords="offset points", color=colour)
+        noisy = melnikov.critical_amplitude(omega, e, noise)
+        axes.plot(omega, np.where(noisy > 0.0, noisy, np.nan), "--", color=colour)
+        last = np.flatnonzero(still < _HIGHEST)[-1]
+        style.named(axes, f"e = {e:g}", (omega[last], still[last]), colour)
     axes.plot([], [], color="#555555", label="no noise")
     axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}; 0 for e = 0.7 and 0.9")
-    axes.set(title="Criterion (14) for other restitutions", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
+    axes.set(title="(b) Criterion (14) for other restitutions", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
     axes.set(ylim=(-0.1, 8.0), xlim=(-0.25, 6.9))
     axes.legend(loc="upper left")
 
@@ -130,10 +138,12 @@ def _others(axes, omega, noise):
 def _ratio(axes, omega):
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         amplitude = melnikov.critical_amplitude(omega, e, NoNoise())
-        axes.plot(omega, amplitude / melnikov.exact_critical_amplitude(omega, e), color=colour, label=f"e = {e:g}")
+        ratio = amplitude / melnikov.exact_critical_amplitude(omega, e)
+        axes.plot(omega, ratio, color=colour)
+        style.named(axes, f"e = {e:g}", (omega[-1], ratio[-1]), colour)
     axes.axhline(1.0, color="black", linewidth=0.8)
-    axes.set(title="(14) over the exact amplitude, without noise", xlabel=_FREQUENCY, ylabel="ratio of amplitudes")
-    axes.legend(loc="upper left")
+    axes.set(title="(c) (14) over the exact amplitude, without noise", xlabel=_FREQUENCY, ylabel="ratio of amplitudes")
+    axes.set(xlim=(-0.25, 6.9))
 
 
 def _noisy(axes, points):
@@ -141,13 +151,19 @@ def _noisy(axes, points):
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         for high, line in zip(BANDS, lines, strict=True):
             noises = [BandNoise(one, (0.0, high), 100) for one in variance]
-            axes.plot(variance, melnikov.critical_amplitude(4.0, e, noises), line, color=colour)
-        axes.plot([], [], color=colour, label=f"e = {e:g}")
+            amplitude = melnikov.critical_amplitude(4.0, e, noises)
+            axes.plot(variance, _until_zero(amplitude), line, color=colour)
+        style.named(axes, f"e = {e:g}", (0.0, amplitude[0]), colour, offset=(-5.0, -3.0), ha="right")
     for high, line in zip(BANDS, lines, strict=True):
         axes.plot([], [], line, color="#555555", label=f"band [0, {high:g}]")
-    axes.set(title="(14) at Ω = 4 against the noise", xlabel="variance of the noise σ², nondimensional")
-    axes.set(ylabel=_AMPLITUDE, ylim=(-0.1, 5.4))
-    axes.legend(ncols=2, loc="upper right")
+    axes.set(title="(d) Criterion (14) at Ω = 4 against the noise", xlabel="variance of the noise σ², nondimensional")
+    axes.set(ylabel=_AMPLITUDE, ylim=(-0.1, 5.0), xlim=(-0.19, 1.03), xticks=np.linspace(0.0, 1.0, 6))
+    axes.legend(loc="upper right")
+
+
+def _until_zero(amplitude):
+    """Leave out what comes after the first zero: from there on the noise alone meets the criterion."""
+    return np.where(np.append(True, amplitude[:-1] > 0.0), amplitude, np.nan)
 
 
 def main() -> int:

@@ -1,11 +1,11 @@
-"""Phase flux against amplitude, frequency, restitution and noise: cf. Fig. 4 of Lin and Yim (1996).
+"""Fig. 4 of Lin and Yim (1996): phase flux.
 
 The phase flux Φ is the mean positive part of the Melnikov process: the phase-space area that crosses a separatrix per
 unit time, to first order. Around (A, Ω) = (4, 4), without noise and with σ² = 0.16, are shown
 
-* the Melnikov process of one realization of the noise, whose positive part, shaded, has the mean Φ,
-* Φ against the amplitude, against the frequency, and against the variance of the noise,
-* Φ against the restitution: corrected, as eqs. 17 and 18 are printed, and by Monte Carlo of the expectation.
+* (a) the Melnikov process of one realization of the noise, whose positive part, shaded, has the mean Φ,
+* Φ (b) against the amplitude, (c) against the frequency and (e) against the variance of the noise, for two e,
+* (d) Φ against the restitution: corrected, as eqs. 17 and 18 are printed, and by Monte Carlo of the expectation.
 
 Band noise of finitely many harmonics is not Gaussian; the mean of the positive part over many realizations tells how
 much of Φ rests on its being so.
@@ -36,6 +36,7 @@ SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 FORCING = Forcing(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
 BANDS = (5.0, 10.0, 20.0)
+SHOWN = (0.5, 0.9)
 SHOWN_CYCLES = 12
 PHASES, APART = 32, 13
 _FLUX = "phase flux Φ, nondimensional"
@@ -113,7 +114,11 @@ def process_flux(noise, restitution, realizations, seed):
 
 def draw(path, noise, points, values, seed):
     """Write the picture."""
-    notes = [f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
+    symbols = (
+        "A, Ω: amplitude and frequency of the forcing; e: restitution; σ²: variance of the noise. (17), (18): the "
+        "paper's equations, as printed and corrected (docs/theory.md). Vertical lines: the value of the other panels."
+    )
+    notes = [symbols, f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
     with style.page(path, (10.5, 11.2), "Phase flux (cf. paper Fig. 4)", notes) as figure:
         rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 1.0))
@@ -133,7 +138,7 @@ def _process(axes, noise, seed):
     part = {"color": style.COLOURS[1], "alpha": 0.3, "linewidth": 0.0, "label": "positive part"}
     axes.fill_between(time, 0.0, np.maximum(process, 0.0), **part)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(title=f"Melnikov process at (A, Ω) = (4, 4), e = {e:g}", xlabel="time offset τ₀, nondimensional")
+    axes.set(title=f"(a) Melnikov process at A = 4, Ω = 4, e = {e:g}", xlabel="time offset τ₀, nondimensional")
     axes.set(ylabel="energy, nondimensional", xlim=(0.0, time[-1]))
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.25 * (high - low))
@@ -146,17 +151,23 @@ def _sweep(axes, swept, place, noise, name):
     axes.axvline(forcing[place], color="#999999", linewidth=0.8)
     forcing[place] = swept
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
-        axes.plot(swept, melnikov.phase_flux(tuple(forcing), e, NoNoise()), color=colour, label=f"e = {e:g}")
-        axes.plot(swept, melnikov.phase_flux(tuple(forcing), e, noise), "--", color=colour)
+        still, noisy = (melnikov.phase_flux(tuple(forcing), e, one) for one in (NoNoise(), noise))
+        axes.plot(swept, still, color=colour)
+        axes.plot(swept, noisy, "--", color=colour)
+        # Over the frequency only the curves with noise reach the end.
+        style.named(axes, f"e = {e:g}", (swept[-1], (noisy if place else still)[-1]), colour, fontsize=9)
+    axes.plot([], [], color="#555555", label="no noise")
     axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}")
     fixed = f"A = {FORCING.amplitude:g}" if place else f"Ω = {FORCING.frequency:g}"
-    axes.set(title=f"Against the {name}, {fixed}", xlabel=f"{name}, nondimensional", ylabel=_FLUX)
+    letter = "c" if place else "b"
+    axes.set(title=f"({letter}) Against the {name}, {fixed}", xlabel=f"{name}, nondimensional", ylabel=_FLUX)
+    axes.set(xlim=(swept[0] - 0.4, 9.3), xticks=range(0, 9, 2))
     if place:
         # Over the frequency the flux spans orders of magnitude; without noise it ends where D_m = M.
         axes.set(yscale="log", ylim=(1e-4, 4.0))
     else:
         axes.set_ylim(0.0, None)
-    axes.legend(loc="lower left" if place else "upper left", title="solid: σ² = 0")
+    axes.legend(loc="lower left" if place else "upper left")
 
 
 def _restitution(axes, noise, points, values):
@@ -164,8 +175,8 @@ def _restitution(axes, noise, points, values):
     curves = (
         (melnikov.phase_flux(FORCING, e, NoNoise()), "-", 0, "corrected, σ² = 0"),
         (melnikov.phase_flux(FORCING, e, noise), "-", 1, f"corrected, σ² = {noise.variance:g}"),
-        (melnikov.phase_flux_as_printed(FORCING, e, noise, 17), "--", 2, "(17) as printed"),
-        (melnikov.phase_flux_as_printed(FORCING, e, noise, 18), ":", 3, "(18) as printed"),
+        (melnikov.phase_flux_as_printed(FORCING, e, noise, 17), "--", 2, "paper (17) as printed"),
+        (melnikov.phase_flux_as_printed(FORCING, e, noise, 18), ":", 3, "paper (18) as printed"),
     )
     for flux, line, colour, label in curves:
         axes.plot(e, flux, line, color=style.COLOURS[colour], label=label)
@@ -174,7 +185,7 @@ def _restitution(axes, noise, points, values):
         axes.plot(RESTITUTIONS, row, label=label, **points)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set(
-        title="Against the restitution: corrected and as printed",
+        title="(d) Against the restitution, A = 4, Ω = 4",
         xlabel="restitution e, nondimensional",
         ylabel=_FLUX,
     )
@@ -183,16 +194,14 @@ def _restitution(axes, noise, points, values):
 
 def _variance(axes, points):
     variance, lines = np.linspace(0.0, 0.4, points), (":", "-", "--")
-    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+    for e, colour in zip(SHOWN, style.COLOURS, strict=False):
         for high, line in zip(BANDS, lines, strict=True):
-            noises = [BandNoise(one, (0.0, high), 100) for one in variance]
-            axes.plot(variance, melnikov.phase_flux(FORCING, e, noises), line, color=colour)
-        axes.plot([], [], color=colour, label=f"e = {e:g}")
-    for high, line in zip(BANDS, lines, strict=True):
-        axes.plot([], [], line, color="#555555", label=f"band [0, {high:g}]")
-    axes.set(title="Against the noise, (A, Ω) = (4, 4)", xlabel="variance of the noise σ², nondimensional")
-    axes.set(ylabel=_FLUX, ylim=(0.0, 0.42))
-    axes.legend(ncols=3, loc="upper left", fontsize=9)
+            flux = melnikov.phase_flux(FORCING, e, [BandNoise(one, (0.0, high), 100) for one in variance])
+            axes.plot(variance, flux, line, color=colour)
+            text = f"e = {e:g}, band [0, {high:g}]"
+            style.named(axes, text, (variance[-1], flux[-1]), colour, fontsize=9)
+    axes.set(title="(e) Against the noise, A = 4, Ω = 4", xlabel="variance of the noise σ², nondimensional")
+    axes.set(ylabel=_FLUX, ylim=(0.0, None), xlim=(-0.02, 0.63), xticks=(0.0, 0.1, 0.2, 0.3, 0.4))
 
 
 def main() -> int:

@@ -1,8 +1,8 @@
-"""A periodic rocking motion, and noise that makes it chaotic and overturns it late: Fig. 5 of Lin and Yim (1996).
+"""Fig. 5 of Lin and Yim (1996): noise overturns a periodic motion.
 
 The paper has A = 4.2 and Ψ = 3.14: (a) without noise a periodic motion of two forcing cycles; (b) with σ² = 0.05² one
 realization that is chaotic for a while and overturns after 125 cycles, through the upper right corner of the phase
-plane. Shown are time histories of the angle with every impact, the Poincaré points of both, and how many realizations
+plane. Shown are time histories of the angle, the Poincaré points of both, and how many realizations
 stand for how long under three noise bands. The realization shown is the first of its ensemble that overturns to the
 right within five cycles of the 125. The paper does not state the band: how late blocks overturn depends on it.
 
@@ -120,10 +120,10 @@ def _draw(path, quiet, shown, chosen, ensembles):
         titles = ("(a) No noise", f"(b) σ² = {noise.variance:g} on {band}, realization {chosen}")
         drawn = (("periodic", quiet, 0), ("noisy", shown, chosen))
         for (name, history, r), text in zip(drawn, titles, strict=True):
-            motion.history_panel(panels[name], history, r)
+            motion.history_panel(panels[name], history, r, impacts=False)
             panels[name].set_title(text, loc="left")
-            panels[name].set_ylabel("angle / critical angle")
-        panels["periodic"].set_title("a dot is an impact, a cross the overturning", loc="right", color="#333333")
+            panels[name].set_ylabel(motion.ANGLE)
+        panels["noisy"].set_title("dashed: the cut-off; cross: the overturning", loc="right", color="#333333")
         panels["noisy"].set_xlabel(f"{motion.TIME} (a forcing cycle is {shown.scene.period:.3f})")
         _points(panels["points"], quiet, shown, chosen)
         _standing(panels["standing"], ensembles)
@@ -140,7 +140,7 @@ def _points(axes, periodic, shown, chosen):
     axes.plot(shown.angle[chosen, end], shown.velocity[chosen, end], color=style.OVERTURNED, linewidth=1.0,
               label="(b) its last motion")  # fmt: skip
     axes.axvline(cutoff, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
-    axes.set(title="Poincaré points; dashed: the cut-off", xlabel=motion.ANGLE, ylabel=motion.VELOCITY)
+    axes.set(title="(c) Poincaré points of (a) and (b)", xlabel=motion.ANGLE, ylabel=motion.VELOCITY)
     axes.legend(fontsize=9, markerscale=1.2, loc="upper left")
 
 
@@ -150,13 +150,11 @@ def _standing(axes, ensembles):
         places = np.arange(0, ensemble.cycles + 1, 50)
         limits = ensemble.survival_interval()[places]
         error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
-        place = int(0.62 * ensemble.cycles)
-        axes.annotate(f"band [0, {band:g}]", (place, ensemble.survival[place]), xytext=(0, 8), color=colour,
-                      textcoords="offset points")  # fmt: skip
+        style.named(axes, f"[0, {band:g}]", (ensemble.cycles, ensemble.survival[-1]), colour)
     axes.axvline(LATE, color="black", linewidth=0.8)
     axes.annotate(f"{LATE} cycles", (LATE, 0.02), xytext=(4, 0), textcoords="offset points", va="bottom")
-    axes.set(ylim=(0.0, 1.05), xlim=(0.0, ensemble.cycles))
-    axes.set(title="Not yet overturned, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
+    axes.set(ylim=(0.0, 1.05), xlim=(0.0, 1.13 * ensemble.cycles))
+    axes.set(title="(d) Survival by noise band, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
 
 
 def main() -> int:

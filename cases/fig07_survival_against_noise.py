@@ -1,13 +1,17 @@
-"""Survival after 200 forcing cycles against the variance of the noise: Fig. 7 of Lin and Yim (1996).
+"""Fig. 7 of Lin and Yim (1996): survival against noise.
 
 A block from rest with Ψ = 0 and the variance of the noise from 0 to 0.04. As in the paper each probability comes from
 1,000 realizations, here with Wilson's intervals. Beside it stands the density after the same 200 cycles, by the modes
 of its one-cycle operator, one operator a noise level: nothing is evolved over 200 cycles, and survival far below what
 realizations can tell has an error estimate of its own. Without noise there is one motion, which the exact engine
 follows. Monte Carlo with the white noise that the density assumes tells the error of the solver from that of replacing
-noise of 100 harmonics by white noise, which 200 cycles multiply. The second panel has a logarithmic axis, the third
-other noise bands and the fourth other phases Ψ: π, that of the paper's Fig. 6, is the mirror image of 0, so that from
-rest survival is the same by symmetry; π/2 is not.
+noise of 100 harmonics by white noise, which 200 cycles multiply.
+
+* (a) the fall of survival, and (b) the same on a logarithmic axis as far as the paper's last σ². A wedge in (b) is the
+  upper end of the 95 % interval where no realization stands: survival is below it, and nothing more is known from them.
+* (c) other noise bands.
+* (d) other phases Ψ: π, that of the paper's Fig. 6, is the mirror image of 0, so that from rest survival is the same by
+  symmetry; π/2 is not.
 
 The axis of σ² is scaled like its square root, for the fall is over in the first quarter of the paper's axis. The
 paper's caption has the variance up to 0.4, its text up to 0.04; the latter is taken.
@@ -43,6 +47,12 @@ PHASES = {"0 (the paper's)": 0.0, "π/2": np.pi / 2, "π": np.pi}
 PHASE_VARIANCES = (0.001, 0.002, 0.003, 0.005, 0.0075, 0.01)
 PHASE_TIMES = 20
 WHITE_TIMES = 10
+# By symmetry the third phase has the curve of the first: larger symbols, without a line.
+_PHASE_LOOKS = (
+    {"color": style.COLOURS[0]},
+    {"color": style.COLOURS[1], "marker": "s"},
+    {"color": "#555555", "marker": "D", "markersize": 9.0, "markerfacecolor": "none", "linestyle": "none"},
+)
 _CLOSURE = "The density solver has white noise of equal Melnikov variance: a closure, to be judged by Monte Carlo."
 _VARIANCE = "variance of the noise σ², nondimensional"
 
@@ -104,7 +114,7 @@ def run(
         ],
         "remarks": [scene.noise.remark, _CLOSURE],
     }
-    _draw(out / "fig07.png", values)
+    draw(out / "fig07.png", values)
     summary.write_summary(out / "fig07.json", values)
     return values
 
@@ -148,31 +158,40 @@ def _plain(ensembles):
     }
 
 
-def _draw(path, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     title = f"Survival after {values['cycles']} cycles against noise (cf. paper Fig. 7)"
     count = values["realizations"]
-    notes = [f"{count:,} realizations of band noise a point, {PHASE_TIMES * count:,} in the last panel.",
+    notes = [f"{count:,} realizations of band noise a point, {PHASE_TIMES * count:,} in (d); bars: 95 % intervals.",
+             "(a) has the symbols of (b), without the wedges. (d): phases 0 and π are mirror images of each other.",
              *values["remarks"]]  # fmt: skip
     with style.page(path, (10.5, 10.0), title, notes) as figure:
         (both, tail), (bands, phases) = figure.subplots(2, 2)
-        for axes in (both, tail):
-            _both(axes, values)
-        both.set(title="The paper's figure, and the density", ylim=(-0.02, 1.05))
-        both.legend(fontsize=9)
-        tail.set(title="The same, logarithmic; a wedge is an upper limit", yscale="log", ylim=(1e-10, 3.0))
-        _several(bands, values["variances"], values["bands"], lambda one: f"band [0, {one['band'][1]:g}]")
-        bands.set_title("Three noise bands")
-        _several(phases, values["phase_variances"], values["phases"], _phase_label)
-        phases.set_title("Three phases Ψ of the forcing")
+        _both(both, values)
+        _both(tail, values, wedges=True)
+        both.set_title("(a) The paper's figure, band [0, 10], and the density")
+        tail.set(title="(b) The same to the paper's last σ², logarithmic", yscale="log", ylim=(1e-10, 3.0))
+        tail.legend(fontsize=9, loc="lower left")
+        rows = {f"band [0, {one['band'][1]:g}]": one for one in reversed(values["bands"])}
+        looks = (
+            {"color": colour, "marker": marker} for colour, marker in zip(style.shades(3)[::-1], "Dso", strict=True)
+        )
+        _several(bands, values["variances"], rows, looks)
+        bands.set_title("(c) Three noise bands")
+        _several(phases, values["phase_variances"], {_phase_label(one): one for one in values["phases"]}, _PHASE_LOOKS)
+        phases.set_title("(d) Three phases Ψ of the forcing")
         for axes in (both, tail, bands, phases):
             axes.set(xlabel=_VARIANCE, ylabel="P(not overturned)", xlim=(-1e-5, 0.043))
             axes.set_xscale("function", functions=(_root, _square))
             axes.set_xticks((0.0, 0.001, 0.005, 0.01, 0.02, 0.03, 0.04))
-        phases.set_xlim(-1e-5, 0.0125)
+        for axes in (both, bands, phases):
+            axes.set_ylim(-0.02, 1.05)
+        for axes in (both, phases):
+            axes.set_xlim(-1e-5, 0.0135)
 
 
 def _phase_label(one):
-    return f"Ψ = {one['phase']}" + ("" if one["stands_without_noise"] else ", overturns without noise too")
+    return f"Ψ = {one['phase']}" + ("" if one["stands_without_noise"] else ": overturns without noise too")
 
 
 def _root(values):
@@ -183,35 +202,36 @@ def _square(values):
     return np.sign(values) * np.square(values)
 
 
-def _both(axes, values):
+def _both(axes, values, wedges=False):
     ours = next(one for one in values["bands"] if one["band"][1] == OURS)
-    look = {"color": style.COLOURS[1], "label": "Monte Carlo, band [0, 10], 95 % intervals"}
-    _limited(axes, values["variances"], ours["survival"], ours["interval"], look)
+    look = {"color": style.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
+    _limited(axes, values["variances"], ours["survival"], ours["interval"], look, wedges)
     white, found = values["white"], values["density"]
     columns = ([one[name] for one in white] for name in ("variance", "survival", "interval"))
-    label = f"Monte Carlo, white noise, {white[0]['realizations']:,}"
-    _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label})
+    label = f"white noise, {white[0]['realizations']:,} realizations"
+    _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label}, wedges)
+    if wedges:
+        axes.plot([], [], "v", color="#777777", markersize=5, label="no realization stands: 95 % upper limit")
     columns = ([one[name] for one in found] for name in ("variance", "survival"))
     look = {"marker": "D", "markersize": 8.0, "markerfacecolor": "none", "linestyle": "none"}
-    axes.plot(*columns, color=style.COLOURS[0], label="Fokker-Planck density", **look)
+    axes.plot(*columns, color=style.COLOURS[0], label="Fokker-Planck density, white noise", **look)
     axes.plot(0.0, float(values["stands_without_noise"]), "*", color="black", markersize=11, label="no noise", zorder=3)
 
 
-def _limited(axes, variances, survival, interval, look):
-    """Draw survival with its intervals where any realization stands, else the upper limit."""
+def _limited(axes, variances, survival, interval, look, wedges):
+    """Draw survival with its intervals where any realization stands, else, if wanted, the upper limit."""
     variances, survival, interval = map(np.asarray, (variances, survival, interval))
     some = survival > 0.0
     error_bars(axes, variances[some], survival[some], interval[some], **look)
-    axes.plot(variances[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
+    if wedges:
+        axes.plot(variances[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
 
 
-def _several(axes, variances, rows, label_of):
-    look = zip(rows, style.shades(len(rows)), "osD", strict=True)
-    for found, colour, marker in look:
-        shape = {"color": colour, "marker": marker, "linestyle": "-", "linewidth": 0.8, "label": label_of(found)}
-        error_bars(axes, variances, found["survival"], found["interval"], **shape)
-    axes.set_ylim(-0.02, 1.05)
-    axes.legend()
+def _several(axes, variances, rows, looks):
+    for (label, found), look in zip(rows.items(), looks, strict=True):
+        shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
+        error_bars(axes, variances, found["survival"], found["interval"], **(shape | look))
+    axes.legend(fontsize=9)
 
 
 def main() -> int:

@@ -1,10 +1,10 @@
-"""A late overturning, cycle by cycle, and the mean Poincaré map without its noise: Fig. 8 of Lin and Yim (1996).
+"""Fig. 8 of Lin and Yim (1996): a late overturning and the mean map.
 
 For weak noise, σ² = 0.04², the paper shows (a) the Poincaré points of one realization that overturns, against the
 number of the cycle, and (b) the mean map (its eq. 21), which reconstructs the chaotic attractor that the noise hides:
 1,200 realizations are averaged after each forcing cycle and all restarted from the mean, for 500 cycles. Here are
 
-* (a) the first realization that overturns within the cycles shown,
+* (a) the first realization that overturns after cycle 100 of the 200 that are sampled,
 * (b) that mean map over the attractor without noise (grey), with the correlation dimension of both,
 * (c) the points of single noisy blocks that have not overturned, for contrast: the attractor as noise blurs it,
 * (d) the mean of realizations that run on freely, which is another thing: it forgets its start within ten cycles and
@@ -37,7 +37,7 @@ VARIANCE = 0.04**2
 LENGTHS = (0.05, 0.4)
 SETTLED = 5
 FREE_CYCLES = 40
-SHOWN_CYCLES = 200
+LATE, SHOWN_CYCLES = 100, 200
 
 
 def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
@@ -64,7 +64,7 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
     attractor = np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
     noisy = scene.varied(noise={"variance": variance})
     free = simulate(noisy, cycles=SHOWN_CYCLES, realizations=10 * realizations)
-    chosen = int(np.flatnonzero(free.overturn_side != 0)[0])
+    chosen = int(np.flatnonzero(free.overturn_time > LATE * scene.period)[0])
     sampled = {"cycles": cycles, "realizations": realizations}
     maps = [restarted_poincare_map(noisy, seed=seed, **sampled) for seed in range(1, seeds + 1)]
     mean = mean_poincare_map(free, "left out")
@@ -134,9 +134,9 @@ def _cycle_by_cycle(axes, free, values):
     axes.plot(end, free.overturn_side[chosen] * cutoff, "x", color=style.OVERTURNED, markersize=9, mew=2)
     for level in (-cutoff, cutoff):
         axes.axhline(level, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
-    axes.set(xlabel="forcing cycles", ylabel="angle / critical angle", xlim=(0.0, 1.04 * end))
+    axes.set(xlabel="forcing cycles", ylabel=motion.ANGLE, xlim=(0.0, 1.04 * end))
     title = (
-        f"(a) Poincaré points of realization {chosen}, which overturns after {end:.1f} cycles (cross at the cut-off)"
+        f"(a) Poincaré angles of realization {chosen}, which overturns after {end:.1f} cycles (cross at the cut-off)"
     )
     axes.set_title(title, loc="left", fontsize=10)
 
@@ -147,7 +147,7 @@ def _free_mean(axes, mean):
         axes.errorbar(np.arange(FREE_CYCLES + 1), found, error, marker="o", markersize=3, linewidth=0.8, color=colour)
         axes.annotate(name, (FREE_CYCLES, found[-1]), xytext=(8, -3), textcoords="offset points", color=colour)
     axes.set(xlabel="forcing cycles", ylabel="mean, nondimensional", xlim=(-0.5, 1.1 * FREE_CYCLES))
-    axes.set_title("(d) Mean of an ensemble that runs freely: it comes to rest", loc="left", fontsize=10)
+    axes.set_title("(d) Mean of an ensemble that runs freely, 95 % intervals: it settles", loc="left", fontsize=10)
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""The mean Poincaré map as noise grows: fractal, worn down, overturned. Fig. 9 of Lin and Yim (1996).
+"""Fig. 9 of Lin and Yim (1996): the mean map as noise grows.
 
 The paper averages 1,200 realizations after each forcing cycle and restarts all of them from the mean (its eq. 21); it
 shows 500 mean points for σ = 0, 0.05, 0.06, 0.12, 0.13 and 0.16 and says: the fractal structure is kept at 0.05 and
@@ -6,9 +6,10 @@ wears away from 0.06 to 0.12, where mean points stay bounded; from 0.13 on the m
 
 * the six panels (a) to (f), one seed each, over the attractor without noise (grey). Overturned realizations lie at the
   cut-off, as in the paper's densities; the mean has overturned once it is there itself, as all realizations are then;
-* the correlation dimension of the mean points against σ, over several seeds: 1 on a curve, more on this attractor. It
-  is taken between lengths of 0.05 and 0.4, above the sampling error of a mean and below the size of the attractor;
-* the number of cycles after which the mean overturns, for the same seeds, and how many of them it overturns within 500.
+* (g) the correlation dimension of the mean points against σ, over several seeds: 1 on a curve, more on this attractor.
+  It is taken between lengths of 0.05 and 0.4, above the sampling error of a mean and below the size of the attractor;
+* (h) the number of cycles after which the mean overturns, for the same seeds, and above them for how many it does
+  within 500; a wedge there stands for seeds with which it does not.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 9: (A, Ω, e, Ψ) = (4.6, 2.7, 0.5, 3.14).
@@ -108,7 +109,12 @@ def _dimensions(samples):
 
 def _draw(path, attractor, shown, paper, values):
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
-    notes = [f"{size}; grey: without noise. Panels: seed 1; below: {values['seeds']} seeds.", *values["remarks"]]
+    drawn = (
+        f"{size}; grey: without noise; cross: overturned, at the cut-off. (a) to (f): seed 1; (g), (h): "
+        f"{values['seeds']} seeds. Triangles on the axis: the paper's σ. Wedges: the mean stands for all "
+        f"{values['cycles']} cycles."
+    )
+    notes = [drawn, *values["remarks"]]
     title = "The mean Poincaré map as noise grows (cf. paper Fig. 9)"
     with style.page(path, (10.5, 11.4), title, notes) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
@@ -148,24 +154,28 @@ def _dimension_panel(axes, paper, values):
     axes.errorbar(0.0, still["dimension"], still["deviation_of_dimension"], color="black", **(shape | {"marker": "D"}))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle="--")
     axes.annotate("a curve", (0.0, 1.0), xytext=(2, -12), textcoords="offset points")
-    axes.set(title="Correlation dimension of the mean points;\nbars: standard deviation over seeds", xlabel=_DEVIATION)
+    axes.set(
+        title="(g) Correlation dimension of the mean points;\nbars: standard deviation over seeds", xlabel=_DEVIATION
+    )
     axes.set_ylabel("correlation dimension")
     _mark(axes, paper)
 
 
 def _ended_panel(axes, paper, values):
     last = values["cycles"]
-    pairs = [(one["deviation"], after or 1.4 * last) for one in values["maps"] for after in one["overturned_after"]]
-    axes.plot(*np.array(pairs).T, "o", color=style.COLOURS[0], markersize=4, markerfacecolor="none")
-    axes.axhline(last, color="black", linewidth=0.8)
+    pairs = [(one["deviation"], after) for one in values["maps"] for after in one["overturned_after"]]
+    ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)
+    axes.plot(*ended.T, "o", color=style.COLOURS[0], markersize=4, markerfacecolor="none")
+    standing = sorted({deviation for deviation, after in pairs if not after})
+    axes.plot(standing, np.full(len(standing), last), "^", color=style.COLOURS[0], markersize=5, markerfacecolor="none")
     for one in values["maps"]:
         fallen = sum(after is not None for after in one["overturned_after"])
         if one["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
             axes.annotate(f"{fallen}", (one["deviation"], 2.2 * last), ha="center", fontsize=9)
-    axes.annotate("seeds that overturn:", (0.045, 2.2 * last), ha="right", fontsize=9)
+    axes.annotate(f"of {values['seeds']} seeds:", (0.045, 2.2 * last), ha="right", fontsize=9)
     axes.set(yscale="log", ylim=(5, 3.5 * last), xlim=(-0.005, 0.168), xlabel=_DEVIATION)
     axes.set(ylabel="forcing cycles until the mean overturns")
-    axes.set_title(f"Overturning of the mean; above the line:\nnot within {last} cycles")
+    axes.set_title("(h) Overturning of the mean, and\nhow many seeds overturn")
     _mark(axes, paper)
 
 

@@ -1,12 +1,12 @@
-"""Does the phase flux foretell the leakage? The Melnikov flux beside measured rates of overturning.
+"""Phase flux beside measured rates of overturning.
 
 The phase flux Φ (paper eq. 17, corrected) is the phase-space area that crosses the separatrix of one saddle per unit
 time, to first order in forcing, noise and loss. The heteroclinic orbits enclose the area 2 and there are two saddles:
 if blocks were spread evenly inside, and what leaves did not return, they would leave at the rate Φ, that is ΦT in
 each forcing cycle. This is held against the rate of overturning of the blocks that stand after 20 cycles,
 
-* over noise levels, at the main scene's e = 0.5 and three noise bands,
-* over restitutions from 0.5 to 0.9, at σ² = 0.04.
+* (a) over noise levels, at the main scene's e = 0.5 and three noise bands,
+* (b) over restitutions from 0.5 to 0.9, at σ² = 0.04.
 
 Kendall's τ tells whether Φ puts the rates in the right order, their ratio how far it is off. Overturning is first
 passage of the cut-off, not of the separatrix, and neither forcing nor loss is small here: the flux is asked for more
@@ -42,6 +42,7 @@ RESTITUTIONS = tuple(np.round(np.linspace(0.5, 0.9, 9), 2).tolist())
 BANDS = (5.0, 10.0, 20.0)
 OURS = 10.0
 FORGOTTEN = 20
+BLOCK = 0.5
 
 
 def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realizations=10_000, seed=1) -> dict:
@@ -79,7 +80,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
         "over_restitution": _held(blocks, sampled),
         "remarks": [scene.noise.remark],
     }
-    _draw(out / "flux.png", values)
+    draw(out / "flux.png", values)
     summary.write_summary(out / "flux.json", values)
     return values
 
@@ -99,26 +100,45 @@ def _held(scenes, sampled):
     }
 
 
-def _draw(path, values):
-    notes = [f"{values['realizations']:,} realizations a point, {values['cycles']} cycles. {values['remarks'][0]}"]
+def draw(path, values):
+    """Draw what the JSON file holds."""
+    sampled = (
+        f"Φ: phase flux (paper eq. 17, corrected); T: forcing period. Points, with 95 % intervals: rate of overturning "
+        f"of those of {values['realizations']:,} blocks that stand after {values['forgotten_cycles']} cycles, until "
+        f"cycle {values['cycles']}."
+    )
+    notes = [sampled, *values["remarks"]]
     with style.page(path, (10.5, 5.6), "Phase flux and measured rate of overturning", notes) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
         for found, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
-            _pair(noise, values["variances"], found, colour, marker, f"band [0, {found['band'][1]:g}]")
-        noise.set(xscale="log", xlabel="variance of the noise σ², nondimensional", ylabel="per forcing cycle")
-        noise.set_title("e = 0.5: Φ T (lines) and rates (points, 95 % intervals)", fontsize=10)
-        noise.legend(loc="lower right")
-        _pair(block, values["restitutions"], values["over_restitution"], style.COLOURS[0], "o", "band [0, 10]")
+            _pair(noise, values["variances"], found, colour, marker)
+            point = values["variances"][0], found["rate"][0]
+            style.named(noise, f"band [0, {found['band'][1]:g}]", point, colour, offset=(10.0, -4.0))
+        point = values["variances"][0], values["over_noise"][0]["flux_per_cycle"][0]
+        style.named(noise, "ΦT, all three bands", point, "black", (0.0, 6.0))
+        noise.set(
+            xscale="log", xlabel="variance of the noise σ², nondimensional", ylabel="ΦT and rate, per forcing cycle"
+        )
+        noise.set_title(f"(a) Restitution e = {BLOCK:g}")
+        _pair(block, values["restitutions"], values["over_restitution"], style.shades(len(BANDS))[1], "s")
+        ours = values["over_restitution"]
+        style.named(block, "ΦT", (values["restitutions"][0], ours["flux_per_cycle"][0]), "black", (0.0, 6.0))
+        style.named(
+            block,
+            "band [0, 10]",
+            (values["restitutions"][0], ours["rate"][0]),
+            style.shades(len(BANDS))[1],
+            (10.0, 0.0),
+        )
         block.set(xlabel="restitution e, nondimensional", yscale="log")
-        block.set_title("σ² = 0.04", fontsize=10)
-        block.legend(loc="lower right")
+        block.set_title("(b) Variance σ² = 0.04")
 
 
-def _pair(axes, places, found, colour, marker, label):
-    axes.plot(places, found["flux_per_cycle"], "--", color=colour)
+def _pair(axes, places, found, colour, marker):
+    axes.plot(places, found["flux_per_cycle"], "-", color="black", linewidth=0.8)
     rate, limits = np.array(found["rate"]), np.array(found["interval"])
     some = rate > 0.0
-    error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker, label=label)
+    error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Escape rates at low noise: down to 1e-10 a cycle, by refinement, beside multilevel splitting.
+"""Escape rates at low noise, down to 1e-10 a cycle.
 
 As noise falls the rate of overturning falls like exp(-V/D). At A = 3 the block without noise follows an orbit of one
 cycle, far from overturning, and at D = 0.00095 a block stands for some 10¹⁰ cycles. The one-cycle operator has the rate
@@ -76,7 +76,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
         for diffusion, count in walkers.items()
     ]
     values = {"scene": scene.to_toml(), "orbit": orbit, "tol": tol, "operator": rows, "splitting": sampled}
-    _draw(out / "low_noise.png", values)
+    draw(out / "low_noise.png", values)
     summary.write_summary(out / "low_noise.json", values)
     return values
 
@@ -91,10 +91,11 @@ def _split(scene, walkers, seed):
     }  # fmt: skip
 
 
-def _draw(path, values):
+def draw(path, values):
+    """Draw what the JSON file holds."""
     rows, sampled = values["operator"], values["splitting"]
     note = (
-        "Main scene with A = 3, white noise. Bars: error estimates of the operator, refined to "
+        "Main scene with A = 3, white noise of diffusion D. Bars: error estimates of the operator, refined to "
         f"{100 * math.e * values['tol']:.1f} %; two standard errors of the splitting, {REPEATS} repeats."
     )
     with style.page(path, (11.0, 5.6), "Escape rates at low noise", [note]) as figure:
@@ -102,19 +103,30 @@ def _draw(path, values):
         rate = np.array([row["escape_rate"] for row in rows])
         error = rate * [row["escape_error"] for row in rows]
         inverse = [1.0 / row["diffusion"] for row in rows]
-        left.errorbar(inverse, rate, error, marker="o", color=style.COLOURS[0], capsize=2, label="one-cycle operator")
+        look = {"marker": "o", "color": style.COLOURS[0], "capsize": 2}
+        left.errorbar(inverse, rate, error, **look, label="one-cycle operator")
         columns = [[one[name] for one in sampled] for name in ("diffusion", "rate", "standard_error")]
         columns = 1.0 / np.array(columns[0]), columns[1], 2.0 * np.array(columns[2])
         look = {"fmt": "s", "markersize": 9, "color": style.COLOURS[1], "markerfacecolor": "none", "capsize": 2}
         left.errorbar(*columns, **look, label="multilevel splitting")
         left.set(yscale="log", xlabel="1 / D, nondimensional", ylabel="escape rate per cycle")
-        left.legend()
+        left.set_title("(a) Rate of two methods")
+        left.legend(loc="lower left")
         for row, colour in zip(rows, style.shades(len(rows)), strict=True):
             unknowns, rates = np.array(row["refinement"][-3:]).T
-            right.plot(unknowns, rates / rates[-1], "o-", color=colour, label=f"D = {row['diffusion']:g}")
-        right.set(xscale="log", ylim=(-0.1, 1.6), xlabel="unknowns of the mesh", ylabel="rate / rate on the finest")
-        right.set_title("The last three meshes; what is below -0.1 is not shown", fontsize=10)
-        right.legend(fontsize=8, loc="lower right")
+            ratio = rates / rates[-1]
+            right.plot(unknowns, ratio, "o-", color=colour)
+            style.named(
+                right,
+                f"{row['diffusion']:g}",
+                (unknowns[0], ratio[0]),
+                colour,
+                offset=(0.0, 8.0 if ratio[0] > 1.0 else -15.0),
+                ha="center",
+            )
+        right.set(xscale="log", xlabel="unknowns of the mesh", ylabel="rate / rate on the finest")
+        right.margins(x=0.08, y=0.12)
+        right.set_title("(b) The last three meshes, by D")
 
 
 def main() -> int:

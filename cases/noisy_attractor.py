@@ -1,9 +1,10 @@
-"""The noisy attractor of the main scene, how long it lasts, and survival over any number of cycles.
+"""The noisy attractor of the main scene and how long it lasts.
 
 The one-cycle operator of the density has a leading mode: the density that keeps its shape while it leaks. It stands
-beside the attractor of the block without noise, which the exact engine follows; its eigenvalue is the escape rate. The
-other eigenvalues say how soon a start is forgotten. Survival from rest follows from the modes, beside Monte Carlo with
-the same white noise.
+beside the attractor of the block without noise, which the exact engine follows; one less its eigenvalue is the escape
+rate. The other eigenvalues say how soon a start is forgotten. The density is drawn as means over small bins: near Θ = 0
+it is singular, and the polynomials of the solver swing about it there. Survival from rest follows from the modes,
+beside Monte Carlo with the same white noise.
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
@@ -85,27 +86,37 @@ def _draw(path, operator, quiet, ensemble, outlook, notes):
     with style.page(path, (11.0, 9.6), "The noisy attractor at whole forcing cycles", notes) as figure:
         (first, second), (third, fourth) = figure.subplots(2, 2)
         first.plot(quiet.angle[0, FORGOTTEN:], quiet.velocity[0, FORGOTTEN:], ",", color=style.COLOURS[0], alpha=0.6)
-        first.set(title=f"Without noise: {quiet.cycles - FORGOTTEN:,} cycles of one block", **_STATE)
+        first.set(title=f"(a) Without noise: {quiet.cycles - FORGOTTEN:,} cycles of one block", **_STATE)
         limit = {"xlim": (-np.pi / 2, np.pi / 2), "ylim": (-2.2, 2.2)}
         first.set(**limit)
-        grid = np.linspace(*limit["xlim"], 400), np.linspace(*limit["ylim"], 400)
-        density = operator.quasi_stationary(grid[0][:, None], grid[1][None])
+        # Means over small bins: near x = 0 the density is singular, and its polynomials swing about it.
+        edges = np.linspace(*limit["xlim"], 141), np.linspace(*limit["ylim"], 141)
+        density = operator.quasi_stationary.bin_probabilities(*edges) / np.multiply.outer(*map(np.diff, edges))
         shade = PowerNorm(0.5, 0.0, density.max())
-        image = second.pcolormesh(*grid, np.maximum(density, 0.0).T, cmap="viridis", norm=shade, rasterized=True)
+        image = second.pcolormesh(*edges, np.maximum(density, 0.0).T, cmap="viridis", norm=shade, rasterized=True)
         figure.colorbar(image, ax=second, label="density, nondimensional")
-        second.set(title="With noise: quasi-stationary density", **_STATE, **limit)
+        second.set(title="(b) With noise: quasi-stationary density", **_STATE, **limit)
         second.grid(visible=False)
         circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 300))
         third.plot(circle.real, circle.imag, color="#999999", linewidth=0.8)
         third.plot(operator.eigenvalues.real, operator.eigenvalues.imag, "o", color=style.COLOURS[1])
-        third.set(title="Leading eigenvalues of a cycle", xlabel="real part", ylabel="imaginary part", aspect="equal")
+        leading = operator.eigenvalues[0].real, 0.0
+        style.named(third, f"{leading[0]:.3f}: share that stands", leading, "black", offset=(-30.0, 45.0), ha="right",
+                    arrowprops={"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0})  # fmt: skip
+        third.set(
+            title="(c) Leading eigenvalues of a cycle; grey: unit circle",
+            xlabel="real part",
+            ylabel="imaginary part",
+            aspect="equal",
+        )
         fourth.plot(outlook.cycles, outlook.survival, color=style.COLOURS[0], label="one-cycle operator")
         shown = np.arange(5, ensemble.cycles + 1, 5)
         interval = ensemble.survival_interval()[shown]
         look = {"color": style.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}
-        label = f"Monte Carlo white, {ensemble.realizations:,}, 95 % intervals"
+        label = f"Monte Carlo of white noise, {ensemble.realizations:,} realizations"
         error_bars(fourth, shown, ensemble.survival[shown], interval, label=label, **look)
-        fourth.set(title="Survival from rest", xlabel="forcing cycles", ylabel="survival", yscale="log")
+        fourth.set(title="(d) Survival from rest, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
+        fourth.set_yscale("log")
         fourth.legend()
 
 

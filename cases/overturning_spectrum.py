@@ -1,4 +1,4 @@
-"""Overturning spectrum of a block under one-cycle sine pulses: the least amplitude that overturns it, by mode.
+"""Overturning spectrum of a block under one-sine pulses.
 
 A free-standing block may overturn under a one-sine pulse in two ways: after one impact (mode 1), or without any
 (mode 2). Against the frequency of the pulse, the amplitudes that overturn it after an impact are a band with a gap
@@ -72,20 +72,19 @@ def draw(path, frequencies, amplitudes, modes, bounds):
     with style.drawing() as new_figure:
         figure = new_figure(figsize=(8.0, 5.6))
         axes = figure.subplots()
-        regions = (
-            (0, "0.78", "overturns without impact (mode 2)"),
-            (1, "#9ecae1", "overturns after an impact (mode 1)"),
-        )
-        for mode, colour, label in regions:
+        for mode, colour in ((0, "0.78"), (1, "#9ecae1")):
             shown = np.where(np.minimum(modes.T, 1) == mode, 1.0, np.nan)
             axes.pcolormesh(frequencies, amplitudes, shown, cmap=ListedColormap([colour]), shading="nearest")
-            axes.fill_between([], [], color=colour, label=label)
         axes.plot(frequencies, bounds[:, 1], color="black", label="least amplitude without impact")
         axes.plot(frequencies, bounds[:, 0], color=style.COLOURS[1], marker=".", label="least amplitude with impacts")
+        middle = {"ha": "center", "va": "center"}
+        axes.text(2.4, 7.0, "overturns without\nimpact (mode 2)", **middle)
+        axes.text(3.6, 2.6, "overturns after\nan impact (mode 1)", **middle)
+        axes.text(6.3, 2.6, "does not overturn", **middle)
         axes.set(
             title=f"Overturning by a one-sine pulse, restitution {RESTITUTION:g}",
-            xlabel="frequency of the pulse Ω, in units of p",
-            ylabel="amplitude A = peak acceleration / (g θ_cr)",
+            xlabel="frequency of the pulse Ω = ω / p, p = √(3g / 4R)",
+            ylabel=r"amplitude A = peak acceleration / (g θ$_\mathrm{cr}$)",
             yscale="log",
             ylim=(1.0, amplitudes[-1]),
         )

@@ -1,10 +1,11 @@
-"""Safe basins in noise: survival from every start at once, its erosion as noise grows, and the mean time that is left.
+"""Safe basins and their erosion by noise.
 
 The adjoint of the density solver's steps gives the probability of standing for a number of cycles as a function of the
 start, for the whole plane in one backward run. Without noise it is 1 inside the safe basin and 0 outside, which the
-exact engine tells start by start: here from random starts all over the plane. The lines x + v = ±1 + (A/√(1+Ω²))
-cos(Ψ + atan Ω) are the moving separatrices: beyond them a block that meets no impact goes over. The integral of the
-probability over the plane is the safe area, an integrity measure; its fall as noise grows is the erosion curve.
+exact engine tells start by start: here from random starts all over the plane. With x = Θ and v = dΘ/dτ the lines x + v
+= ±1 + (A/√(1+Ω²)) cos(Ψ + atan Ω) are the moving separatrices: beyond them a block that meets no impact goes over. The
+integral of the probability over the plane is the safe area, an integrity measure; its fall as noise grows is the
+erosion curve.
 
 Noise is white here: D = σ_M²/2 of the main scene's band [0, 10], which is inferred (band_inferred.py).
 
@@ -36,7 +37,7 @@ VARIANCES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.09, 0.16)
 SHOWN = (0.0025, 0.01, 0.04)
 HORIZONS = (10, 50)
 _STATE = {"xlabel": motion.ANGLE, "ylabel": motion.VELOCITY}
-_BINS = 160, 240
+_BINS = 120, 180
 _SPREAD = 1.0, 1.7
 _FASTEST = 3.2
 
@@ -112,31 +113,33 @@ def _quiet(scene, horizons, count, seed, bound):
 def _draw(path, scene, quiet, maps, mean, values):
     note = (
         "Main scene (A = 4.6, Ω = 2.7, Ψ = π, e = 0.5); white noise of the band [0, 10], which is inferred. Safe area "
-        f"without noise from {values['starts']:,} random starts; bars: error estimates of the meshes."
+        f"without noise from {values['starts']:,} random starts; bars: error estimates of the meshes. Dashed: moving "
+        "separatrices."
     )
     horizon = values["cycles"][0]
     limit = scene.overturning.angle
-    with style.page(path, (13.5, 9.2), f"Probability of standing for {horizon} cycles, by start", [note]) as figure:
-        panels = figure.subplots(2, 3)
+    with style.page(path, (13.5, 10.0), "Safe starts, and how noise erodes them", [note]) as figure:
+        panels = figure.subplot_mosaic([["quiet", 0, "time"], [1, 2, "erosion"]])
         edges, parts = quiet
         grid = np.linspace(-limit, limit, 500), np.linspace(-_FASTEST, _FASTEST, 500)
         look = {"cmap": "viridis", "vmin": 0.0, "vmax": 1.0, "rasterized": True}
-        image = panels[0, 0].pcolormesh(*edges, parts.T, **look)
-        panels[0, 0].set_title("without noise, exact engine")
-        for axes, (variance, found) in zip((panels[0, 1], panels[0, 2], panels[1, 0]), maps.items(), strict=True):
-            axes.pcolormesh(*grid, found(grid[0][:, None], grid[1][None]).T, **look)
-            axes.set_title(f"σ² = {variance:g}")
-        figure.colorbar(image, ax=panels[0], label="probability of standing")
+        panels["quiet"].pcolormesh(*edges, parts.T, **look)
+        panels["quiet"].set_title("(a) No noise, exact engine")
+        for letter, (place, (variance, found)) in zip("bde", enumerate(maps.items()), strict=False):
+            image = panels[place].pcolormesh(*grid, found(grid[0][:, None], grid[1][None]).T, **look)
+            panels[place].set_title(f"({letter}) σ = {math.sqrt(variance):g}")
+        four = [panels[name] for name in ("quiet", 0, 1, 2)]
+        bar = {"location": "bottom", "aspect": 50, "shrink": 0.7}
+        figure.colorbar(image, ax=four, label=f"P(not overturned) after {horizon} cycles, by start", **bar)
         time = mean(grid[0][:, None], grid[1][None])
-        shade = panels[1, 1].pcolormesh(*grid, time.T, cmap="cividis", vmin=0.0, rasterized=True)
-        figure.colorbar(shade, ax=panels[1, 1], label="forcing cycles")
-        panels[1, 1].set_title(f"σ² = {max(maps):g}: mean time to overturning")
-        for axes in (*panels[0], panels[1, 0], panels[1, 1]):
+        shade = panels["time"].pcolormesh(*grid, time.T, cmap="cividis", vmin=0.0, rasterized=True)
+        figure.colorbar(shade, ax=panels["time"], label="forcing cycles")
+        panels["time"].set_title(f"(c) σ = {math.sqrt(max(maps)):g}: mean time to overturning")
+        for axes in (*four, panels["time"]):
             _separatrices(axes, scene)
             axes.set(xlim=(-limit, limit), ylim=(-_FASTEST, _FASTEST), **_STATE)
             axes.grid(visible=False)
-        panels[1, 0].legend(loc="lower left", fontsize=8, frameon=True)
-        _erosion(panels[1, 2], values)
+        _erosion(panels["erosion"], values)
 
 
 def _separatrices(axes, scene):
@@ -144,20 +147,22 @@ def _separatrices(axes, scene):
     swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
     shift = swing * math.cos(forcing.phase + math.atan(forcing.frequency))
     for side in (1.0, -1.0):
-        label = "moving separatrix" if side > 0 else None
-        axes.plot(x, side + shift - x, "--", color=style.OVERTURNED, linewidth=1.4, label=label)
+        axes.plot(x, side + shift - x, "--", color=style.OVERTURNED, linewidth=1.4)
 
 
 def _erosion(axes, values):
     for k, cycles in enumerate(values["cycles"]):
         columns = [[row[name][k] for row in values["erosion"]] for name in ("area", "error")]
         places = np.sqrt([row["variance"] for row in values["erosion"]])
-        colour = style.COLOURS[k]
-        axes.errorbar(places, columns[0], columns[1], marker="o", color=colour, label=f"{cycles} cycles", capsize=2)
-        axes.plot(0.0, values["area_without_noise"][k][0], "*", color=colour, markersize=11)
-    axes.set(title="Erosion (stars: without noise)", xlabel="σ, nondimensional", ylabel="safe area, nondimensional")
+        axes.errorbar(places, *columns, marker="o", color=style.COLOURS[k], capsize=2)
+        middle = len(places) // 2
+        style.named(axes, f"{cycles} cycles", (places[middle], columns[0][middle]), style.COLOURS[k], offset=(8.0, 4.0))
+    # Without noise the areas of all horizons are nearly the same: larger open stars around smaller ones.
+    for k, (area, _) in enumerate(values["area_without_noise"]):
+        axes.plot(0.0, area, "*", color=style.COLOURS[k], markersize=16 - 7 * k, markerfacecolor="none")
+    style.named(axes, "no noise, both", (0.0, values["area_without_noise"][0][0]), "black", offset=(12.0, -3.0))
+    axes.set(title="(f) Safe area", xlabel="σ, nondimensional", ylabel="safe area, nondimensional")
     axes.set_ylim(bottom=0.0)
-    axes.legend()
 
 
 def main() -> int:

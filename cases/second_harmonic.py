@@ -1,4 +1,4 @@
-"""What a second harmonic of the forcing does to survival: its phase decides how many overturn, and to which side.
+"""What a second harmonic of the forcing does to survival.
 
 The forcing is a cosine with a second harmonic,
 
@@ -36,7 +36,7 @@ import sys
 import numpy as np
 from scipy.special import ndtr
 
-from fpk_rocking import CycleOperator, load_scene, melnikov, solve_fpk
+from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
@@ -91,7 +91,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
         "from_rest": {"phases": circle} | from_rest(turned, tol, *sampled),
         "long_run": {"phases": circle} | long_run(turned, tol, *sampled),
     }
-    draw(out / "second_harmonic.png", scene, values)
+    draw(out / "second_harmonic.png", values)
     summary.write_summary(out / "second_harmonic.json", values)
     return values
 
@@ -173,8 +173,9 @@ def side_fluxes(scene):
     return fluxes
 
 
-def draw(path, scene, values):
+def draw(path, values):
     """Draw the forcings, survival against A₂, and against Ψ₂ the shares from rest and the rates in the long run."""
+    scene = Scene.from_toml(values["scene"])
     (first, second), later = scene.forcing.amplitudes, values["long_run"]
     rate, flux = (later[name][0] for name in ("rate_without", "flux_per_cycle_without"))
     scene_text = (

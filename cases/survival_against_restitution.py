@@ -1,8 +1,10 @@
-"""Survival against the restitution of the impacts, 0.5 to 1: a study that Lin and Yim (1996) leave to their Part II.
+"""Survival against the restitution of the impacts.
 
-The main scene from rest with other restitutions. Shown is the probability of standing after 10, 20 and 40 forcing
-cycles by Monte Carlo with Wilson's intervals and by the density, on linear and logarithmic axes; survival after 20
-cycles under three noise bands; and for how many cycles, up to 200, the block stands without noise, from rest.
+The main scene from rest with restitutions from 0.5 to 1, a study that Lin and Yim (1996) leave to their Part II. Shown
+is the probability of standing after 10, 20 and 40 forcing cycles by Monte Carlo with Wilson's intervals and by the
+density, (a) on linear and (b) on logarithmic axes; (c) survival after 20 cycles under three noise bands; and (d) for
+how many cycles the block stands without noise, from rest. A wedge in (b) is the upper end of the interval where none
+stands; one in (d) is a block that stands for all of the 200 cycles it is followed.
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
@@ -87,7 +89,7 @@ def run(
         "cycles_without_noise": [_stood(scene, e) for e in restitutions],
         "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS], *densities[:1])))),
     }
-    _draw(out / "restitution.png", values)
+    draw(out / "restitution.png", values)
     summary.write_summary(out / "restitution.json", values)
     return values
 
@@ -102,26 +104,39 @@ def _stood(scene, restitution):
     return float(quiet.overturn_time[0] / scene.period) if quiet.overturn_side[0] else float(QUIET_CYCLES)
 
 
-def _draw(path, values):
-    notes = [f"{values['realizations']:,} realizations a point, with noise of variance 0.04.", *values["remarks"]]
+def draw(path, values):
+    """Draw what the JSON file holds."""
+    drawn = (
+        f"Open symbols: Monte Carlo, {values['realizations']:,} realizations a point, variance 0.04, 95 % intervals; a "
+        "wedge, where none stands, is the upper limit. Lines through dots: Fokker-Planck density. (b): colours of (a)."
+    )
+    notes = [drawn, *values["remarks"]]
     with style.page(path, (10.5, 9.2), "Survival against the restitution of the impacts", notes) as figure:
         (linear, logarithmic), (bands, quiet) = figure.subplots(2, 2)
         _both(linear, values)
-        _both(logarithmic, values)
-        linear.set(title="Points: Monte Carlo exact, 95 % intervals; lines: density", ylim=(-0.02, 1.02))
-        linear.legend()
-        logarithmic.set(title="The same, logarithmic", yscale="log")
+        _both(logarithmic, values, wedges=True)
+        linear.set(title="(a) Survival, band [0, 10]", ylim=(-0.02, 1.02))
+        logarithmic.set(title="(b) The same, logarithmic", yscale="log", ylim=(None, 2.0))
         _bands(bands, values)
         for axes in (linear, logarithmic, bands):
             axes.set_ylabel("P(not overturned)")
-        quiet.plot(values["restitutions"], values["cycles_without_noise"], "o-", color="black", linewidth=0.8)
-        quiet.set(title=f"No noise: cycles until overturning, at most {QUIET_CYCLES}", ylabel="forcing cycles")
-        quiet.set(yscale="log")
+        _quiet(quiet, values)
         for axes in (linear, logarithmic, bands, quiet):
             axes.set_xlabel(_RESTITUTION)
 
 
-def _both(axes, values):
+def _quiet(axes, values):
+    places, cycles = np.array(values["restitutions"]), np.array(values["cycles_without_noise"])
+    stands = cycles >= QUIET_CYCLES
+    axes.plot(places[~stands], cycles[~stands], "o", color="black")
+    axes.plot(places[stands], cycles[stands], "^", color="black", markerfacecolor="white")
+    if stands.any():
+        point = places[stands][0], QUIET_CYCLES
+        style.named(axes, f"has not overturned after {QUIET_CYCLES} cycles", point, "black", offset=(-4.0, -18.0))
+    axes.set(title="(d) No noise: cycles until overturning", ylabel="forcing cycles", yscale="log", ylim=(1.0, 400.0))
+
+
+def _both(axes, values, wedges=False):
     ours = next(one for one in values["bands"] if one["band"][1] == OURS)
     survival, interval = np.array(ours["survival"]), np.array(ours["interval"])
     lines = np.array([one["survival"] for one in values["density"]])
@@ -130,17 +145,27 @@ def _both(axes, values):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
         x, shown, limits = np.array(values["restitutions"])[some], survival[some, column], interval[some, column]
-        error_bars(axes, x, shown, limits, color=colour, label=f"{cycle} cycles")
+        error_bars(axes, x, shown, limits, color=colour)
+        if wedges:
+            look = {"color": colour, "markersize": 5}
+            axes.plot(np.array(values["restitutions"])[~some], interval[~some, column, 1], "v", **look)
+        else:
+            _named_at_peak(axes, x, shown, f"{cycle} cycles", colour)
 
 
 def _bands(axes, values):
     column = values["cycles"].index(COMPARED_AT)
     for found, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
         survival, limits = np.array(found["survival"])[:, column], np.array(found["interval"])[:, column]
-        shape = {"marker": marker, "linestyle": "-", "linewidth": 0.8, "label": f"band [0, {found['band'][1]:g}]"}
+        shape = {"marker": marker, "linestyle": "-", "linewidth": 0.8}
         error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
-    axes.set(title=f"Three noise bands, {COMPARED_AT} cycles", ylim=(-0.02, 1.02))
-    axes.legend()
+        _named_at_peak(axes, values["restitutions"], survival, f"band [0, {found['band'][1]:g}]", colour)
+    axes.set(title=f"(c) Three noise bands, {COMPARED_AT} cycles", ylim=(-0.02, 1.02))
+
+
+def _named_at_peak(axes, places, survival, text, colour):
+    peak = int(np.argmax(survival))
+    style.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
 
 
 def main() -> int:

@@ -1,13 +1,13 @@
-"""What single rocking blocks and many of them do in a scene: time histories, Poincaré points, mean maps, passages.
+"""What single rocking blocks and many of them do in a scene.
 
 Shown are a few time histories of the angle with every impact (as in Figs. 5 and 8 of the paper), the Poincaré points of
 an ensemble after its last cycle, the mean Poincaré map (paper 21) in both readings, the density of the time of
 overturning, and that of the speed before an impact, each with its sampling noise.
 
 The mean map has two readings: the mean of an ensemble that runs on freely, or the mean of the images after one cycle,
-from which all realizations start again. Overturned realizations lie at the cut-off ("clamped") or are left out. The
-restarted map carries the error of each mean on into the next cycle, which its intervals do not contain: it is repeated
-with another seed, and the largest distance between the two is printed.
+from which all realizations start again ("restarted"). Overturned realizations lie at the cut-off ("clamped") or are
+left out. The restarted map carries the error of each mean on into the next cycle, which its intervals do not contain:
+it is repeated with another seed, and the largest distance between the two is printed.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996. It does not state its noise band; [0, 10] is inferred (band_inferred.py).

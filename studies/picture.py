@@ -25,6 +25,7 @@ NAMES = {
 _MARKERS = "osD^"
 _SIZE, _ROW = 8.5, 4.6
 _WIDE, _LINE = 5.2, 0.22
+_ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
 
 
 def curves_figure(path: File, results: Sequence[Any], title: str, which: int | None = 0) -> pathlib.Path:
@@ -77,6 +78,7 @@ def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathl
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
         axes = figure.subplots()
         filled = draw_surface(axes, result, which)
+        axes.legend(**_ABOVE)
         figure.colorbar(filled, ax=axes, label=_event(result, which))
     return path
 
@@ -87,7 +89,6 @@ def draw_surface(axes, result, which=0):
     medians = np.array([fits[which].median for fits in result.fits])
     axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
     axes.set(xlabel="scale of the shaking", ylabel=NAMES.get(result.axis, result.axis))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
     return filled
 
 
@@ -97,6 +98,7 @@ def draw_map(axes, across, up, probability):
     filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
     lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
     axes.clabel(lines, fmt="%g")
+    axes.grid(visible=False)
     _logarithmic(axes.set_xscale, axes.xaxis)
     _logarithmic(axes.set_yscale, axes.yaxis)
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
@@ -108,6 +110,7 @@ def small_figure(result):
 
     def surface(figure, axes):
         figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
+        axes.legend(**_ABOVE)
 
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
         return figure_of(surface)

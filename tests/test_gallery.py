@@ -56,8 +56,10 @@ def test_reduced_pictures(tmp_path, monkeypatch, largest, width):
 
 
 def test_cases_are_run_into_folders_of_their_own(tmp_path, monkeypatch):
-    source = "def run(out):\n    out.mkdir(parents=True)\n    Image.new('RGB', (9, 9)).save(out / 'a.png')\n"
-    source += "    (out / 'a.json').write_text('{\"one\": [1.5,\\n2], \"two\": \"σ\"}', encoding='utf-8')\n"
+    """A case draws anew in another colour from the numbers that its run left in the gallery."""
+    source = "def draw(path, values):\n    Image.new('RGB', (9, 9), values['two'][0]).save(path)\n\n\n"
+    source += "def run(out):\n    out.mkdir(parents=True)\n    Image.new('RGB', (9, 9)).save(out / 'a.png')\n"
+    source += '    (out / \'a.json\').write_text(\'{"one": [1.5,\\n2], "two": ["red", "σ"]}\', encoding=\'utf-8\')\n'
     (tmp_path / "made.py").write_text(f"from PIL import Image\n\n\n{source}")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(gallery, "PICTURES", {"made": {"a.png": "b.png"}})
@@ -65,5 +67,16 @@ def test_cases_are_run_into_folders_of_their_own(tmp_path, monkeypatch):
     assert list(seconds) == ["made"]
     assert {path.name for path in (tmp_path / "pictures").iterdir()} == {"b.png", "b.json"}
     numbers = (tmp_path / "pictures" / "b.json").read_text(encoding="utf-8")
-    assert numbers == '{\n"one": [1.5, 2],\n"two": "σ"\n}\n'
+    assert numbers == '{\n"one": [1.5, 2],\n"two": ["red", "σ"]\n}\n'
     assert (tmp_path / "results" / "made" / "a.png").exists()
+    gallery.run(tmp_path / "pictures", tmp_path / "results", ["made"], redraw=True)
+    with Image.open(tmp_path / "pictures" / "b.png") as drawn:
+        assert drawn.convert("RGB").getpixel((4, 4)) == (255, 0, 0)
+    assert (tmp_path / "pictures" / "b.json").read_text(encoding="utf-8") == numbers
+
+
+def test_cases_drawn_from_numbers_ask_for_no_more():
+    assert set(gallery.DRAWN_FROM_NUMBERS) <= set(gallery.PICTURES)
+    for name in gallery.DRAWN_FROM_NUMBERS:
+        assert len(gallery.PICTURES[name]) == 1
+        assert "\ndef draw(path, values):\n" in (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8"), name

@@ -73,7 +73,7 @@ def test_maps_of_both_engines(tmp_path, drawn):
         bins = result.bin_probabilities(cycle, *edges)
         area = np.outer(*map(np.diff, edges))
         np.testing.assert_allclose(image.get_array(), (bins / area).T)
-        assert axes.get_title().startswith(f"{cycle} cycles: {result.survival[cycle]:.3f} standing")
+        assert axes.get_title().startswith(f"{cycle} cycles: survival {result.survival[cycle]:.3f}")
         low, high = axes.get_ylim()
         inside = (edges[1][:-1] >= low - 1e-9) & (edges[1][1:] <= high + 1e-9)
         assert bins[:, inside].sum() > 0.999 * bins.sum()
@@ -85,7 +85,7 @@ def test_survival_figure(tmp_path, drawn):
     white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=3_000, method="white")
     curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE, white], "Survival")
     (figure,) = drawn
-    survival, tail, difference, leakage = figure.axes
+    survival, tail, leakage, difference = figure.axes
     np.testing.assert_allclose(survival.lines[0].get_ydata(), DENSITY.survival)
     assert tail.get_yscale() == "log"
     assert len(difference.containers) == 2

@@ -48,8 +48,11 @@ def _page(name):
 
 
 def _block(text):
-    """Return a paragraph of a docstring as reStructuredText; what it indents is a command."""
-    return f".. code-block:: sh\n\n{text}" if text.startswith("    ") else escaped(text)
+    """Return a paragraph of a docstring as reStructuredText; what it indents is a command.
+
+    A letter in brackets at the head of an item names a panel: it begins no list within the list.
+    """
+    return f".. code-block:: sh\n\n{text}" if text.startswith("    ") else escaped(text).replace("* (", "* \\(")
 
 
 def _index():

@@ -18,8 +18,9 @@ from fpk_rocking.results.times import shown_times, time_name
 __all__ = ["survival_figure"]
 
 _MARKERS = "osD^"
-_SIZE = (10.5, 7.0)
+_SIZE = (10.5, 7.6)
 _LINE = 0.22
+_SMALL = 2.8
 _NOTE_WIDTH = 115
 
 
@@ -48,21 +49,27 @@ def survival_figure(path: File, results: Sequence[Result], title: str) -> pathli
         width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
         figure = new_figure(figsize=(width, height))
         figure.suptitle(title, fontsize=15, y=1.0 - 0.12 / height, va="top", in_layout=False)
-        panels = figure.subplots(2, 2)
-        labels = [f"{label_of(result)} ({noise_text(result.scene.noise)})" for result in results]
+        rows = [["survival", "tail", "leakage"], ["difference"] * 3]
+        panels = figure.subplot_mosaic(rows, height_ratios=(0.9, 1.0))
+        labels = [f"{label_of(result)} ({_noise(result)})" for result in results]
         for result, label, colour, marker in zip(results, labels, style.COLOURS, _MARKERS, strict=False):
-            _survival(panels[0, 0], result, label, colour, marker)
-            _survival(panels[0, 1], result, label, colour, marker)
-            _leakage(panels[1, 1], result, colour, marker)
+            _survival(panels["survival"], result, label, colour, marker)
+            _survival(panels["tail"], result, label, colour, marker)
+            _leakage(panels["leakage"], result, colour, marker)
         for place, result in enumerate(results[1:], start=1):
-            _difference(panels[1, 0], compare(result, results[0], joint_cycles=()), shown_times(result), place)
+            _difference(panels["difference"], compare(result, results[0], joint_cycles=()), shown_times(result), place)
         _label(panels, results[0].engine, time_name(results[0].scene))
-        handles, names = panels[0, 0].get_legend_handles_labels()
+        handles, names = panels["survival"].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
         figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
         bottom, top = (0.15 + _LINE * len(notes)) / height, 1.0 - (0.5 + _LINE * len(results)) / height
         figure.tight_layout(rect=(0.0, bottom, 1.0, top), w_pad=2.0, h_pad=1.5)
         return style.save(figure, path)
+
+
+def _noise(result):
+    """Name the noise of a result; a remark below the panels says what a density has in its place."""
+    return "equivalent noise, see below" if result.closure else noise_text(result.scene.noise)
 
 
 def _points(marker) -> dict:
@@ -74,7 +81,8 @@ def _survival(axes, result, label, colour, marker):
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
-    error_bars(axes, cycles, survival, result.survival_interval(0.95), color=colour, label=label, marker=marker)
+    look = {"color": colour, "label": label, "marker": marker, "markersize": _SMALL}
+    error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
 
 
 def _difference(axes, comparison, times, place):
@@ -87,20 +95,20 @@ def _difference(axes, comparison, times, place):
 def _leakage(axes, result, colour, marker):
     cycles = shown_times(result)[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
-    shape = _points(marker) if result.realizations else {}
+    shape = _points(marker) | {"markersize": _SMALL} if result.realizations else {}
     for values in (right, -left):
         axes.plot(cycles, values, color=colour, **shape)
 
 
 def _label(panels, reference, counted):
-    survival, tail, difference, leakage = panels.ravel()
+    survival, tail, leakage, difference = panels.values()
     survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
     tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")
-    difference.set(title=f"Survival less that of the {reference}", ylabel="difference, 95 % intervals")
+    difference.set(title=f"Survival less that of the {reference}, 95 % intervals", ylabel="difference of survival")
     difference.axhline(0.0, color=style.COLOURS[0], zorder=1)
-    leakage.set(title="Leakage: overturned during each cycle, by side", ylabel="left ← probability → right")
+    leakage.set(title="Overturned in each cycle", ylabel="left ← probability → right")
     leakage.axhline(0.0, color="black", linewidth=0.8)
     leakage.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
-    for axes in panels.ravel():
+    for axes in panels.values():
         axes.set_xlabel(counted)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))

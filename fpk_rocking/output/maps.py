@@ -72,7 +72,7 @@ def _range(edges, masses):
 def _heading(result, cycle):
     left, right = np.asarray(result.overturned)[cycle]
     when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
-    return f"{when}: {result.survival[cycle]:.3f} standing\noverturned {left:.3f} left, {right:.3f} right"
+    return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
 
 
 def _notes(results):

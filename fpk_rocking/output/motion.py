@@ -14,8 +14,8 @@ from fpk_rocking.results.result import label_of
 __all__ = ["ANGLE", "TIME", "VELOCITY", "history_panel", "motion_figure"]
 
 TIME = "time τ, nondimensional"
-ANGLE = "angle, in units of the critical angle"
-VELOCITY = "velocity, nondimensional"
+ANGLE = r"angle Θ = θ / θ$_\mathrm{cr}$"
+VELOCITY = "velocity dΘ/dτ"
 
 _SIZE = (10.5, 12.4)
 _INTERVALS = "density, 95 % intervals"
@@ -47,7 +47,7 @@ def motion_figure(
         The file written.
     """
     scene = ensemble.scene
-    notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}.", *remarks(ensemble)]
+    notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *remarks(ensemble)]
     with style.page(path, _SIZE, title, notes) as figure:
         top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.15, 1.0, 0.8))
         rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
@@ -57,9 +57,16 @@ def motion_figure(
         rows[0].set_title("Time histories; a dot is an impact, a cross the overturning at the cut-off", loc="left")
         rows[-1].set_xlabel(TIME)
         top.supylabel(ANGLE, fontsize=10)
-        points, means = middle.subplots(1, 2)
-        _points(points, ensemble)
-        _means(means, maps)
+        panels = middle.subplot_mosaic([["points", "angle"], ["points", "velocity"]])
+        _points(panels["points"], ensemble)
+        for column, name in enumerate(("angle", "velocity")):
+            _means(panels[name], maps, column)
+        panels["angle"].set_title("Mean Poincaré points; overturned clamped or left out")
+        panels["angle"].tick_params(labelbottom=False)
+        panels["angle"].set_ylabel("mean angle")
+        panels["velocity"].set(xlabel="forcing cycles", ylabel="mean velocity")
+        names = panels["angle"].get_legend_handles_labels()
+        panels["velocity"].legend(*names, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=2)
         first, impacts = bottom.subplots(1, 2)
         _bars(first, passage, "Time of overturning", TIME)
         first.set_ylabel(_INTERVALS)
@@ -68,7 +75,7 @@ def motion_figure(
     return pathlib.Path(path)
 
 
-def history_panel(axes, histories, r):
+def history_panel(axes, histories, r, impacts=True):
     """Draw the angle of one realization against time, its impacts as dots and its overturning as a cross.
 
     Parameters
@@ -77,14 +84,17 @@ def history_panel(axes, histories, r):
     histories : Histories
     r : int
         Number of the realization.
+    impacts : bool
+        Whether impacts are drawn: in a long history they would merge.
     """
     cutoff = histories.scene.overturning.angle
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
     for level in (-cutoff, cutoff):
         axes.axhline(level, color=style.OVERTURNED, linewidth=0.8, linestyle="--", zorder=1)
     axes.plot(histories.time, histories.angle[r], color=style.COLOURS[0], linewidth=1.2)
-    times = histories.impact_time[histories.impact_realization == r]
-    axes.plot(times, np.zeros_like(times), "o", color="black", markersize=2.8)
+    if impacts:
+        times = histories.impact_time[histories.impact_realization == r]
+        axes.plot(times, np.zeros_like(times), "o", color="black", markersize=2.8)
     side = histories.overturn_side[r]
     if side:
         axes.plot(histories.overturn_time[r], side * cutoff, "x", color=style.OVERTURNED, markersize=8, mew=2)
@@ -99,15 +109,12 @@ def _points(axes, ensemble):
     axes.set(xlabel=ANGLE, ylabel=VELOCITY)
 
 
-def _means(axes, maps):
-    for (label, found), colour, marker in zip(maps.items(), style.COLOURS, "osD^", strict=False):
-        shape = {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linewidth": 0.7}
-        errors = 1.96 * found.standard_error.T
-        axes.errorbar(*found.points.T, xerr=errors[0], yerr=errors[1], color=colour, label=label, **shape)
-    start = next(iter(maps.values())).points[0]
-    axes.annotate("start", start, xytext=(8, -3), textcoords="offset points")
-    axes.set(title="Mean Poincaré maps, 95 % intervals of each averaging", xlabel=ANGLE, ylabel=VELOCITY)
-    axes.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+def _means(axes, maps, column):
+    """Draw one coordinate of mean Poincaré points against the cycle, their curves side by side within it."""
+    for k, ((label, found), colour, marker) in enumerate(zip(maps.items(), style.COLOURS, "osD^", strict=False)):
+        shape = {"marker": marker, "markersize": 3.5, "markerfacecolor": "white", "linewidth": 0.7, "elinewidth": 1.0}
+        mean, error = found.points[:, column], 1.96 * found.standard_error[:, column]
+        axes.errorbar(np.arange(len(mean)) + 0.12 * k, mean, error, color=colour, label=label, **shape)
 
 
 def _bars(axes, histogram, title, label):

@@ -7,7 +7,7 @@ import textwrap
 from fpk_rocking.base.look import COLOURS, OVERTURNED, SURFACE, drawing
 from fpk_rocking.results.storage import replaced_atomically
 
-__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "page", "save", "shades"]
+__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "named", "page", "save", "shades"]
 
 _NOTE_WIDTH = 13.0  # letters an inch
 
@@ -43,6 +43,24 @@ def shades(count) -> list:
 
     steps = range(count)
     return [mpl.colors.to_hex(mpl.colormaps["viridis"](0.82 * step / max(count - 1, 1))) for step in steps]
+
+
+def named(axes, text, point, colour, offset=(5.0, -3.0), **look):
+    """Write the name of a curve in its colour beside one of its points.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    text : str
+    point : (float, float)
+        In the units of the axes.
+    colour : str
+    offset : (float, float)
+        From the point to the text, in points of print.
+    **look
+        As ``axes.annotate`` takes it.
+    """
+    axes.annotate(text, point, xytext=offset, textcoords="offset points", color=colour, **look)
 
 
 def save(figure, path) -> pathlib.Path:

@@ -20,6 +20,7 @@ _COLUMNS = 3
 _PANEL = (3.6, 3.05)
 _ROW_NAME = {"rotation": 90, "va": "center", "ha": "center", "weight": "bold", "linespacing": 1.4}
 _VIEW = {"elev": 32, "azim": -62}
+_PARTS = 4  # points a bin
 
 
 def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> pathlib.Path:
@@ -72,12 +73,15 @@ def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int],
 
 
 def _surface(result, cycle):
-    """Angles, velocities and, around each point, the mean density in a bin; the points are half a bin apart."""
-    halves = [np.linspace(edges[0], edges[-1], 2 * edges.size - 1) for edges in joint_edges(result.scene)]
-    parts = np.asarray(result.bin_probabilities(cycle, *halves))
-    bins = parts[:-1, :-1] + parts[1:, :-1] + parts[:-1, 1:] + parts[1:, 1:]
-    area = np.multiply.outer(*(edges[2:] - edges[:-2] for edges in halves))
-    return *np.meshgrid(*(edges[1:-1] for edges in halves), indexing="ij"), bins / area
+    """Angles, velocities and, around each point, the mean density in a bin; the points are a quarter of a bin apart."""
+    fine = [np.linspace(edges[0], edges[-1], _PARTS * (edges.size - 1) + 1) for edges in joint_edges(result.scene)]
+    within = np.cumsum(np.cumsum(result.bin_probabilities(cycle, *fine), axis=0), axis=1)
+    within = np.pad(within, ((1, 0), (1, 0)))
+    below, left = within[:-_PARTS, _PARTS:], within[_PARTS:, :-_PARTS]
+    bins = within[_PARTS:, _PARTS:] - below - left + within[:-_PARTS, :-_PARTS]
+    area = np.multiply.outer(*(edges[_PARTS:] - edges[:-_PARTS] for edges in fine))
+    middles = (0.5 * (edges[_PARTS:] + edges[:-_PARTS]) for edges in fine)
+    return *np.meshgrid(*middles, indexing="ij"), bins / area
 
 
 def _panel(axes, result, cycle, surface, highest):
@@ -92,7 +96,8 @@ def _panel(axes, result, cycle, surface, highest):
         colours = {"cmap": style.SURFACE, "norm": PowerNorm(0.5, 0.0, highest)}
         axes.plot_surface(*surface, **colours, rstride=1, cstride=1, linewidth=0.0)
     for probability, x in zip(result.overturned[cycle], (-cut_off, cut_off), strict=True):
-        _wall(axes, x, bound, probability * highest, f"{probability:z.3f}")
+        # The figure stands where no tick of the axes does: on the left wall in front, on the right wall half way.
+        _wall(axes, x, bound, probability * highest, f"{probability:z.3f}", -bound if x < 0.0 else -0.2 * bound)
     when = "start" if cycle == 0 else f"{cycle} cycle{'s' if cycle > 1 else ''}"
     axes.set_title(f"{when}: survival {result.survival[cycle]:.3f}", y=0.93, pad=0)
     axes.set_xlabel("angle Θ", labelpad=-6)
@@ -106,14 +111,14 @@ def _panel(axes, result, cycle, surface, highest):
         _needle(axes, scene.start, highest)
 
 
-def _wall(axes, x, bound, height, text):
+def _wall(axes, x, bound, height, text, place):
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     corners = [(x, -bound, 0.0), (x, bound, 0.0), (x, bound, height), (x, -bound, height)]
     colour = style.OVERTURNED
     axes.add_collection3d(Poly3DCollection([corners], facecolor=colour, alpha=0.4, edgecolor=colour))
     box = {"facecolor": "white", "edgecolor": colour, "linewidth": 0.8, "boxstyle": "round,pad=0.15"}
-    axes.text(x, -bound, height, text, ha="left" if x < 0.0 else "right", va="bottom", fontsize=9, bbox=box, zorder=100)
+    axes.text(x, place, height, text, ha="left" if x < 0.0 else "right", va="bottom", fontsize=9, bbox=box, zorder=100)
 
 
 def _needle(axes, start, highest):
