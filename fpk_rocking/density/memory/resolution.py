@@ -15,7 +15,10 @@ _NODES = {1: (5, 6, 8, 10, 12, 14, 16), 2: (4, 5, 6, 8, 10, 12, 14)}
 _POINTS = 8
 """Gauss points of a cell, an axis: each is one path."""
 
-_RESTING_NODES = {1: (12, 16, 20, 24, 28, 32, 36), 2: ((12, 4), (14, 5), (18, 6), (22, 7), (26, 8), (30, 9), (34, 10))}
+_RESTING_NODES = {
+    1: ((12,), (16,), (20,), (24,), (28,), (32,), (36,)),
+    2: ((12, 4), (14, 5), (18, 6), (22, 7), (26, 8), (30, 9), (34, 10)),
+}
 """Nodes of a scene that may rest after a cycle: the noise at which |f| passes 1 has to be met."""
 
 _RESTING_POINTS = 5
@@ -24,7 +27,7 @@ _RESTING_POINTS = 5
 _MAY_REST = 4.0
 """A block may rest where |f| without noise is below 1 and so many standard deviations of the noise."""
 
-_FINEST, _GROWTH = (100, 140, 200, 300, 420, 600, 840), 0.2
+_LAST, _GROWTH = (100, 140, 200, 300, 420, 600, 840), 0.2
 """Parts of a cycle that the last step is, by resolution, and length of a step over the time from its end to the
 cycle's, where a block may rest."""
 
@@ -99,9 +102,9 @@ def node_grid(scene, plane, number):
     if not may_rest(scene):
         marks = np.linspace(0.0, 1.0 / legs, steps + 1)
         return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, marks)
-    nodes, last = np.atleast_1d(_RESTING_NODES[states][number]), 1.0 / _FINEST[number]
+    last = 1.0 / _LAST[number]
     marks = graded_marks(1.0 / legs, 1.0 / (legs * steps), last)
-    return NodeGrid(_fine_about_rest(plane, scene, last), tuple(nodes), _RESTING_POINTS, marks)
+    return NodeGrid(_fine_about_rest(plane, scene, last), _RESTING_NODES[states][number], _RESTING_POINTS, marks)
 
 
 def may_rest(scene):
