@@ -192,7 +192,7 @@ def test_noise_that_is_not_refused_as_slow_is_answered():
 
 
 def test_a_block_that_nothing_lifts_off_rests():
-    scene = Scene(Block(0.8), Forcing(0.3, 2.0), FilteredNoise("low-pass", 1e-4, 3.0, 0.7))
+    scene = Scene(Block(0.8), Forcing(0.3, 2.0), FilteredNoise("exponential", 1e-4, 3.0))
     found = solve_fpk(scene, cycles=2, tol=1e-2)
     assert found.at_rest == pytest.approx(np.ones(3), abs=1e-12)
     assert found.survival == pytest.approx(np.ones(3), abs=1e-12)
@@ -277,6 +277,7 @@ def test_a_case_looks_into_a_density():
     spec = importlib.util.spec_from_file_location("rest", SCENES.parent / "rest.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    module.STEPS = 40
     scene = load_scene(module.SCENE).filtered_equivalent()
     found = module.look_inside(scene, 0)
     resting, noise = np.array(found["resting"]), np.array(found["noise"])
