@@ -1,4 +1,4 @@
-"""Bifurcation diagram of the block without noise against the amplitude, and its boundary crisis.
+"""Bifurcation diagram and boundary crisis.
 
 The main scene without noise, with the amplitude A of the forcing as parameter. Shown are the Poincaré velocities of the
 motion that a slowly growing and a slowly falling amplitude carry along and of the motion from rest; the symmetric

@@ -1,4 +1,4 @@
-"""Where is the density solver's white noise trustworthy? Bands, numbers of harmonics, and an error budget.
+"""Where equivalent white noise may be trusted.
 
 The density solver replaces band noise by white noise with D = σ_M²/2. Its survival is held against Shinozuka Monte
 Carlo in the main scene and in that with e = 0.7, over bands that cover the block's frequencies or leave some out, with

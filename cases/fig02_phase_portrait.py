@@ -1,4 +1,4 @@
-"""Potential, phase portrait and heteroclinic orbits of the free rocking block: cf. Fig. 2 of Lin and Yim (1996).
+"""Fig. 2: phase portrait and heteroclinic orbits.
 
 Without forcing the block dx/dτ = v, dv/dτ = x - s has the energy H = v²/2 + V, V = |x| - x²/2: a cusped well between
 two saddles x = ±1 of height 1/2, joined by two heteroclinic orbits v = ±(1 - |x|). Shown are

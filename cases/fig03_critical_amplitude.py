@@ -1,4 +1,4 @@
-"""Critical amplitude of the forcing against its frequency, with and without noise: Fig. 3 of Lin and Yim (1996).
+"""Fig. 3: critical amplitude against frequency.
 
 From the critical amplitude on, the Melnikov criterion lets blocks cross the separatrix. Shown are
 

@@ -1,4 +1,4 @@
-"""When blocks overturn: first-passage times of the main scene under growing noise, by Monte Carlo and by the density.
+"""When blocks overturn: first-passage times.
 
 Shown are
 

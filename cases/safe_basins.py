@@ -1,4 +1,4 @@
-"""Safe basins in noise: survival from every start at once, its erosion as noise grows, and the mean time that is left.
+"""Safe basins in noise, for every start at once.
 
 The adjoint of the density solver's steps gives the probability of standing for a number of cycles as a function of the
 start, for the whole plane in one backward run. Without noise it is 1 inside the safe basin and 0 outside, which the

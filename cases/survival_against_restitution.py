@@ -1,4 +1,4 @@
-"""Survival against the restitution of the impacts, 0.5 to 1: a study that Lin and Yim (1996) leave to their Part II.
+"""Survival against the restitution of impacts.
 
 The main scene from rest with other restitutions. Shown is the probability of standing after 10, 20 and 40 forcing
 cycles by Monte Carlo with Wilson's intervals and by the density, on linear and logarithmic axes; survival after 20
