@@ -164,9 +164,7 @@ def test_all_arrays_are_a_dataset(result):
 def test_a_missing_library_is_named_with_the_extra_that_has_it(kinds, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
     convert = kinds["density"].to_dataframe if name == "pandas" else kinds["density"].to_xarray
-    with pytest.raises(
-        ModuleNotFoundError, match=rf"{name}: not installed, accepted: pip install 'fpk-rocking\[frames\]'"
-    ):
+    with pytest.raises(ModuleNotFoundError, match=rf"{name} is not installed: pip install 'fpk-rocking\[frames\]'"):
         convert()
 
 
