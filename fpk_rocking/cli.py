@@ -140,13 +140,11 @@ def _add_fragility(commands):
     scales = "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"
     parser.add_argument("--scales", metavar="LIST", required=True, help=scales)
     _add_common(parser, "result.npz, summary.json, fragility.csv and fragility.png")
-    engine = (
-        "exact, rk4, white, filtered (Monte Carlo) or density (default: the Monte Carlo method that fits the noise)"
-    )
+    engine = "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
     parser.add_argument("--engine", metavar="NAME", help=engine)
     levels = "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
     parser.add_argument("--levels", metavar="LIST", help=levels)
-    over = "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as size=0.5,1,2 or noise.variance=0.01,0.04"
+    over = "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"
     parser.add_argument("--over", metavar="NAME=LIST", help=over)
     kept = "scale the forcing alone and keep the noise as it is"
     parser.add_argument("--keep-noise", action="store_true", help=kept)
@@ -177,9 +175,7 @@ def _add_density(parser):
     parser.add_argument("--tol", type=float, metavar="X", help=aim)
     aim = "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; inf: any)"
     parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
-    stands = (
-        "noise that replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
-    )
+    stands = "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
     parser.add_argument("--closure", metavar="NAME", help=stands)
 
 

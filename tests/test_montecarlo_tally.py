@@ -201,7 +201,7 @@ def test_refusals_name_the_parameter(changed, error, message):
 
 def test_an_ensemble_that_does_not_fit_is_sent_here():
     with pytest.raises(
-        ValueError, match=r"realizations: got 1000000000, accepted: .* 4 GiB of states; `tally` keeps none"
+        ValueError, match=r"realizations: got 1000000000, accepted: .* 4 GiB of states; a tally keeps counts"
     ):
         simulate(MAIN, cycles=10, realizations=10**9)
 

@@ -70,8 +70,8 @@ def refuse_large(held, stored, scene, rows):
     largest = LARGEST[scene.noise.kind]
     if held > largest:
         raise ValueError(
-            f"scene: got a mesh and time steps that take {held:.1e} bytes, accepted: up to {largest:g}; stronger noise, "
-            "a shorter period or a smaller overturning angle need less, or use Monte Carlo"
+            f"scene: got a mesh and time steps that take {held:.1e} bytes, accepted: up to {largest:g}; stronger "
+            "noise, a shorter period or a smaller overturning angle need less, or use Monte Carlo"
         )
     if held + stored > largest:
         accepted = f"fewer, as the densities after all of them would take {stored:.1e} bytes, more than {largest:g}"

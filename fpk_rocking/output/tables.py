@@ -84,8 +84,8 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
     note = (
-        "z: difference of survival over its standard error. L1, Hellinger: distances of the joint densities. Floor: the "
-        "distance that sampling noise alone gives."
+        "z: difference of survival over its standard error. L1, Hellinger: distances of the joint densities. Floor: "
+        "the distance that sampling noise alone gives."
     )
     said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
     for compared in comparisons:

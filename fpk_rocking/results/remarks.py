@@ -104,7 +104,7 @@ def _squat(size):
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is treated as slender, so that the moment of gravity is "
+        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is treated as slender: the moment of gravity is then "
         f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
     )
     return [Doubt(CAUTION, sentence)]
@@ -132,8 +132,8 @@ def _closure_doubts(scene, survival, averaged, filtered):
         if part < equivalence.TRUSTED_COVER:
             sentence = (
                 f"Not to be trusted: the spectrum of the filtered noise covers {100 * part:.2g} % of the Melnikov "
-                f"variance of white noise as strong as its peak ({100 * equivalence.TRUSTED_COVER:g} % are needed), too "
-                "little for white noise to replace it. Solve for the filtered noise itself."
+                f"variance of white noise as strong as its peak ({100 * equivalence.TRUSTED_COVER:g} % are needed), "
+                "too little for white noise to replace it. Solve for the filtered noise itself."
             )
             yield Doubt(UNUSABLE, sentence)
         return
@@ -141,10 +141,10 @@ def _closure_doubts(scene, survival, averaged, filtered):
     spread = equivalence.realized_spread(noise, scene.block.restitution)
     if scene.forcing.largest <= equivalence.LIFTED and survival[-1] < equivalence.STANDING and not filtered:
         sentence = (
-            f"Not to be trusted, as the block rests: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts it "
-            "off. Under band noise it rests now and then, under the white noise that was solved for never. In such "
-            f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo, or the "
-            "closure 'filtered'."
+            f"Not to be trusted, as the block rests: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts "
+            "it off. Under band noise it rests now and then, under the white noise that was solved for never. In such "
+            f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo, or "
+            "the closure 'filtered'."
         )
         yield Doubt(UNUSABLE, sentence)
     if part < equivalence.TRUSTED_COVER and filtered:
@@ -157,15 +157,15 @@ def _closure_doubts(scene, survival, averaged, filtered):
         sentence = (
             f"Not to be trusted: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of "
             f"equally strong white noise ({100 * equivalence.TRUSTED_COVER:g} % are needed). For such bands survival "
-            f"under the equivalent white noise was found wrong by up to {equivalence.WORST:g}, in either direction. Use "
-            "Monte Carlo."
+            f"under the equivalent white noise was found wrong by up to {equivalence.WORST:g}, in either direction. "
+            "Use Monte Carlo."
         )
         yield Doubt(UNUSABLE, sentence)
     if spread > equivalence.TRUSTED_SPREAD and not averaged:
         excess = min(equivalence.EXCESS * spread**2, 1.0)
         sentence = (
             f"Few harmonics: realizations of {noise.harmonics} harmonics differ in strength by {100 * spread:.0f} % "
-            f"({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), so more blocks survive than under white noise, by "
-            f"up to about {excess:.2g} within 40 cycles. Use Monte Carlo, or an average of densities over realizations."
+            f"({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), so more blocks survive than under white noise, "
+            f"by up to about {excess:.2g} within 40 cycles. Use Monte Carlo, or an average over realizations."
         )
         yield Doubt(CAUTION, sentence)

@@ -231,8 +231,8 @@ class DensityResult(SurvivalResult):
     def account(self) -> str:
         """Error figures and the seconds of the call, as a sentence."""
         return (
-            f"Estimated error of survival {self.error_estimate:.1e}; mass defect (probability that the solver created or "
-            f"lost) {self.mass_defect:.1e}; negative mass (integral of the density where it is below 0) "
+            f"Estimated error of survival {self.error_estimate:.1e}; mass defect (probability that the solver created "
+            f"or lost) {self.mass_defect:.1e}; negative mass (integral of the density where it is below 0) "
             f"{self.negative_mass:.1e}; {self.wall_s:.1f} s."
         )
 
