@@ -248,9 +248,9 @@ def test_doubts_name_their_figures_and_the_remedy():
     (few,) = (one for one in remarks(fakes.FakeEvolution(_with((0.0, 10.0), 30))) if "harmonics:" in one)
     assert "of 30 harmonics differ in strength by 44 % (30 % are trusted)" in few
     assert "by up to about 0.079 within 40 cycles" in few
-    assert "solve_realizations" in few
+    assert "an average over realizations" in few
     (low,) = (one for one in remarks(fakes.FakeEvolution(_with((1.0, 6.0), 100))) if "covers" in one)
-    assert "[1, 6] covers 0.18 of the Melnikov variance of white noise (0.85 is wanted)" in low
+    assert "[1, 6] covers 18 % of the Melnikov variance of equally strong white noise (85 % are needed)" in low
 
 
 def test_a_block_that_the_forcing_hardly_lifts_off_is_doubted():

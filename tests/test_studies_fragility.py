@@ -115,9 +115,7 @@ def test_what_an_engine_refuses_is_a_hole_with_its_reason(main_scene):
     )
     assert np.isnan(found.overturned[0]).tolist() == [True, False, False, False]
     assert "noise.diffusion: got 1e-14" in found.reasons["0,0,0"]
-    assert any(
-        text.startswith("The engine gave no answer for 1 of 4") for text in found.remarks
-    )
+    assert any(text.startswith("The engine gave no answer for 1 of 4") for text in found.remarks)
     assert not found.fits[0][0].reason
     limits = found.interval()
     assert np.isnan(limits[0, 0, 0]).all()

@@ -34,7 +34,7 @@ def gauss_shapes(count, degree):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Space:
-    """Mesh of rectangles in the phase plane, with a polynomial of angle and velocity on each (discontinuous Galerkin).
+    """Mesh of rectangles in the phase plane with a polynomial on each of them (discontinuous Galerkin).
 
     ``space.shape`` is the shape of the coefficients of a density: (angle cells, velocity cells, degree + 1, degree + 1).
 
