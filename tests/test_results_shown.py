@@ -315,7 +315,7 @@ def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_dif
     differing = compare(Other(MAIN), density).trust
     assert differing.verdict == "caution"
     assert differing.reasons == ("Survival differs by up to 0.06, more than the stated errors of both explain.",)
-    assert compare(ensemble, ensemble).trust.reasons[0].startswith("Both ensembles use seed 1")
+    assert compare(ensemble, ensemble).trust.reasons[0].startswith("Both samples use seed 1")
     # Seven standard errors, and two.
     assert compare(ensemble, Other(MAIN)).trust.verdict == "caution"
     assert compare(fakes.FakeEnsemble(MAIN, realizations=400), Other(MAIN)).trust.verdict == "ok"

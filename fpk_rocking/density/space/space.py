@@ -36,7 +36,7 @@ def gauss_shapes(count, degree):
 class Space:
     """Mesh of rectangles in the phase plane with a polynomial on each of them (discontinuous Galerkin).
 
-    ``space.shape`` is the shape of the coefficients of a density: (angle cells, velocity cells, degree + 1, degree + 1).
+    ``space.shape`` is the shape of a density's coefficients: (angle cells, velocity cells, degree + 1, degree + 1).
 
     Parameters
     ----------
