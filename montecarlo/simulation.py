@@ -21,10 +21,10 @@ def simulate(
     steps_per_cycle: int = 200,
     progress: Progress | None = None,
 ) -> Ensemble:
-    """Simulate independent realizations of a scene by Monte Carlo, on all processors.
+    """Simulate independent realizations of a scene by Monte Carlo.
 
     Realization number r depends on the seed and on r alone. It is the same however many realizations or threads there
-    are.
+    are. All processors are used; the environment variable ``NUMBA_NUM_THREADS`` sets another number of threads.
 
     Parameters
     ----------

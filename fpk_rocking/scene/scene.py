@@ -194,7 +194,7 @@ class Scene:
         phase : float
             Phase of the harmonic base acceleration, radians.
         noise_rms_acceleration : float
-            Root mean square of the random base acceleration, m/s²; 0 for none.
+            Root mean square of the random base acceleration that is added to any of these, m/s²; 0 for none.
         noise_band_hz : (float, float), optional
             Lowest and highest frequency of the noise, Hz. Required where there is noise, refused where there is none.
         harmonics : int
