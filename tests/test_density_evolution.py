@@ -96,7 +96,7 @@ def test_refuses_what_has_no_density():
         ):
             solve_fpk(scene, cycles=1)
     for noise in (NoNoise(), WhiteNoise(0.0)):
-        with pytest.raises(ValueError, match=r"noise: got .*, accepted: noise above 0, as there is no density"):
+        with pytest.raises(ValueError, match=r"noise: got .*, accepted: noise of a variance or diffusion above 0"):
             solve_fpk(dataclasses.replace(MAIN, noise=noise), cycles=1)
 
 

@@ -36,12 +36,12 @@ def refuse_unsolvable(scene):
     limits.check(scene)
     white = scene.noise.kind == "white"
     if (scene.noise.diffusion if white else scene.noise.variance) == 0.0:
-        accepted = "noise above 0, as there is no density without noise; use Monte Carlo for a single path"
-        raise ValueError(f"noise: got none, or noise of strength 0, accepted: {accepted}")
+        accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
+        raise ValueError(f"noise: got none, accepted: {accepted}")
     if white and scene.block.restitution <= CRITICAL_RESTITUTION:
         accepted = (
-            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as up to there impacts accumulate in finite time and "
-            "the motion after them is not defined; use Monte Carlo under band noise, or the closure 'filtered'"
+            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite time "
+            "and the motion after them is not defined; use Monte Carlo under band noise, or the closure 'filtered'"
         )
         raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
 
