@@ -118,8 +118,8 @@ def problem_of(scene, steps_per_cycle, times=None):
         raise ValueError(checks.refusal("noise.diffusion", diffusion, accepted))
     if restitution <= CRITICAL_RESTITUTION:
         accepted = (
-            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite time "
-            "and the motion after them is not defined; band noise and filtered noise have no such limit"
+            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
+            "time and the motion after them is not defined; band noise and filtered noise have no such limit"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
     longest, envelope = min(scene.forcing.shortest_period / _FEWEST, _LONGEST), scene.noise.envelope
