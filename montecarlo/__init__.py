@@ -2,8 +2,8 @@
 
 ``simulate`` keeps every realization of a scene (``Ensemble``), ``tally`` counts alone, for ensembles of any size
 (``Tally``), ``histories`` whole time histories with their impacts. ``split`` estimates small probabilities of
-overturning. ``mean_poincare_map``, ``restarted_poincare_map``, ``correlation_dimension``, ``first_passage``, ``overturning_rate``,
-``impact_speeds`` and ``bin_errors`` are statistics of realizations with their sampling errors.
+overturning. ``mean_poincare_map``, ``restarted_poincare_map``, ``correlation_dimension``, ``first_passage``,
+``overturning_rate``, ``impact_speeds`` and ``bin_errors`` are statistics of realizations with their sampling errors.
 """
 
 from montecarlo.history import histories

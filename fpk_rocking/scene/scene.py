@@ -280,7 +280,7 @@ def load_scene(path: File) -> Scene:
     ----------
     path : str or pathlib.Path
         A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"``,
-        ``"second_harmonic"``, ``"rest"`` or ``"record"``. A file of such a name is read as ``"./main"``.
+        ``"second_harmonic"``, ``"rest"`` or ``"record"``. To read a file of such a name write ``"./main"``.
 
     Returns
     -------
