@@ -16,6 +16,11 @@ from scipy import special
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
 
+P_VALUE = (
+    "p: probability that counts drawn from the fitted curve differ from it as much; if small, it is not lognormal."
+)
+"""What stands below fits with a p-value."""
+
 _ROUNDS, _SMALL = 100, 1e-9
 _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 _STEEPEST = 1e6

@@ -11,6 +11,7 @@ from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
+from studies.lognormal import P_VALUE
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "small_figure", "surface_figure"]
 
@@ -52,7 +53,7 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
     rows = -(-count // columns)
     shown = range(len(first.names)) if which is None else [which]
     notes = [first.describe(m, one) for m in range(count) for one in shown]
-    notes += ["p: probability that counts drawn from the fitted curve differ from it as much.", *_notes(results)]
+    notes += [P_VALUE, *_notes(results)]
     size = (_WIDE * columns if columns > 1 else _SIZE, _ROW * rows + _LINE * len(notes) + 0.8)
     with style.page(path, size, title, notes) as figure:
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()

@@ -252,7 +252,7 @@ class Fragility(Shown):
         if fit.reason:
             return f"Lognormal ({where}): no fit, {fit.reason}."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
-        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
+        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
         return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
 
     def columns(self) -> dict[str, Array]:

@@ -251,8 +251,8 @@ class Pulse(TransientForcing):
     shape : str
         One of the names above.
     amplitude : float
-        Peak A, nondimensional, at least 0. The pulse begins by pushing the block, as seen from its base, towards
-        positive angles where ψ is positive.
+        Peak A, nondimensional, at least 0. Where ψ is positive the base accelerates towards negative angles, which
+        pushes the block, as seen from its base, towards positive ones.
     frequency : float
         Angular frequency Ω, nondimensional, above 0.
     cycles : int, optional
