@@ -16,9 +16,7 @@ from scipy import special
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
 
-P_VALUE = (
-    "p: probability that counts drawn from the fitted curve differ from it as much; if small, it is not lognormal."
-)
+P_VALUE = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
 """What stands below fits with a p-value."""
 
 _ROUNDS, _SMALL = 100, 1e-9
