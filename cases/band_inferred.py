@@ -1,4 +1,4 @@
-"""The noise band of Lin and Yim (1996), inferred from their figures.
+"""The noise band of Lin and Yim (1996), inferred.
 
 The paper gives the variance of its noise and the number of its harmonics, not the band of their frequencies. Five of
 its figures say something that depends on it; each is held against many bands. For a band [a, b] each is put as a

@@ -1,4 +1,4 @@
-"""Bifurcations and boundary crisis of the block without noise.
+"""Bifurcation diagram and boundary crisis.
 
 The main scene without noise, with the amplitude A of the forcing as parameter. Shown are the Poincaré velocities of the
 motion that a slowly growing and a slowly falling amplitude carry along and of the motion from rest, each in a panel of

@@ -1,4 +1,4 @@
-"""Where white noise may stand for band noise.
+"""Where equivalent white noise may be trusted.
 
 The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
 is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's

@@ -1,4 +1,4 @@
-"""Fig. 2 of Lin and Yim (1996): the free rocking block.
+"""Fig. 2: phase portrait and heteroclinic orbits.
 
 Without forcing the block d²Θ/dτ² = Θ - s, where s = ±1 is the side on which it rocks, has the energy H = v²/2 + V with
 v = dΘ/dτ and V = |Θ| - Θ²/2: a cusped well between two saddles Θ = ±1 of height 1/2, joined by two heteroclinic orbits

@@ -1,4 +1,4 @@
-"""Fig. 3 of Lin and Yim (1996): critical amplitude of the forcing.
+"""Fig. 3: critical amplitude against frequency.
 
 From the critical amplitude on, the Melnikov criterion lets blocks cross the separatrix. Shown are
 

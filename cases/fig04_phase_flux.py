@@ -1,4 +1,4 @@
-"""Fig. 4 of Lin and Yim (1996): phase flux.
+"""Fig. 4: phase flux against the parameters.
 
 The phase flux Φ is the mean positive part of the Melnikov process: the phase-space area that crosses a separatrix per
 unit time, to first order. Around (A, Ω) = (4, 4), without noise and with σ² = 0.16, are shown

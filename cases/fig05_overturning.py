@@ -1,4 +1,4 @@
-"""Fig. 5 of Lin and Yim (1996): noise overturns a periodic motion.
+"""Fig. 5: a periodic motion overturned by noise.
 
 The paper has A = 4.2 and Ψ = 3.14: (a) without noise a periodic motion of two forcing cycles; (b) with σ² = 0.05² one
 realization that is chaotic for a while and overturns after 125 cycles, through the upper right corner of the phase

@@ -1,4 +1,4 @@
-"""Fig. 6 of Lin and Yim (1996): the joint density spreads and leaks.
+"""Fig. 6: the joint density spreads and leaks.
 
 The rocking block dx/dτ = v, dv/dτ = x - s - A cos(Ωτ + Ψ) + η(τ), impact v⁺ = e v⁻ at x = 0 (paper eqs. 1 to 4),
 starts at rest. Its joint density of angle and velocity is shown at the start and after 2, 4, 10, 20 and 40 forcing

@@ -1,4 +1,4 @@
-"""Fig. 7 of Lin and Yim (1996): survival against noise.
+"""Fig. 7: survival against the noise variance.
 
 A block from rest with Ψ = 0 and the variance of the noise from 0 to 0.04. As in the paper each probability comes from
 1,000 realizations, here with Wilson's intervals. Beside it stands the density after the same 200 cycles, by the modes

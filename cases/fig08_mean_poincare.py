@@ -1,4 +1,4 @@
-"""Fig. 8 of Lin and Yim (1996): a late overturning and the mean map.
+"""Fig. 8: a late overturning and a mean map.
 
 For weak noise, σ² = 0.04², the paper shows (a) the Poincaré points of one realization that overturns, against the
 number of the cycle, and (b) the mean map (its eq. 21), which reconstructs the chaotic attractor that the noise hides:

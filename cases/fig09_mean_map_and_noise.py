@@ -1,4 +1,4 @@
-"""Fig. 9 of Lin and Yim (1996): the mean map as noise grows.
+"""Fig. 9: the mean Poincaré map as noise grows.
 
 The paper averages 1,200 realizations after each forcing cycle and restarts all of them from the mean (its eq. 21); it
 shows 500 mean points for σ = 0, 0.05, 0.06, 0.12, 0.13 and 0.16 and says: the fractal structure is kept at 0.05 and

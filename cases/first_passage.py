@@ -1,4 +1,4 @@
-"""First passages of the main scene as noise grows.
+"""When blocks overturn: first-passage times.
 
 Shown are
 

@@ -1,4 +1,4 @@
-"""Render every figure into docs/gallery, as small pictures with palettes, and the numbers behind it as JSON.
+"""Render every figure of the cases into docs/gallery.
 
 Each case is run as its own command line would, into a folder under ``results``, and its pictures are reduced to at most
 150 kB: fewer colours first, then fewer pixels. What it wrote as ``.json`` stands beside them under the same name. A

@@ -1,4 +1,4 @@
-"""Phase flux beside measured rates of overturning.
+"""Phase flux beside measured leakage.
 
 The phase flux Φ (paper eq. 17, corrected) is the phase-space area that crosses the separatrix of one saddle per unit
 time, to first order in forcing, noise and loss. The heteroclinic orbits enclose the area 2 and there are two saddles:

@@ -1,4 +1,4 @@
-"""Escape rates at low noise, down to 1e-10 a cycle.
+"""Escape rates at low noise, to 1e-10 a cycle.
 
 As noise falls the rate of overturning falls like exp(-V/D). At A = 3 the block without noise follows an orbit of one
 cycle, far from overturning, and at D = 0.00095 a block stands for some 10¹⁰ cycles. The one-cycle operator has the rate

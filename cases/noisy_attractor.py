@@ -1,4 +1,4 @@
-"""The noisy attractor of the main scene and how long it lasts.
+"""The noisy attractor and how long it lasts.
 
 The one-cycle operator of the density has a leading mode: the density that keeps its shape while it leaks. It stands
 beside the attractor of the block without noise, which the exact engine follows; one less its eigenvalue is the escape

@@ -1,4 +1,4 @@
-"""Overturning spectrum of a block under one-sine pulses.
+"""Overturning spectrum under one-sine pulses.
 
 A free-standing block may overturn under a one-sine pulse in two ways: after one impact (mode 1), or without any
 (mode 2). Against the frequency of the pulse, the amplitudes that overturn it after an impact are a band with a gap

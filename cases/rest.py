@@ -1,4 +1,4 @@
-"""A block near |f| = 1 rests: survival and rest under band noise, filtered noise and white noise.
+"""A block that rests: survival under three noises.
 
 The forcing alone never lifts this block off (A = .867), the noise does now and then. Under band noise the block rests
 in between. White noise of equal Melnikov variance lets it never rest, and far more blocks overturn. Low-pass noise of

@@ -1,4 +1,4 @@
-"""Safe basins and their erosion by noise.
+"""Safe basins in noise, for every start at once.
 
 The adjoint of the density solver's steps gives the probability of standing for a number of cycles as a function of the
 start, for the whole plane in one backward run. Without noise it is 1 inside the safe basin and 0 outside, which the

@@ -1,4 +1,4 @@
-"""What a second harmonic of the forcing does to survival.
+"""What a second harmonic does to survival.
 
 The forcing is a cosine with a second harmonic,
 

@@ -1,4 +1,4 @@
-"""Survival against the restitution of the impacts.
+"""Survival against the restitution of impacts.
 
 The main scene from rest with restitutions from 0.5 to 1, a study that Lin and Yim (1996) leave to their Part II. Shown
 is the probability of standing after 10, 20 and 40 forcing cycles by Monte Carlo with Wilson's intervals and by the

@@ -1,4 +1,4 @@
-"""What single rocking blocks and many of them do in a scene.
+"""Time histories, impacts and mean maps.
 
 Shown are a few time histories of the angle with every impact (as in Figs. 5 and 8 of the paper), the Poincaré points of
 an ensemble after its last cycle, the mean Poincaré map (paper 21) in both readings, the density of the time of

@@ -1,4 +1,4 @@
-"""Look around in a density that a case or ``fpk-rocking fpk --out`` has written, with a slider over the cycles.
+"""Look around in a density, with a slider.
 
     python cases/view.py results/fig06
     python cases/view.py results/fig06 --series jpdf_rk4

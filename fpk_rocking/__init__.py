@@ -1,7 +1,8 @@
-"""Noisy periodic rocking of a rigid block: probability densities by finite elements, beside Monte Carlo.
+"""Rocking of a rigid block under periodic and random shaking: the probability density of its motion, and overturning.
 
-``load_scene`` or ``Scene`` states a problem and ``solve_fpk`` evolves its probability density; the independent Monte
-Carlo engines are in the package ``montecarlo``.
+``Scene`` or ``load_scene`` states a problem, and ``solve_fpk`` solves its Fokker-Planck equation for the joint density
+of angle and velocity. The package ``montecarlo`` has independent Monte Carlo engines, ``studies`` has sweeps and
+fragility curves.
 """
 
 import importlib

@@ -37,6 +37,7 @@ examples:
 fpk-rocking COMMAND --help lists the options of a command
 """
 _PRINTED = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
+_SCENE = "scene file (TOML), or the name of a scene of the package"
 _CYCLES, _TOLERANCE, _REALIZATIONS, _SEED = 40, 1e-3, 10_000, 1
 
 
@@ -106,19 +107,19 @@ def _parser() -> argparse.ArgumentParser:
         return commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {_PRINTED}")
 
     fpk = command("fpk", "probability density by finite elements (Fokker-Planck equation)")
-    fpk.add_argument("scene", metavar="SCENE", help="scene file (TOML), or a name")
+    fpk.add_argument("scene", metavar="SCENE", help=_SCENE)
     _add_common(fpk, "result.npz, summary.json and a VTK series jpdf.pvd")
     _add_density(fpk)
     fpk.set_defaults(run=_fpk)
 
     mc = command("mc", "Monte Carlo simulation of many realizations")
-    mc.add_argument("scene", metavar="SCENE", help="scene file (TOML), or a name")
+    mc.add_argument("scene", metavar="SCENE", help=_SCENE)
     _add_common(mc, "result.npz and summary.json")
     _add_ensemble(mc)
     mc.set_defaults(run=_mc)
 
     both = command("compare", "both engines on one scene, or two saved results, side by side")
-    inputs = "a scene file to solve by both engines, or two saved results (.npz)"
+    inputs = "a scene (file or name) to solve by both engines, or two saved results (.npz)"
     both.add_argument("inputs", metavar="FILE", nargs="+", help=inputs)
     _add_common(both, "summary.json, survival.png and, of a scene, density.npz and ensemble.npz")
     _add_density(both)
@@ -126,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     both.set_defaults(run=_compare)
 
     _add_fragility(commands)
-    does = "make the machine code of all engines now, so that no first answer has to wait for it"
+    does = "compile all engines for this machine now, so that no first run has to wait for it"
     warmup = commands.add_parser("warmup", help=does, description=f"{does[0].upper()}{does[1:]}.")
     warmup.set_defaults(run=_warmup)
     return parser
@@ -135,22 +136,24 @@ def _parser() -> argparse.ArgumentParser:
 def _add_fragility(commands):
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     parser = commands.add_parser("fragility", help=does, description=f"{does[0].upper()}{does[1:]}.")
-    parser.add_argument("scenes", metavar="SCENE", nargs="+", help="scene file (TOML); several are motions, say")
-    scales = "factors of the shaking: LOW:HIGH:COUNT, spaced evenly in their logarithm, or a list A,B,C"
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help=f"{_SCENE}; several give a curve each")
+    scales = "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"
     parser.add_argument("--scales", metavar="LIST", required=True, help=scales)
     _add_common(parser, "result.npz, summary.json, fragility.csv and fragility.png")
-    engine = "exact, rk4, white, filtered or density (default: Monte Carlo, as the noise of the scene asks for)"
+    engine = "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
     parser.add_argument("--engine", metavar="NAME", help=engine)
-    levels = "angles A,B,C below the cut-off, in units of the critical angle, whose reaching is wanted too"
+    levels = "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
     parser.add_argument("--levels", metavar="LIST", help=levels)
-    over = "NAME=A,B,C or NAME=LOW:HIGH:COUNT: a parameter for a surface, as size=0.5,1,2 or noise.variance=0.01,0.04"
+    over = "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"
     parser.add_argument("--over", metavar="NAME=LIST", help=over)
     kept = "scale the forcing alone and keep the noise as it is"
     parser.add_argument("--keep-noise", action="store_true", help=kept)
-    parser.add_argument("--realizations", type=int, metavar="N", help=f"a point (default {_REALIZATIONS:,})")
-    parser.add_argument("--tol", type=float, metavar="X", help="error that the density aims at (default 0.01)")
+    parser.add_argument(
+        "--realizations", type=int, metavar="N", help=f"number of paths at each scale (default {_REALIZATIONS:,})"
+    )
+    parser.add_argument("--tol", type=float, metavar="X", help="error that the engine density aims at (default 0.01)")
     parser.add_argument("--seed", type=int, metavar="N", help=f"seed of the random numbers (default {_SEED})")
-    workers = "processes, one processor each (default 1: this one, on all processors)"
+    workers = "worker processes, one processor each (default 1: this process alone, on all processors)"
     parser.add_argument("--workers", type=int, default=1, metavar="N", help=workers)
     store = "file that keeps the points as they come; where it exists, the run goes on from it"
     parser.add_argument("--store", type=pathlib.Path, metavar="FILE", help=store)
@@ -159,10 +162,10 @@ def _add_fragility(commands):
 
 def _add_common(parser, files):
     parser.add_argument("--cycles", type=int, metavar="N", help=f"forcing cycles (default {_CYCLES})")
-    times = "of a pulse or a record: nondimensional times in place of cycles (default 20 parts of it, and 10 later)"
+    times = "for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its end)"
     parser.add_argument("--times", type=float, nargs="+", metavar="T", help=times)
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help=f"folder for files: {files}")
-    report = "one HTML file with numbers, verdict, pictures and, of engines, the density after every cycle"
+    report = "HTML file to write: numbers, verdict, pictures and the density after every cycle"
     parser.add_argument("--report", type=pathlib.Path, metavar="FILE", help=report)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
 
@@ -170,11 +173,9 @@ def _add_common(parser, files):
 def _add_density(parser):
     aim = f"error of survival that the density solver aims at (default {_TOLERANCE:g})"
     parser.add_argument("--tol", type=float, metavar="X", help=aim)
-    aim = "error of the binned density that it aims at, L1 (default the root of --tol, over 3; inf leaves it out)"
+    aim = "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; inf: any)"
     parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
-    stands = (
-        "what stands for band noise in the density solver: white (default), or filtered, under which blocks can rest"
-    )
+    stands = "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
     parser.add_argument("--closure", metavar="NAME", help=stands)
 
 
@@ -184,13 +185,13 @@ def _add_ensemble(parser):
     parser.add_argument(
         "--method",
         metavar="NAME",
-        help="exact: event-driven, or rk4: Runge-Kutta, for band noise or none; white: paths under white noise, other "
-        "noise replaced by its white equivalent; filtered: filtered noise, a band replaced by its low-pass equivalent "
-        "(default: exact, white or filtered, as the noise of the scene asks for)",
+        help="for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other noise by "
+        "white noise; filtered, which replaces band noise by low-pass noise (default: exact, white or filtered, "
+        "whichever fits the noise)",
     )
-    steps = "time steps a cycle (default: the engine's own)"
+    steps = "time steps in a forcing cycle (default 200; the method exact takes none)"
     parser.add_argument("--steps-per-cycle", type=int, metavar="N", help=steps)
-    counts = "keep survival, histograms and moments alone, in little memory however many the paths"
+    counts = "keep survival, histograms and moments alone, which takes little memory for any number of paths"
     parser.add_argument("--tally", action="store_true", default=None, help=counts)
     checkpoint = "with --tally: file that keeps the state of the run; where it exists, the run goes on from it"
     parser.add_argument("--checkpoint", type=pathlib.Path, metavar="FILE", help=checkpoint)
@@ -303,7 +304,7 @@ def _warmup(_):
     sys.stderr.write(f"compiling machine code for this machine: about {ahead.ALL_S} s\n")
     failed = ahead.warm(lambda text: sys.stderr.write(f"fpk-rocking warmup: {text}\n"))
     if failed:
-        raise OSError(f"{failed} of {len(ahead.TASKS)} parts were not compiled; the engines compile them when needed")
+        raise OSError(f"{failed} of {len(ahead.TASKS)} parts were not compiled; they will be when they are first used")
     sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
 
 

@@ -31,51 +31,54 @@ _DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Comparison(Shown):
-    """Two results side by side; the last axis of length 2, where there is one, is (first, second) result.
+    """Two results side by side: survival, leakage and joint densities, with their errors.
+
+    The axis of length 2 that an array has for the results is (first, second).
 
     Attributes
     ----------
     names : tuple of str
-        What the results are.
+        Engines of the results.
     realizations : tuple of (int or None)
-        Sizes of ensembles, None for a density.
+        Number of realizations of a sample, None for a density.
     cycles : ndarray, shape (n+1,)
-        0 to the last cycle that both results have; numbers of `times` where the forcing does not repeat.
+        0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
     times : ndarray, shape (n+1,)
         Nondimensional times.
     survival : ndarray, shape (n+1, 2)
-        P(not overturned) after each cycle.
+        Probability of not having overturned.
     interval : ndarray, shape (n+1, 2, 2)
         Lower and upper 95 % confidence limits, indexed [cycle, result, limit]; nan for a density.
     error_estimate : ndarray, shape (2,)
-        A density's own estimate of its largest survival error; nan for an ensemble.
+        Estimated error of survival of a density; nan for a sample.
     difference : ndarray, shape (n+1,)
-        Survival of the first less that of the second.
+        Survival of the first result minus that of the second.
     standard_error : ndarray, shape (n+1,)
-        Combined standard error of the difference of two samples of one law, the pooled survival; 0 for two densities.
+        Standard error of the difference if both results had the same distribution; 0 for two densities.
     z : ndarray, shape (n+1,)
         The difference in standard errors; nan for two densities.
     leakage : ndarray, shape (n, 2, 2)
-        P(overturned during the cycle), indexed [cycle, result, side], sides (left, right).
+        Probability of overturning during the cycle, indexed [cycle, result, side], sides (left, right).
     joint_cycles : ndarray, shape (m,)
         Cycles at which the joint densities are compared.
     l1, l1_floor, hellinger, hellinger_floor : ndarray, shape (m,)
-        Distances of the binned joint densities, and what they are expected to be for two samples of one law.
+        Distances of the binned joint densities. A floor is the distance that sampling noise alone would give.
     outside : ndarray, shape (m, 2)
-        P(not overturned) outside all bins.
+        Probability of standing outside all bins.
     melnikov_amplitude, melnikov_loss : float or None
-        Amplitude D_m of the harmonic part of the Melnikov process, and M, which it has to exceed without noise. None,
-        as all of Melnikov below, where the forcing does not repeat.
+        Amplitude D_m of the periodic part of the Melnikov process, and the loss M that it has to exceed without noise.
+        These and the other figures of the Melnikov process are None where the forcing does not repeat.
     melnikov_deviation, melnikov_margin : ndarray, shape (2,)
-        Of each result's noise as its scene states it: σ_M, and √(D_m² + σ_M²) - M, positive where paper eq. 14 is met.
+        Standard deviation σ_M of the Melnikov process under the noise of each scene, and the margin √(D_m² + σ_M²) - M,
+        positive where the paper's criterion (eq. 14) is met.
     phase_flux : ndarray, shape (2,)
-        Mean positive part Φ of the Melnikov process of each scene (see `fpk_rocking.melnikov.phase_flux`).
+        Phase flux Φ of each scene (see `fpk_rocking.melnikov.phase_flux`).
     wall_s : tuple of float
-        Seconds each result took.
+        Seconds that each result took.
     trust : Trust
-        Verdict on both results, and whether they differ by more than they say of their errors.
+        Verdict on both results with its reasons; one is a difference larger than the stated errors.
     remarks : tuple of str
-        What a reader has to know to judge the figures.
+        Sentences that a reader needs to judge the figures.
     """
 
     names: tuple[str, str]
@@ -106,7 +109,7 @@ class Comparison(Shown):
 
     @property
     def headline(self) -> str:
-        """What was compared and how far it differs, in a few words."""
+        """The engines and the largest difference of survival, as a line of text."""
         most = np.argmax(np.abs(self.difference))
         when = f"cycle {self.cycles[most]}" if self.melnikov_loss is not None else f"τ = {self.times[most]:.4g}"
         return (
@@ -115,7 +118,7 @@ class Comparison(Shown):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Figures as plain values."""
+        """Largest differences and sizes, as plain values by name."""
         found = {"largest difference of survival": float(np.abs(self.difference).max())}
         if self.l1.size:
             found["largest l1"] = float(self.l1.max())
@@ -123,7 +126,7 @@ class Comparison(Shown):
         return found | {f"realizations of the {name}": size for name, size in sizes if size}
 
     def columns(self) -> dict[str, Array]:
-        """Survival of both and how it differs, by cycle and time: arrays by name."""
+        """Table of survival, its difference and the distances, a row a cycle: arrays by column name."""
         found = {"cycle": self.cycles, "time": self.times}
         for which, name in enumerate(("first", "second")):
             found[f"survival_{name}"] = self.survival[:, which]
@@ -135,7 +138,7 @@ class Comparison(Shown):
         return found
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays by name and coordinates for `to_xarray`."""
+        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
         variables = {name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")}
         variables |= {"survival": (("cycle", "result"), self.survival)}
         variables |= {"interval": (("cycle", "result", "limit"), self.interval)}
@@ -145,7 +148,7 @@ class Comparison(Shown):
         return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
 
     def plot(self) -> Any:
-        """Draw survival of both, and their difference with 95 % intervals; returns a matplotlib figure."""
+        """Draw survival of both results, and their difference with 95 % intervals; returns a matplotlib figure."""
         from fpk_rocking.base.look import COLOURS
         from fpk_rocking.results.pictures import figure_of
 
@@ -168,21 +171,20 @@ class Comparison(Shown):
         return figure_of(survival, difference)
 
     def to_dict(self) -> dict:
-        """Return plain lists, numbers and strings for JSON, nan as None."""
+        """Return all of it as plain lists, numbers and strings for JSON, nan as None."""
         found = {field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
         return found | {"trust": self.trust.plain}
 
 
 def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = None) -> Comparison:
-    """Compare two results of one problem.
+    """Compare two results on one scene, of any engines.
 
     Parameters
     ----------
     first, second : Result
-        Results whose scenes agree in all but the noise: white noise may be held against band noise, and the remarks
-        then say so. Where the numbers of cycles differ, the common ones are compared.
+        Their scenes may differ in the noise alone; the remarks then say so. Cycles that both results have are compared.
     joint_cycles : sequence of int, optional
-        Cycles at which the joint densities are compared; by default 1, 2, 4, 10, 20, 40, ... and the last.
+        Cycles at which the joint densities are compared; by default 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last.
 
     Returns
     -------
@@ -191,7 +193,7 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     Raises
     ------
     ValueError
-        The scenes differ in restitution, forcing, start or overturning, or a cycle is not one that both results have.
+        The scenes differ in restitution, forcing, start or overturning, or one result has no such cycle.
     TypeError
         A cycle is not a whole number.
     """
@@ -250,7 +252,7 @@ def _same_problem(first, second):
         if part(first) != part(second):
             raise ValueError(
                 f"{name}: got {part(first)} in the first result and {part(second)} in the second, "
-                "accepted: two results of one problem (only the noise may differ)"
+                "accepted: two results whose scenes differ in the noise alone"
             )
 
 
@@ -258,7 +260,7 @@ def _same_times(first, second):
     """Refuse results at other times; of whole cycles the fewer are a part of the more."""
     common = min(len(first), len(second))
     if not np.allclose(first[:common], second[:common], rtol=1e-12, atol=0.0):
-        raise ValueError("times: got other times in the second result, accepted: two results at the same times")
+        raise ValueError("times: got other times in the second result, accepted: two results for the same times")
 
 
 def _joint_cycles(asked, cycles) -> list[int]:
@@ -325,10 +327,10 @@ def _trust(both, difference, standard_error):
     beyond = float((np.abs(difference) - _DEVIATIONS * standard_error - stated).max())
     if beyond > 0.0:
         sentence = (
-            f"Survival differs by up to {np.abs(difference).max():.2g}, more than the results say of their errors."
+            f"Survival differs by up to {np.abs(difference).max():.2g}, more than the stated errors of both explain."
         )
         found.append(Doubt(CAUTION if beyond <= USELESS else UNUSABLE, sentence))
-    return verdict(found, "Neither result is in doubt, and survival differs by no more than they say of their errors.")
+    return verdict(found, "Neither result is in doubt, and survival differs by no more than their stated errors.")
 
 
 def _remarks(first, second) -> tuple[str, ...]:
@@ -343,7 +345,7 @@ def _shared_seed(both) -> list[str]:
     seeds = [(result.facts.get("seed"), result.engine) for result in both]
     if seeds[0] != seeds[1] or seeds[0][0] is None:
         return []
-    return [f"Both ensembles use seed {seeds[0][0]}: they share random numbers, so z and the floors do not apply."]
+    return [f"Both samples use seed {seeds[0][0]} and share random numbers, so z and the floors do not apply."]
 
 
 def _plain(value):

@@ -104,7 +104,7 @@ def check_folder(name, folder):
     """
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not existing.is_dir():
-        raise ValueError(f"{name}: got the file {str(existing)!r}, accepted: a folder, made where missing")
+        raise ValueError(f"{name}: got the file {str(existing)!r}, accepted: a folder; a missing one is created")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise ValueError(f"{name}: got {str(folder)!r}, accepted: a folder that can be written to")
 

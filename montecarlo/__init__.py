@@ -1,9 +1,9 @@
 """Ensembles of rocking blocks: Monte Carlo engines, independent of the density solver.
 
-``simulate`` turns a scene into an ``Ensemble``, every realization kept; ``tally`` into a ``Tally``, counts alone, for
-ensembles of any size. ``histories`` keeps whole time histories with their impacts; ``mean_poincare_map``,
-``restarted_poincare_map``, ``correlation_dimension``, ``first_passage``, ``overturning_rate``, ``impact_speeds`` and
-``bin_errors`` say what there is to see, and how much of it is sampling noise.
+``simulate`` keeps every realization of a scene (``Ensemble``), ``tally`` counts alone, for ensembles of any size
+(``Tally``), ``histories`` whole time histories with their impacts. ``split`` estimates small probabilities of
+overturning. ``mean_poincare_map``, ``restarted_poincare_map``, ``correlation_dimension``, ``first_passage``,
+``overturning_rate``, ``impact_speeds`` and ``bin_errors`` are statistics of realizations with their sampling errors.
 """
 
 from montecarlo.history import histories

@@ -26,10 +26,10 @@ def histories(
     samples_per_cycle: int | None = None,
     progress: Progress | None = None,
 ) -> Histories:
-    """Simulate realizations and keep their time histories and every impact.
+    """Simulate realizations and keep their time histories with every impact.
 
-    Realization r is that of `montecarlo.simulate` with the same seed, method and steps. One exception: the paths of
-    "white" depend on `samples_per_cycle`, because low bounces in one draw end before a sample; their law does not.
+    Realization number r is that of `montecarlo.simulate` with the same seed, method and steps. The method "white" is an
+    exception: its paths depend on `samples_per_cycle` too, though their probabilities do not.
 
     Parameters
     ----------
@@ -38,10 +38,10 @@ def histories(
     cycles, realizations, seed, method, steps_per_cycle, progress
         As for `montecarlo.simulate`.
     times : array_like, optional
-        Times of the states for a forcing that does not repeat; by default 1000 parts of the time that
-        `montecarlo.simulate` follows it for.
+        For a pulse or a record: ascending nondimensional times of the states. By default 1001 times until 10 units of
+        time after its end.
     samples_per_cycle : int, optional
-        States that are kept of each cycle, at least 1, by default 100; given only where there are cycles.
+        Number of states in each cycle, at least 1; by default 100. Refused where the forcing does not repeat.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def histories(
     samples = checks.count("samples_per_cycle", _SAMPLES if samples_per_cycle is None else samples_per_cycle)
     if scene.period is None:
         if samples_per_cycle is not None:
-            accepted = f"nothing: a {scene.forcing.kind} has no cycles; `times` are those of the states"
+            accepted = f"nothing, as a {scene.forcing.kind} has no cycles; use times"
             raise ValueError(checks.refusal("samples_per_cycle", samples_per_cycle, accepted))
         samples = 1
         if times is None:

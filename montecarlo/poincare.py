@@ -26,12 +26,18 @@ _RULES = ("clamped", "left out")
 
 
 class MeanMap(NamedTuple):
-    """Mean Poincaré points; nondimensional, index 0 is τ = 0.
+    """Mean Poincaré points; nondimensional. Row 0 is for τ = 0.
 
-    `points` (cycles + 1, 2): angle and velocity; nan where no realization counts. `standard_error` (cycles + 1, 2):
-    sampling error of each mean, nan where fewer than two realizations count. `counted` (cycles + 1,): realizations that
-    the mean is over. `overturned_after`: number of cycles after which the mean lies at the cut-off or has no
-    realization left; None if it never does.
+    Attributes
+    ----------
+    points : ndarray, shape (cycles + 1, 2)
+        Mean angle and velocity; nan where no realization counts.
+    standard_error : ndarray, shape (cycles + 1, 2)
+        Sampling error of each mean; nan where fewer than two realizations count.
+    counted : ndarray of int, shape (cycles + 1,)
+        Number of realizations that count.
+    overturned_after : int or None
+        Number of cycles after which the mean lies at the cut-off, or no realization counts; None if that never is so.
     """
 
     points: np.ndarray
@@ -41,13 +47,15 @@ class MeanMap(NamedTuple):
 
 
 def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMap:
-    """Mean Poincaré map of a free-running ensemble.
+    """Compute the mean Poincaré map of an ensemble whose realizations run on freely.
 
     Parameters
     ----------
     ensemble : Ensemble
-    overturned : str
-        "clamped" or "left out": what becomes of overturned realizations.
+        Under periodic forcing.
+    overturned : {"clamped", "left out"}
+        What becomes of overturned realizations in the mean: "clamped", they stay at the cut-off, as in the paper; "left
+        out", they do not count.
 
     Returns
     -------
@@ -78,25 +86,26 @@ def restarted_poincare_map(
     overturned: str = "clamped",
     progress: Progress | None = None,
 ) -> MeanMap:
-    """Mean Poincaré map with all realizations restarted from the mean after every cycle.
+    """Compute the mean Poincaré map with all realizations restarted from the mean after every cycle (paper eq. 21).
 
     The noise goes on in time: a realization of band noise is one function of time through all restarts, white noise is
-    new in every cycle. Once all have overturned, the map stays at their mean if they are clamped, else it ends (nan).
+    new in every cycle. Once all realizations have overturned, the map stays at their mean if they are clamped, and is
+    nan if they are left out.
 
     Parameters
     ----------
     scene, cycles, realizations, seed, method, steps_per_cycle
         As for `montecarlo.simulate`. A start drawn from a Gaussian is drawn once, at τ = 0.
-    overturned : str
-        "clamped" or "left out": what becomes, in the mean, of realizations that overturned within the cycle.
+    overturned : {"clamped", "left out"}
+        What becomes of realizations that overturned within the cycle, as for `mean_poincare_map`.
     progress : callable, optional
-        Called as ``progress(done, total)`` after each cycle; may raise.
+        Called as ``progress(done, total)`` after each cycle. An exception that it raises ends the run.
 
     Returns
     -------
     MeanMap
-        Its errors are those of averaging over the images of one cycle, given the point from which it starts; an error
-        of that point is carried on by the map and not contained. Other seeds show it.
+        Its standard errors are those of averaging over one cycle. The map carries an error of a mean on into the next
+        cycles, which they do not contain; runs with other seeds show it.
 
     Raises
     ------

@@ -21,34 +21,36 @@ def simulate(
     steps_per_cycle: int = 200,
     progress: Progress | None = None,
 ) -> Ensemble:
-    """Simulate an ensemble of independent realizations in parallel.
+    """Simulate independent realizations of a scene by Monte Carlo.
 
-    Realization r depends only on the seed and on r: not on the number of realizations, nor on that of threads.
+    Realization number r depends on the seed and on r alone. It is the same however many realizations or threads there
+    are. All processors are used; the environment variable ``NUMBA_NUM_THREADS`` sets another number of threads.
 
     Parameters
     ----------
     scene : Scene
         Block, forcing, noise, start and overturning.
     cycles : int, optional
-        Forcing cycles, at least 1; given exactly where the forcing repeats.
+        Number of forcing cycles, at least 1. Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        Ascending nondimensional times for a forcing that does not repeat, by default 20 parts of its duration and 10
-        units of time later (`fpk_rocking.results.times`).
+        For a pulse or a record: ascending nondimensional times at which results are wanted. By default 21 times over
+        its duration, and 10 units of time after its end.
     realizations : int
-        Size of the ensemble, at least 1. Their states at all times may take 4 GiB; `tally` keeps none and takes more.
+        Number of realizations, at least 1. Their states may take up to 4 GiB; `tally`, which keeps counts alone, has no
+        such limit.
     seed : int
-        From 0 to 2**64 - 1.
-    method : str, optional
-        For band noise or none "exact", closed-form flights between located impacts, or "rk4", the paper's Runge-Kutta
-        steps, ten times slower; "white" for white noise, exact Gaussian steps; "filtered" for filtered noise, exact
-        Gaussian steps between events. By default the first that fits.
+        Seed of the random numbers, from 0 to 2**64 - 1.
+    method : {"exact", "rk4", "white", "filtered"}, optional
+        By default the first of these that fits the noise. "exact", for band noise or none: event-driven, with flights
+        in closed form between impacts. "rk4", for the same: the paper's Runge-Kutta steps, ten times slower. "white",
+        for white noise: exact Gaussian steps. "filtered", for filtered noise: exact Gaussian steps between events.
     steps_per_cycle : int
-        At least 8, in a cycle; for a pulse in its period, for a record in 2 units of time. For "rk4" the number of its
-        steps in a cycle; "white" adapts its steps and takes none shorter than a 256th of a cycle over this number;
-        "filtered" samples the noise at intervals inversely proportional to it, at 200 of half (exponential and
-        Kanai-Tajimi: a quarter) of 1/(the filter's rate); "exact" takes none.
+        Time steps in a forcing cycle, at least 8; in a period of a pulse, in 2 units of time of a record. "rk4" takes
+        this number of steps. "white" adapts its steps; none is shorter than a cycle over 256 times this number.
+        "filtered" samples the noise at an interval proportional to 1/`steps_per_cycle`, which at 200 is half of
+        1/(the rate of a low-pass filter) and a quarter of that of the other filters. "exact" takes no steps.
     progress : callable, optional
-        Called as ``progress(done, total)`` between batches of realizations; may raise.
+        Called as ``progress(done, total)`` between batches of realizations. An exception that it raises ends the run.
 
     Returns
     -------
@@ -57,12 +59,12 @@ def simulate(
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or the method does not fit the noise; white noise is refused for a restitution below
-        exp(-π/√3), where impacts accumulate; the states would take more than 4 GiB.
+        A parameter is refused; the method does not fit the noise; the restitution is at most exp(-π/√3) = 0.163 under
+        white noise, where impacts accumulate in finite time; or the states would take more than 4 GiB.
     """
     started = time.perf_counter()
     run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
-    running.refuse_large(run, instead="; `tally` keeps none and takes more")
+    running.refuse_large(run, instead="; a tally keeps counts alone and has no such limit")
     shape = (run.realizations, run.rows + 1)
     arrays = {
         "angle": np.empty(shape),

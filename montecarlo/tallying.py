@@ -31,24 +31,25 @@ def tally(
     checkpoint: File | None = None,
     progress: Progress | None = None,
 ) -> Tally:
-    """Count over an ensemble of independent realizations: survival, joint histograms and moments after each cycle.
+    """Simulate realizations of a scene and keep counts alone, in little memory however many there are.
 
-    The realizations are those of `simulate` with the same parameters, of which nothing else is kept. The counts are
-    integers, so the result does not depend on the number of threads or on where a run was stopped and resumed.
+    Survival, joint histograms and moments after each cycle are counted. The realizations are those of `simulate` with
+    the same parameters. The result does not depend on the number of threads, nor on where a run was stopped and
+    resumed.
 
     Parameters
     ----------
     scene, cycles, times, seed, method, steps_per_cycle, progress
-        As in `simulate`.
+        As for `simulate`.
     realizations : int
-        Size of the ensemble, 1 to 2**31 - 1.
+        Number of realizations, 1 to 2**31 - 1.
     angle_edges, velocity_edges : array_like, optional
-        Ascending edges of the bins kept. By default the bins of `joint_edges` cut in half, which
+        Ascending edges of the bins that are counted, nondimensional. The default bins, 0.05 wide, are those that
         comparisons and pictures need.
     checkpoint : path, optional
-        File that keeps the state: it is written now and then, at the end, and at an exception that `progress` raises
-        or a KeyboardInterrupt. Where it exists, the run goes on from it; more realizations may then be asked for than
-        before, all else has to be the same. It is a saved `Tally` of the realizations done.
+        File that keeps the state of the run. It is written from time to time, at the end, and when the run is
+        interrupted. Where the file exists, the run goes on from it: `realizations` may then be larger than before, all
+        other parameters have to be the same. `Tally.load` reads it.
 
     Returns
     -------
@@ -57,8 +58,8 @@ def tally(
     Raises
     ------
     TypeError, ValueError
-        As `simulate`; the edges do not ascend; the histograms would take more than 512 MiB; the checkpoint is damaged
-        or belongs to another run, and is then left as it is.
+        As `simulate`; or the edges do not ascend, the histograms would take more than 512 MiB, or the checkpoint is
+        damaged or belongs to another run, and is then left as it is.
     """
     started = time.perf_counter()
     run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
@@ -110,8 +111,8 @@ def _check_size(run, edges):
     bins = [values.size - 1 for values in edges]
     most = _HISTOGRAM_BYTES // (4 * bins[0] * bins[1]) - 1
     if most < 1:
-        accepted = f"at most {_HISTOGRAM_BYTES // 8} bins; edges of your own may make fewer than the default ones"
+        accepted = f"at most {_HISTOGRAM_BYTES // 8} bins; fewer edges of your own make fewer than the default ones"
         raise ValueError(checks.refusal("angle_edges, velocity_edges", f"{bins[0]} x {bins[1]} bins", accepted))
     if run.rows > most:
-        accepted = f"1 to {most} with {bins[0]} x {bins[1]} bins; angle_edges and velocity_edges of your own make fewer"
+        accepted = f"1 to {most} with {bins[0]} x {bins[1]} bins, more with fewer bins"
         raise ValueError(checks.refusal("cycles" if run.scene.period else "number of times", run.rows, accepted))

@@ -1,8 +1,8 @@
 """Studies over many scenes, by either engine: sweeps, and fragility curves.
 
-``sweep`` runs a verb on every scene of a list or a grid, on one machine or on a cluster, and keeps what comes;
-``fragility`` makes of such a sweep the probability of overturning as a function of the scale of the shaking, with a
-lognormal fit. ``intensities`` are the usual measures of how strong a motion is.
+``sweep`` runs Monte Carlo, the density solver or a function of your own on every scene of a list or a grid, on one
+machine or on a cluster. ``fragility`` computes the probability of overturning as a function of the scale of the
+shaking, with a lognormal fit. ``intensities`` are the usual measures of how strong a motion is.
 """
 
 from studies.curves import fragility

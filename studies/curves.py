@@ -20,7 +20,8 @@ from studies.verbs import VERBS, engine_of
 _ENGINES = ("exact", "rk4", "white", "filtered", "density")
 _MOST = 10_000
 _REPLACED = (
-    "At every scale {} noise of equal Melnikov variance stands for the scene's: a closure, to be judged by Monte Carlo."
+    "At every scale {} noise of equal Melnikov variance replaces that of the scene: an approximation, which Monte "
+    "Carlo under the noise of the scene can check."
 )
 
 
@@ -41,49 +42,48 @@ def fragility(
     store: File | None = None,
     progress: Progress | None = None,
 ) -> Fragility:
-    """Compute a fragility curve, a surface, or a curve for each of several motions.
+    """Compute the probability of overturning as a function of the scale of the shaking.
 
-    P(max |Θ| ≥ x) is the probability of a first passage of |Θ| = x, which every engine locates as it does overturning:
-    each level is a run of its own with the cut-off there. Samples at different scales are independent of each other,
-    as the likelihood of the fit wants it, and so are those of scenes given one by one. Levels share their random
-    numbers, and so do the values of a parameter: their differences have less noise than they have themselves, and
-    under band noise or none the curves of two levels never cross.
+    The result is a curve, a curve for each of several scenes, or a surface over a parameter. Each level x gives the
+    probability P(max |Θ| ≥ x) too. The samples of different scales and of different scenes are independent of each
+    other, as the fit supposes. Levels share random numbers, and so do the values of a parameter, so their differences
+    have less sampling noise; the curves of two levels never cross under band noise or none.
 
     Parameters
     ----------
     scene : Scene, or sequence of Scene
-        At scale 1; several are motions that are treated alike, say.
+        The scene at scale 1, or several, such as one for each recorded motion.
     scale : sequence of float
         Factors of the acceleration of the forcing and of the noise, above 0.
     cycles : int, optional
-        Forcing cycles within which the block overturns or not; given exactly where the forcing repeats.
+        Number of forcing cycles in which the block may overturn. Required where the forcing repeats, refused where it
+        does not.
     times : sequence of float, optional
-        For a motion that ends: the last one is when a block has overturned or not. By default so long after the end
-        of each motion that blocks have settled (`fpk_rocking.results.times`).
-    engine : str, optional
-        "exact", "rk4", "white" or "filtered": Monte Carlo by this method of `montecarlo.simulate`; band noise becomes
-        white or filtered noise for the latter two. "density": `fpk_rocking.solve_fpk`. By default the Monte Carlo
-        method that fits the noise.
+        For a pulse or a record: ascending nondimensional times; overturning counts until the last one. By default it
+        counts until 10 units of time after the end of each motion.
+    engine : {"exact", "rk4", "white", "filtered", "density"}, optional
+        A method of `montecarlo.simulate`, or "density" for `fpk_rocking.solve_fpk`. "white" and "filtered" replace band
+        noise. By default the Monte Carlo method that fits the noise.
     levels : sequence of float
-        Angles x below the cut-off, in units of θ_cr, for P(max |Θ| ≥ x).
+        Angles x in units of θ_cr, between the start and overturning.
     over : dict of str to sequence of float, optional
-        One parameter with its values, for a surface over it and the scale; names as `studies.grid` takes them:
-        ``{"size": [0.5, 1.0, 2.0]}``. For a single scene.
+        One parameter of a single scene with its values, for a surface: ``{"size": [0.5, 1.0, 2.0]}``. Names are those
+        of `studies.scenes.varied`.
     scale_noise : bool
         Whether the noise is scaled with the forcing.
     realizations : int
-        Size of each sample. Without noise, and from a point, there is one.
+        Number of realizations of each sample; a scene without noise needs only one.
     tol : float
-        Of a density, the wanted error.
+        Wanted error of the engine "density".
     seed : int
-        At least 0.
+        Seed of the random numbers, at least 0.
     workers, store, progress
         As for `studies.sweep`.
 
     Returns
     -------
     Fragility
-        Where an engine refuses a scale and answers others, its reason stands there and the probability is nan.
+        Where the engine refuses some of the scales, the probability is nan there and `Fragility.reasons` says why.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def fragility(
     rows = run(verb, cells, options, workers=workers, store=store, progress=progress)
     values = [row["values"] for row in rows]
     if not any(values):
-        raise ValueError(f"no scale of {list(factors)} is answered: {rows[0]['reason']}")
+        raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
     if any(one.get("closure") for one in values):
         closure = _REPLACED.format("white")
     return Fragility(
@@ -154,19 +154,20 @@ def _check_levels(levels, scenes):
     most = min(scene.overturning.angle for scene in scenes)
     for number, level in enumerate(levels):
         if not least < level < most:
-            accepted = f"an angle above that of the start, {least:g}, and below overturning.angle, {most:g}"
+            accepted = f"an angle above that of the start, {least:g}, and below that of overturning, {most:g}"
             raise ValueError(checks.refusal(f"levels[{number}]", level, accepted))
 
 
 def _engine(engine, scenes):
     """Return the name of the engine, the scenes with the noise that it takes, and what was done to the noise."""
     if engine is not None and engine not in _ENGINES:
-        accepted = ", ".join(map(repr, _ENGINES)) + " or None (Monte Carlo, as the noise asks for)"
+        accepted = ", ".join(map(repr, _ENGINES)) + " or None (the Monte Carlo method that fits the noise)"
         raise ValueError(checks.refusal("engine", engine, accepted))
     if engine is None:
         kinds = {engine_of(scene) for scene in scenes}
         if len(kinds) != 1:
-            raise ValueError(checks.refusal("scene", sorted(kinds), "scenes whose noises one engine takes"))
+            accepted = "scenes whose noise one method takes, or an `engine` that replaces it"
+            raise ValueError(checks.refusal("scene", f"methods {sorted(kinds)}", accepted))
         return kinds.pop(), scenes, ""
     if engine in {"white", "filtered"}:
         made = tuple(getattr(scene, f"{engine}_equivalent")() for scene in scenes)

@@ -16,20 +16,36 @@ from scipy import special
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
 
+P_VALUE = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
+"""What stands below fits with a p-value."""
+
 _ROUNDS, _SMALL = 100, 1e-9
 _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 _STEEPEST = 1e6
 
 
 class LognormalFit(NamedTuple):
-    """A fitted lognormal curve.
+    """A fitted lognormal curve Φ(ln(s/m)/β) of the scale s. Calling it evaluates it: ``fit(scale)``.
 
-    `median` m, in units of the scale, and `dispersion` β, the standard deviation of the logarithm; nan where `reason`
-    says why there is no fit. `median_interval`, `dispersion_interval` (2,): confidence limits of `level`, from the
-    observed information, symmetric in ln m and ln β; nan of probabilities that are no counts. `misfit`: largest
-    difference from the data. `deviance`: twice the log-likelihood that the data lose by the curve, and `p_value`: the
-    probability that counts drawn from the fitted curve lose as much; small where lognormal does not fit. Both are nan
-    of probabilities that are no counts.
+    Parameters
+    ----------
+    median : float
+        m, in units of the scale; nan where there is no fit.
+    dispersion : float
+        β, the standard deviation of the logarithm; nan where there is no fit.
+    median_interval, dispersion_interval : tuple of (float, float)
+        Confidence limits, from the observed information, symmetric in ln m and ln β; nan for a fit not to counts.
+    misfit : float
+        Largest difference of the curve from the data.
+    deviance : float
+        Twice the log-likelihood ratio of the data to the curve; nan where the fit is not to counts.
+    p_value : float
+        Probability that counts drawn from the fitted curve have at least this deviance. A small one says that the data
+        are not lognormal. nan where the fit is not to counts.
+    level : float
+        Confidence of the intervals.
+    reason : str
+        Why there is no fit; empty where there is one.
     """
 
     median: float
@@ -43,7 +59,18 @@ class LognormalFit(NamedTuple):
     reason: str
 
     def __call__(self, scale: Number) -> Number:
-        """Probability at a scale; scalars or arrays."""
+        """Evaluate the curve.
+
+        Parameters
+        ----------
+        scale : float or ndarray
+            Above 0.
+
+        Returns
+        -------
+        float or ndarray
+            Probability at the scale.
+        """
         return special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
 
 
@@ -56,21 +83,23 @@ def fit_lognormal(
     samples: int = 999,
     seed: int = 1,
 ) -> LognormalFit:
-    """Fit a lognormal curve.
+    """Fit a lognormal curve of greatest likelihood to probabilities at several scales.
 
     Parameters
     ----------
     scale : array_like, shape (n,)
-        Above 0.
+        Scales of the shaking, above 0.
     probability : array_like, shape (n,)
-        Shares of a sample at each scale, or probabilities; those that are nan are left out.
+        Probability at each scale, or the share of a sample that overturned; nan is left out.
     realizations : int or array_like, optional
-        Sizes of the samples, which are independent of each other. None for probabilities that are no shares: they
-        are weighted as if each were of one realization, clipped to [0, 1], and have no interval and no test.
+        Number of realizations of each sample; samples are independent of each other. None for probabilities that are
+        not sampled: each is clipped to [0, 1] and counts like one realization, and there is no interval and no test.
     level : float
-        Of the confidence intervals.
+        Confidence of the intervals, in (0, 1).
     samples : int
-        Sets of counts drawn from the fitted curve for the test (a parametric bootstrap); `seed` is theirs.
+        Number of sets of counts that are drawn from the fitted curve for `LognormalFit.p_value` (parametric bootstrap).
+    seed : int
+        Seed of these draws.
 
     Returns
     -------

@@ -13,13 +13,20 @@ _HALVINGS = 50
 
 
 class Intensities(NamedTuple):
-    """Measures of the forcing of a scene, without its noise.
+    """Intensity measures of the forcing of a scene, without its noise.
 
-    `acceleration`: largest |f|, the peak acceleration over g θ_cr. `velocity`: largest |∫f dτ|, the peak velocity over
-    g θ_cr / p. `pga`, m/s², and `pgv`, m/s: the same with units; nan for a block without dimensions.
-    `relative_velocity`: p PGV / (g tan θ_cr) (E. G. Dimitrakopoulos, T. S. Paraskeva, "Dimensionless fragility curves
-    for rocking response to near-fault excitations", Earthquake Eng. Struct. Dyn. 44(12), 2015-2033, 2015); without
-    dimensions as of a slender block, tan θ_cr = θ_cr.
+    Parameters
+    ----------
+    acceleration : float
+        Largest |f|: the peak ground acceleration over g θ_cr.
+    velocity : float
+        Largest |∫f dτ|: the peak ground velocity over g θ_cr / p.
+    pga, pgv : float
+        Peak ground acceleration, m/s², and velocity, m/s; nan for a block without dimensions.
+    relative_velocity : float
+        p PGV / (g tan θ_cr) (E. G. Dimitrakopoulos, T. S. Paraskeva, "Dimensionless fragility curves for rocking
+        response to near-fault excitations", Earthquake Eng. Struct. Dyn. 44(12), 2015-2033, 2015). A block without
+        dimensions counts as slender, tan θ_cr = θ_cr.
     """
 
     acceleration: float
@@ -30,13 +37,14 @@ class Intensities(NamedTuple):
 
 
 def intensities(scene: Scene) -> Intensities:
-    """Return the `Intensities` of a scene's forcing.
+    """Return the intensity measures of a scene's forcing.
 
-    The velocity of a periodic forcing is taken without its mean, that of a motion which ends from rest at τ = 0.
+    The ground velocity of a periodic forcing has mean 0; that of a pulse or a record is 0 at τ = 0.
 
     Parameters
     ----------
     scene : Scene
+        Its forcing is measured; block dimensions give the measures with units.
 
     Returns
     -------

@@ -11,6 +11,7 @@ from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
+from studies.lognormal import P_VALUE
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "small_figure", "surface_figure"]
 
@@ -29,22 +30,23 @@ _ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
 
 
 def curves_figure(path: File, results: Sequence[Any], title: str, which: int | None = 0) -> pathlib.Path:
-    """Draw curves of one or two results on the same scenes, a panel a scene; the first result with its fit.
+    """Draw the fragility curves of one or two results, a panel for each scene; the first result has its fit drawn too.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix chooses the format.
+        File to write; the suffix chooses the format.
     results : sequence of Fragility
-        Of the same scenes, by other engines.
+        One or two results on the same scenes, by different engines.
     title : str
-        Stands on top.
+        Title of the figure.
     which : int or None
-        Index of the probability: 0 overturning, 1, 2, ... the levels; None for all of the first result's.
+        Index of the probability: 0 overturning, 1, 2, ... the levels; None draws all of them.
 
     Returns
     -------
     pathlib.Path
+        The file written.
     """
     first = results[0]
     count = len(first.scenes)
@@ -52,7 +54,7 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
     rows = -(-count // columns)
     shown = range(len(first.names)) if which is None else [which]
     notes = [first.describe(m, one) for m in range(count) for one in shown]
-    notes += ["p: probability that counts drawn from the fitted curve depart from it as far.", *_notes(results)]
+    notes += [P_VALUE, *_notes(results)]
     size = (_WIDE * columns if columns > 1 else _SIZE, _ROW * rows + _LINE * len(notes) + 0.8)
     with style.page(path, size, title, notes) as figure:
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
@@ -72,7 +74,17 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
 def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathlib.Path:
     """Draw the probability over the scale and the parameter in which the scenes differ, with the medians of the fits.
 
-    Parameters as for `curves_figure`, of one result over a parameter.
+    Parameters
+    ----------
+    path, title, which
+        As for `curves_figure`.
+    result : Fragility
+        A result over a parameter.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
     """
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:

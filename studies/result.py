@@ -6,7 +6,7 @@ import functools
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from montecarlo.results.sample import certain
 from montecarlo.results.statistics import wilson_interval
 from studies.lognormal import LognormalFit, fit_lognormal
 from studies.measures import Intensities, intensities
-
-if TYPE_CHECKING:
-    pass
 
 _LAYOUT = Layout(
     {
@@ -48,40 +45,42 @@ _LAYOUT = Layout(
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Fragility(Shown):
-    """Probabilities of overturning, and of reaching smaller angles, against the scale of the shaking.
+    """Fragility curves: the probability of overturning, or of reaching an angle, against the scale of the shaking.
+
+    There are m scenes, n scales and l levels, which are angles below that of overturning.
 
     Parameters
     ----------
     scenes : tuple of Scene, (m,)
-        At scale 1.
+        The scenes at scale 1.
     axis : str
-        Name of the parameter in which the scenes differ, as `studies.scenes.varied` takes it; "scene" where they are
-        given one by one, motions say.
+        Name of the parameter in which the scenes differ, as `studies.scenes.varied` takes it; "scene" for scenes that
+        were given one by one.
     place : ndarray, shape (m,)
-        Its values; numbers from 0 for "scene".
+        Values of this parameter; numbers from 0 for "scene".
     level : ndarray, shape (l,)
-        Levels of the largest |Θ|, below the cut-off; nondimensional, in units of θ_cr.
+        Levels of the largest |Θ|, in units of θ_cr.
     scale : ndarray, shape (n,)
         Factors of the shaking, ascending.
     probability : ndarray, shape (m, l + 1, n)
-        [:, 0] that the block overturns, [:, 1:] that |Θ| reaches each level, within the time of the study; nan where
-        an engine gave no answer (see `reasons`).
+        Probability within the time of the study: [:, 0] that the block overturns, [:, 1:] that |Θ| reaches each level.
+        nan where the engine gave no answer.
     error_estimate : ndarray, shape (m, l + 1, n)
-        Of a density, its own; nan for a sample.
+        Estimated error of a density; nan for a sample.
     engine : str
         "exact", "rk4", "white", "filtered" or "density".
     realizations : int
-        Size of each sample; 0 for a density.
+        Number of realizations of each sample; 0 for a density.
     noise_scaled : bool
         Whether the scale multiplies the noise as well.
     options : dict
-        Cycles, seed and settings of the engine, as they were asked for.
+        Cycles, seed and settings of the engine, as given to `studies.fragility`.
     closure : str
-        How the noise of the scenes was replaced by another; empty where it was not.
+        Which noise replaced that of the scenes, as a sentence; empty where none did.
     reasons : dict of str to str
-        Why an engine gave no answer, by the indices "scene,level,scale" in `probability`.
+        Why the engine gave no answer, by the indices "scene,level,scale" into `probability`.
     wall_s : float
-        Seconds that it took.
+        Seconds that the call took.
     """
 
     scenes: tuple[Scene, ...]
@@ -114,10 +113,17 @@ class Fragility(Shown):
         return self.probability[:, 1:]
 
     def interval(self, level: float = 0.95) -> Array:
-        """Limits of the probabilities, shape (m, l + 1, n, 2).
+        """Return limits of the probabilities.
 
-        Wilson's confidence limits of a sample, each of the given level; of a density its error estimate to either side,
-        within 0 and 1.
+        Parameters
+        ----------
+        level : float
+            Confidence of each interval of a sample, in (0, 1). For a density it has no effect.
+
+        Returns
+        -------
+        ndarray, shape (m, l + 1, n, 2)
+            Wilson's confidence limits of a sample; for a density, its error estimate to either side within [0, 1].
         """
         if self.realizations:
             return wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
@@ -126,20 +132,20 @@ class Fragility(Shown):
 
     @functools.cached_property
     def fits(self) -> list[list[LognormalFit]]:
-        """`LognormalFit` of each curve with intervals of 95 %, a list (m) of lists (l + 1)."""
+        """Lognormal fit of each curve with 95 % intervals: a list (m) of lists (l + 1) of `LognormalFit`."""
         trials = self.realizations or None
         return [[fit_lognormal(self.scale, curve, trials) for curve in curves] for curves in self.probability]
 
     @functools.cached_property
     def intensities(self) -> list[Intensities]:
-        """`Intensities` of the motion of each scene at scale 1, a list (m); all are proportional to the scale."""
+        """Intensity measures of each scene at scale 1, a list (m); they are proportional to the scale."""
         return [intensities(scene) for scene in self.scenes]
 
     @functools.cached_property
     def pooled(self) -> Self:
-        """The same over all scenes alike, as of a motion drawn from them: one scene of m times the realizations.
+        """Fragility of a motion drawn from the scenes with equal probability: the mean over them, as one scene.
 
-        Its intervals and fits are for a motion drawn from these, not for others of their kind.
+        Its intervals and fits are for a motion drawn from these scenes, not for other motions of their kind.
         """
         mean = self.probability.mean(axis=0, keepdims=True)
         error = self.error_estimate.mean(axis=0, keepdims=True)
@@ -160,7 +166,17 @@ class Fragility(Shown):
         return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
 
     def label(self, scene: int) -> str:
-        """Return what tells a scene from the others: its parameter, the size of its block, or its number from 0."""
+        """Return a label of a scene: its value of the parameter, the size of its block, or its number.
+
+        Parameters
+        ----------
+        scene : int
+            Number of the scene, from 0.
+
+        Returns
+        -------
+        str
+        """
         sizes = [one.block.dimensions for one in self.scenes]
         if self.axis != "scene":
             return f"{self.axis} {self.place[scene]:.4g}"
@@ -170,7 +186,7 @@ class Fragility(Shown):
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences that have to stand wherever this result is shown."""
+        """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
         of = [sentence for told in self._told for sentence in remarks(told)]
         kinds = {}
         for sentence in dict.fromkeys(of):
@@ -189,12 +205,12 @@ class Fragility(Shown):
         if not self.reasons:
             return []
         count, first = self.probability.size, next(iter(self.reasons.values()))
-        sentence = f"{len(self.reasons)} of {count} probabilities have no answer: {first}"
+        sentence = f"The engine gave no answer for {len(self.reasons)} of {count} probabilities: {first}"
         return [Doubt(CAUTION if len(self.reasons) < count else UNUSABLE, sentence)]
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of its own errors, as plain values; of those probabilities that have an answer."""
+        """Engine, sizes, and the largest error over the probabilities that have an answer, as plain values by name."""
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
         own = {} if all(map(certain, self.scenes)) else own
@@ -204,13 +220,13 @@ class Fragility(Shown):
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
         found = [doubt for told in self._told for doubt in doubts(told)]
         return trust_of(self.facts, self._unanswered + found)
 
     @property
     def headline(self) -> str:
-        """What it is and what it found, in a few words."""
+        """Engine, scales and the median of the fit, as a line of text."""
         count, (low, high) = len(self.scenes), self.scale[[0, -1]]
         fit = self.fits[0][0]
         found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if count == 1 and not fit.reason else ""
@@ -218,22 +234,34 @@ class Fragility(Shown):
         return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
 
     def describe(self, scene: int, which: int = 0) -> str:
-        """Return the lognormal fit of a scene's curve as a sentence."""
+        """Return the lognormal fit of a curve as a sentence.
+
+        Parameters
+        ----------
+        scene : int
+            Number of the scene, from 0.
+        which : int
+            Index of the probability: 0 overturning, 1, 2, ... the levels.
+
+        Returns
+        -------
+        str
+        """
         fit, name = self.fits[scene][which], self.names[which]
         where = f"{name}, {self.label(scene)}" if len(self.scenes) > 1 else name
         if fit.reason:
             return f"Lognormal ({where}): no fit, {fit.reason}."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
-        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, off by up to {fit.misfit:.2g}"
+        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
         return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
 
     def columns(self) -> dict[str, Array]:
-        """Return the columns of `to_csv`: arrays by name."""
+        """Table of `to_csv`: arrays by column name."""
         rows = list(self.rows())
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Probabilities with 95 % limits and coordinates for `to_xarray`; the level of overturning is called inf."""
+        """Arrays with named dimensions, and their coordinates, for `to_xarray`; overturning has the level inf."""
         limits, dims = self.interval(), (self.axis, "level", "scale")
         values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
         places = {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale}
@@ -246,7 +274,7 @@ class Fragility(Shown):
         return small_figure(self)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield each probability as a dict: the columns of `to_csv`."""
+        """Yield the rows of `to_csv`, a dict for each probability."""
         limits = self.interval()
         for m, measure in enumerate(self.intensities):
             for n, scale in enumerate(self.scale):
@@ -265,7 +293,13 @@ class Fragility(Shown):
                     }
 
     def to_csv(self, path: File) -> None:
-        """Write all probabilities, with 95 % limits and the intensities of the motion, as a table."""
+        """Write all probabilities, with their limits and the intensity measures of the motion, as a CSV file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write.
+        """
         rows, text = list(self.rows()), io.StringIO()
         table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
         table.writeheader()
@@ -273,7 +307,7 @@ class Fragility(Shown):
         storage.write_text(path, text.getvalue())
 
     def summary(self) -> dict[str, Any]:
-        """Return what JSON holds: all of it but the scenes."""
+        """Return all but the scenes as plain values, for JSON."""
         return {
             "engine": self.engine,
             "realizations": self.realizations,
@@ -296,23 +330,47 @@ class Fragility(Shown):
         }
 
     def save(self, path: File) -> None:
-        """Save the result, whole or not at all; `path` by custom ends in .npz."""
+        """Save the result to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
         arrays, attributes = _LAYOUT.of(self)
         scenes = [scene.to_toml() for scene in self.scenes]
         storage.write_result(path, "fragility", self.scenes[0], arrays, attributes | {"scenes": scenes})
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load a saved result; raises as `fpk_rocking.results.storage.read_result`."""
+        """Load a saved result.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Returns
+        -------
+        Fragility
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
         layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
         _, arrays, attributes = storage.read_result(path, "fragility", layout)
         scenes = attributes.pop("scenes")
         if len(scenes) != len(arrays["place"]):
-            raise ValueError(f"{path}: not what save() writes: {len(scenes)} scenes for {len(arrays['place'])} places")
+            told = f"{len(scenes)} scenes for {len(arrays['place'])} places"
+            raise ValueError(f"{path}: not the content of a saved result: {told}")
         try:
             scenes = tuple(Scene.from_toml(text) for text in scenes)
         except (TypeError, ValueError) as error:
-            raise ValueError(f"{path}: not what save() writes: {error}") from None
+            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
         return cls(scenes=scenes, **arrays, **attributes)
 
 

@@ -21,18 +21,36 @@ SIZES = ("width", "height", "size", "slenderness")
 
 
 class Grid(NamedTuple):
-    """Scenes over parameters: `scenes` (product of the lengths,), the last axis fastest, and `axes`, values by name."""
+    """Scenes of all combinations of some parameters; made by `grid`.
+
+    Parameters
+    ----------
+    scenes : tuple of Scene
+        In the order of the combinations, the last axis changing fastest.
+    axes : dict of str to tuple of float
+        Values of each parameter by its name.
+    """
 
     scenes: tuple[Scene, ...]
     axes: dict[str, tuple[float, ...]]
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Lengths of the axes."""
+        """Number of values of each parameter."""
         return tuple(len(values) for values in self.axes.values())
 
     def parameters(self, number: int) -> dict[str, float]:
-        """Values of the parameters of a scene, by name."""
+        """Return the values of the parameters of one scene, by name.
+
+        Parameters
+        ----------
+        number : int
+            Place of the scene in `scenes`, from 0.
+
+        Returns
+        -------
+        dict of str to float
+        """
         values = next(itertools.islice(itertools.product(*self.axes.values()), number, None))
         return dict(zip(self.axes, values, strict=True))
 
@@ -43,8 +61,9 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     Parameters
     ----------
     scene : Scene
+        Scene that is changed.
     axes : dict of str to sequence of float
-        Values by the name of the parameter, as `varied` takes them; set in the order given.
+        Values of each parameter by its name, as `varied` takes it. The parameters are set in this order.
 
     Returns
     -------
@@ -71,15 +90,22 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
     Parameters
     ----------
     scene : Scene
+        Scene that is changed.
     name : str
-        Dotted, as in a scene file ("noise.variance"); "scale", a factor of the shaking, noise included; or "width",
-        "height", "size" (all in metres; size is the half diagonal R) or "slenderness" (height over width, of the same
-        R): another block under the same shaking, as `resized` has it.
+        A dotted name of a scene file, such as "noise.variance"; "scale", a factor of forcing and noise (`scaled`); or,
+        for another block under the same shaking (`resized`), "width", "height" or "size" (the half diagonal R), all in
+        metres, or "slenderness" (height over width at the same R).
     value : float
+        New value of the parameter.
 
     Returns
     -------
     Scene
+
+    Raises
+    ------
+    TypeError, ValueError
+        The name is unknown, or the value is refused.
     """
     part, _, field = str(name).partition(".")
     if name == "scale":
@@ -101,15 +127,16 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
 
 
 def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
-    """Return a scene whose shaking is as many times as strong.
+    """Return a scene with the acceleration of the base multiplied by a factor.
 
     Parameters
     ----------
     scene : Scene
+        Scene that is changed.
     factor : float
-        Above 0; multiplies the acceleration of the forcing.
+        Factor of the forcing, above 0.
     noise : bool
-        Whether the noise is multiplied as well: its variance, or diffusion, by the square of the factor.
+        Whether the noise is multiplied too: its variance, or diffusion, by the square of the factor.
 
     Returns
     -------
@@ -123,15 +150,15 @@ def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
 def resized(scene: Scene, *, width: float | None = None, height: float | None = None) -> Scene:
     """Return the scene of a block of another size under the same shaking in m/s² and Hz.
 
-    The start in radians and seconds is kept, and the cut-off in units of θ_cr. The restitution becomes Housner's for
-    the new block where it was Housner's for the old one, and is kept where it was not.
+    The start keeps its radians and seconds, the overturning angle its value in units of θ_cr. A restitution that was
+    Housner's for the old block becomes Housner's for the new one; any other is kept.
 
     Parameters
     ----------
     scene : Scene
-        Of a block with dimensions.
+        Scene of a block with dimensions.
     width, height : float, optional
-        Metres; what is left out is kept.
+        New full width and height, metres; one that is left out is kept.
 
     Returns
     -------
@@ -163,7 +190,9 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
 def dimensions_of(scene, name):
     """Return the dimensions of a scene's block, or refuse a parameter that needs them."""
     if scene.block.dimensions is None:
-        raise ValueError(checks.refusal("parameter", name, "for a block with [block.dimensions]; this scene has none"))
+        raise ValueError(
+            checks.refusal("parameter", name, "only where the scene has [block.dimensions]; this one has none")
+        )
     return scene.block.dimensions
 
 

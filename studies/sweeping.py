@@ -31,17 +31,17 @@ _LABELLED = 8
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Sweep(Shown):
-    """Rows of a sweep.
+    """Results of a sweep over scenes, a row for each.
 
     Parameters
     ----------
     rows : tuple of dict
-        A row for each scene, in their order: "cell", its number; "seed", that of its random numbers; "digest" of scene
-        and seed; "wall_s"; "values", what the verb returned; and "reason", why it failed, empty where it did not.
+        For each scene, in order: "cell", its number; "seed" of its random numbers; "digest" of scene and seed;
+        "wall_s", its seconds; "values", what the function returned; and "reason", why it failed, else empty.
     axes : dict of str to tuple of float
-        Values of the parameters of a grid by name; empty of a list.
+        Values of the parameters of a grid by name; empty for a list of scenes.
     wall_s : float
-        Seconds that it took, without the rows that were there.
+        Seconds that the call took.
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -50,21 +50,21 @@ class Sweep(Shown):
 
     @property
     def failed(self) -> tuple[dict[str, Any], ...]:
-        """Rows of the scenes that have no values."""
+        """Rows of the scenes that failed."""
         return tuple(row for row in self.rows if row["reason"])
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Lengths of the axes of a grid; the number of scenes of a list."""
+        """Number of values of each parameter of a grid; the number of scenes of a list."""
         return tuple(map(len, self.axes.values())) or (len(self.rows),)
 
     def values(self, name: str) -> Array:
-        """Return one number of each row.
+        """Return one number of every row, by its name.
 
         Parameters
         ----------
         name : str
-            Of the verb's values; of a list, such as "survival" after each cycle, the last entry is taken.
+            Name among the values of the rows, such as "survival"; of a list the last entry is taken.
 
         Returns
         -------
@@ -83,7 +83,13 @@ class Sweep(Shown):
         return np.array([one[-1] if isinstance(one, list) else one for one in found], float).reshape(self.shape)
 
     def to_csv(self, path: File) -> None:
-        """Write a table: cell, seed, the parameters of a grid, all values that are one number or text, reason."""
+        """Write the rows as a CSV file: number, seed, parameters, values that are one number or text, reason.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write.
+        """
         names, text = self._names(), io.StringIO()
         table = csv.writer(text, lineterminator="\n")
         table.writerow(["cell", "seed", *self.axes, *names, "wall_s", "reason"])
@@ -105,33 +111,33 @@ class Sweep(Shown):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of itself, as plain values: how many of its scenes failed or got each verdict."""
+        """Numbers of scenes, of those that failed and of those with each verdict, by name."""
         told = [row["values"].get("trust") for row in self.rows]
         counts = {name: told.count(name) for name in VERDICTS if name in told}
         return {"scenes": len(self.rows), "failed": len(self.failed)} | counts | {"wall_s": self.wall_s}
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Whether to use it: the worst verdict of its scenes; "caution" where some failed, "do not use" where all."""
+        """The worst verdict of its scenes; at least "caution" where one failed, "do not use" where all failed."""
         found, count = [], len(self.rows)
         if self.failed:
-            sentence = f"{len(self.failed)} of {count} scenes failed: {self.failed[0]['reason']}"
+            sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
             found.append(Doubt(CAUTION if len(self.failed) < count else UNUSABLE, sentence))
         for weight in (CAUTION, UNUSABLE):
             name = VERDICTS[weight]
             if name in self.facts:
-                found.append(Doubt(weight, f'"{name}" is the verdict on {self.facts[name]} of {count} scenes.'))
+                found.append(Doubt(weight, f'{self.facts[name]} of {count} scenes have the verdict "{name}".'))
         judged = self.facts.get(VERDICTS[0], 0)
-        return verdict(found, f'"{VERDICTS[0]}" is the verdict on {judged} of {count} scenes.')
+        return verdict(found, f'{judged} of {count} scenes have the verdict "{VERDICTS[0]}".')
 
     @property
     def headline(self) -> str:
-        """What it is, in a few words."""
+        """Number of scenes, parameters and failures, as a line of text."""
         over = " × ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
         return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
 
     def columns(self) -> dict[str, Array]:
-        """Return the columns of `to_csv`: arrays by name."""
+        """Table of `to_csv`: arrays by column name."""
         found = {"cell": [row["cell"] for row in self.rows]}
         found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
         found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}
@@ -139,7 +145,7 @@ class Sweep(Shown):
         return {name: np.array(values) for name, values in found.items()}
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Every value that is a number over the axes of the grid, or over the cells of a list, for `to_xarray`."""
+        """All numbers among the values over the axes of the grid, or over the scenes of a list, for `to_xarray`."""
         dims = tuple(self.axes) or ("cell",)
         return {name: (dims, self.values(name)) for name in self._numbers()}, dict(self.axes)
 
@@ -149,12 +155,12 @@ class Sweep(Shown):
         return [name for name, value in last.items() if isinstance(value, int | float)]
 
     def plot(self, name: str | None = None) -> Any:
-        """Draw one of the values, by default the first, over the first axis with a line for each point of the others.
+        """Draw one of the values over the first parameter, with a line for each combination of the others.
 
         Parameters
         ----------
         name : str, optional
-            As `values` takes it.
+            Name of the value, as `values` takes it; by default the first.
 
         Returns
         -------
@@ -188,40 +194,39 @@ def sweep(
     progress: Progress | None = None,
     **options: Any,
 ) -> Sweep:
-    """Run a verb on many scenes.
+    """Run Monte Carlo, the density solver, or a function of your own on many scenes.
 
-    The result is the same to the last bit for any workers: the random numbers of a scene depend on `seed` and on its
-    number in the sweep alone.
+    The result is the same to the last bit for any number of workers: the random numbers of a scene depend on `seed` and
+    on its number in the sweep alone.
 
     Parameters
     ----------
     scenes : sequence of Scene, or Grid
-        What `studies.grid` makes, or any scenes.
+        The scenes, such as those of `studies.grid`.
     verb : str or callable
-        "mc", `montecarlo.simulate`; "fpk", `fpk_rocking.solve_fpk`; or a function that is called as ``verb(scene,
-        seed=seed, **options)`` and returns a dict of numbers, texts and lists. A row crosses the network and is kept:
-        return what is wanted of a result, not the result. For processes and clusters the function has to be one that
-        they can import.
+        "mc" for `montecarlo.simulate`; "fpk" for `fpk_rocking.solve_fpk`; or a function that is called as
+        ``verb(scene, seed=seed, **options)`` and returns a dict of numbers, texts and lists. Return only what you need
+        of a result: rows are sent over the network and stored. Worker processes have to be able to import the function.
     workers : int or concurrent.futures.Executor
-        1: one scene after the other, each on all processors. More: as many processes, each on one processor. An
-        executor, such as that of a Dask cluster (``client.get_executor()``): whatever it has, one scene on one
-        processor each. Kernels of "mc" and "fpk" are compiled before workers start.
+        1 runs one scene after the other, each on all processors. A larger number starts as many processes, each on one
+        processor. An executor, such as that of a Dask cluster (``client.get_executor()``), runs one scene on each of
+        its processors. "mc" and "fpk" are compiled before the workers start.
     seed : int
-        At least 0.
+        Seed of the random numbers, at least 0.
     store : path, optional
-        A text file that keeps the rows as they come, by custom with the suffix .jsonl. Where it exists, the sweep goes
-        on from it; scenes may have been added at the end, all else has to be the same. A scene that failed is not
-        tried again.
+        Text file that keeps the rows as they come, by custom with the suffix .jsonl. Where it exists, the sweep goes on
+        from it: scenes may have been added at the end, all else has to be the same. A scene that failed is not run
+        again.
     progress : callable, optional
-        Called as ``progress(done, total)`` after each row; may raise.
+        Called as ``progress(done, total)`` after each row. An exception that it raises ends the sweep.
     **options
-        Of the verb: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
-        `cycles` or `times`, `tol`, `bins_tol` and `closure`.
+        Passed on: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes `cycles`
+        or `times`, `tol`, `bins_tol` and `closure`.
 
     Returns
     -------
     Sweep
-        A scene that fails, or that no worker survives, is a row with its reason.
+        A scene that fails, or that ends its worker process, has a row with the reason.
 
     Raises
     ------

@@ -5,6 +5,7 @@ from rich import box
 from rich.table import Table
 
 from fpk_rocking.output.tables import told
+from studies.lognormal import P_VALUE
 
 __all__ = ["fragility_table"]
 
@@ -21,7 +22,7 @@ def fragility_table(result):
     title : str
     table : rich.table.Table
     sentences : tuple of str
-        The fits, what the engine says of itself, and the remarks on the scenes.
+        The verdict, the fits, notes on the columns, the seconds, and the remarks.
     """
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     many = len(result.scenes) > 1
@@ -42,4 +43,6 @@ def fragility_table(result):
     size = f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates"
     title = f"Fragility by {result.engine}, {size}"
     fits = [result.describe(m, which) for m in range(len(result.place)) for which in range(len(result.names))]
-    return title, table, told(result.trust, *fits, f"{result.wall_s:.1f} s.", *result.remarks)
+    notes = [P_VALUE] if result.realizations else []
+    notes.append("p PGV / (g tan θ_cr): peak velocity of the shaking without noise, nondimensional.")
+    return title, table, told(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)

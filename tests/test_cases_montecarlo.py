@@ -248,5 +248,5 @@ def test_overturning_rate_counts_cycles_lived(main_scene):
     for bad in (0, 2, True, "left"):
         with pytest.raises(ValueError, match=rf"side: got {bad!r}, accepted: None, or -1 \(left\) or 1 \(right\)"):
             overturning_rate(made, after=4, side=bad)
-    with pytest.raises(ValueError, match=r"after: got 10, accepted: cycles below 10"):
+    with pytest.raises(ValueError, match=r"after: got 10, accepted: a number below 10"):
         overturning_rate(made, after=10)

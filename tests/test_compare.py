@@ -246,21 +246,21 @@ def test_doubts_of_white_noise_for_band_noise(band, harmonics, expected):
 
 def test_doubts_name_their_figures_and_the_remedy():
     (few,) = (one for one in remarks(fakes.FakeEvolution(_with((0.0, 10.0), 30))) if "harmonics:" in one)
-    assert "of 30 stand for scatter by 44 % (30 % are trusted)" in few
+    assert "of 30 harmonics differ in strength by 44 % (30 % are trusted)" in few
     assert "by up to about 0.079 within 40 cycles" in few
-    assert "solve_realizations" in few
+    assert "an average over realizations" in few
     (low,) = (one for one in remarks(fakes.FakeEvolution(_with((1.0, 6.0), 100))) if "covers" in one)
-    assert "[1, 6] covers 0.18 of the Melnikov variance of white noise (0.85 is wanted)" in low
+    assert "[1, 6] covers 18 % of the Melnikov variance of equally strong white noise (85 % are needed)" in low
 
 
 def test_a_block_that_the_forcing_hardly_lifts_off_is_doubted():
     resting = MAIN.varied(forcing={"amplitude": 1.1})
-    (doubt,) = (one for one in remarks(fakes.FakeEvolution(resting)) if "blocks rest" in one)
-    assert "the forcing, at most 1.1, hardly lifts the block off" in doubt
+    (doubt,) = (one for one in remarks(fakes.FakeEvolution(resting)) if "the block rests" in one)
+    assert "the forcing, at most 1.1, hardly lifts it off" in doubt
     lifted = MAIN.varied(forcing={"amplitude": 1.11})
     standing = fakes.FakeEvolution(resting, cycles=0)  # survival 1
     for result in (fakes.FakeEvolution(lifted), standing):
-        assert not any("blocks rest" in one for one in remarks(result))
+        assert not any("the block rests" in one for one in remarks(result))
 
 
 def test_doubts_stand_in_tables_and_summaries_of_one_density():

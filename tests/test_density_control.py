@@ -88,7 +88,7 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
 def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
     """At rest under weak forcing and weak noise: a layer far below the cells."""
     monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
-    with pytest.raises(ValueError, match=r"scene: got 'diffusion 0.00628.*negative mass is .*simulate\(\)"):
+    with pytest.raises(ValueError, match=r"scene: got a density .*negative mass .*diffusion 0.00628.*Monte"):
         solve_fpk(dataclasses.replace(MAIN, forcing=Forcing(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
 
 

@@ -33,7 +33,7 @@ def test_band_noise_is_solved_as_its_white_equivalent_and_says_so(band):
     assert 0.5 * elapsed < white.wall_s <= elapsed
     assert band.scene == MAIN
     assert band.diffusion == equivalent_diffusion(MAIN.noise)
-    assert band.closure.startswith("Band noise (variance 0.04 on [0, 10]) is solved as white noise of equal Melnikov")
+    assert band.closure.startswith("Band noise (variance 0.04 on [0, 10]) was replaced by white noise")
     assert white.closure == ""
     assert white.coefficients.tobytes() == band.coefficients.tobytes()
 
@@ -92,11 +92,11 @@ def test_refuses_what_has_no_density():
     for restitution in (0.0, 0.163033534821580):
         scene = dataclasses.replace(MAIN, block=Block(restitution))
         with pytest.raises(
-            ValueError, match=r"block\.restitution: got 0\..*, accepted: above 0\.16303 with white noise"
+            ValueError, match=r"block\.restitution: got 0\..*, accepted: above 0\.16303 under white noise"
         ):
             solve_fpk(scene, cycles=1)
     for noise in (NoNoise(), WhiteNoise(0.0)):
-        with pytest.raises(ValueError, match=r"noise: got .*, accepted: noise: without it there is no density"):
+        with pytest.raises(ValueError, match=r"noise: got .*, accepted: noise of a variance or diffusion above 0"):
             solve_fpk(dataclasses.replace(MAIN, noise=noise), cycles=1)
 
 

@@ -203,7 +203,7 @@ def test_a_block_that_nothing_lifts_off_rests():
 def test_rest_and_motion_add_up(tmp_path):
     """Blocks that are lifted off now and then: what rests is beside the density; of paths about as much does."""
     scene = Scene(Block(0.5), Forcing(0.8, 1.5), FilteredNoise("exponential", 0.04, 2.0))
-    with pytest.warns(RuntimeWarning, match="Not resolved: the probability at rest, whose estimated error is 0.03"):
+    with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.03"):
         found = solve_fpk(scene, cycles=1, tol=1e-2, bins_tol=0.02)
     doubtful = dataclasses.replace(found, rest_error_estimate=1.1 * bins_tolerance(1e-2))
     assert list(remarks(doubtful)) == result_summary(doubtful)["remarks"] == [doubtful.unresolved]
@@ -269,7 +269,7 @@ def test_memory_is_known_before_the_work():
     run = NodePropagator(scene, grid, 1e-8)
     run.evolve(1)
     assert 0.2 < run.memory / grid.memory < 1.1
-    with pytest.raises(ValueError, match=r"scene, bytes that its mesh and steps take: got .*accepted: up to 4e\+09"):
+    with pytest.raises(ValueError, match=r"scene: got a mesh .* bytes, accepted: up to 4e\+09"):
         solve_fpk(scene.varied(noise=FilteredNoise("low-pass", 0.04, 3000.0, 0.01)), cycles=1)
 
 

@@ -175,7 +175,7 @@ def test_what_changes_with_time_is_refused_where_it_has_no_meaning():
         lambda: melnikov.phase_flux(band.forcing, 0.8, band.noise),
     )
     for call in calls:
-        with pytest.raises(ValueError, match=r"noise.envelope: got Trapezoid.*, accepted: nothing: .* is not defined"):
+        with pytest.raises(ValueError, match=r"noise.envelope: got Trapezoid.*, accepted: no envelope, as"):
             call()
 
 
@@ -185,7 +185,7 @@ def test_bad_envelopes_are_refused_by_name():
         (lambda: Trapezoid(0.0, 0.0, 0.0), r"noise.envelope: got Trapezoid"),
         (lambda: Exponential(0.0), r"noise.envelope.peak: got 0.0"),
         (lambda: Table((0.0, 0.0), (1.0, 1.0)), r"noise.envelope.times: got \(0.0, 0.0\), accepted: two or more asc"),
-        (lambda: Table((0.0, 1.0), (1.0,)), r"noise.envelope.values: got \(1.0,\), accepted: as many"),
+        (lambda: Table((0.0, 1.0), (1.0,)), r"noise.envelope.values: got \(1.0,\), accepted: 2 values"),
         (lambda: Table((0.0, 1.0), (0.0, 0.0)), r"noise.envelope.values: got \(0.0, 0.0\)"),
         (lambda: Table((0.0, 1.0), (1.0, -1.0)), r"noise.envelope.values\[1\]: got -1.0"),
     ):

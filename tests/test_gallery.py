@@ -23,6 +23,7 @@ def test_every_case_is_in_it():
     for name, pictures in gallery.PICTURES.items():
         text = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
         assert all(f"``{made}``" in text for made in pictures), name
+        assert len(text.partition("\n")[0]) <= 3 + 50, f"{name}: the title has to fit the navigation of the site"
 
 
 def test_gallery_holds_these_pictures_and_the_documents_show_no_others():

@@ -96,7 +96,7 @@ def test_modes_that_never_take_over_are_refused(monkeypatch):
     """A map with as many equal modes as it has unknowns has none that say all."""
     monkeypatch.setattr(modes, "MOST", 50)
     matrix = np.diag(np.linspace(0.9, 0.95, 60))
-    with pytest.raises(ValueError, match=r"^scene: got 'modes that decay more slowly'"):
+    with pytest.raises(ValueError, match=r"^scene: got 'a density with many slowly decaying modes'"):
         powers_of(matrix, np.ones(60)).after(100)
 
 

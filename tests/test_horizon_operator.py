@@ -319,10 +319,10 @@ def test_too_little_memory_is_warned_of(monkeypatch):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"forcing": {"amplitude": 15.0}}, "not everything overturns within a cycle"),
+        ({"forcing": {"amplitude": 15.0}}, "not every block overturns within a cycle"),
         pytest.param(
             {"forcing": {"amplitude": 2.0}, "noise": WhiteNoise(4e-4)},
-            "nothing overturns as far as one can see",
+            "blocks overturn too rarely",
             marks=pytest.mark.slow,
         ),
         ({"noise": NoNoise()}, "^noise"),

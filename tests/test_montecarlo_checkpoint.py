@@ -122,9 +122,9 @@ def test_the_state_is_saved_at_once_at_the_end_and_now_and_then(tmp_path, monkey
         ({"cycles": 3}, "cycles 2, accepted: cycles 3"),
         ({"steps_per_cycle": 100}, "steps_per_cycle 200, accepted: steps_per_cycle 100"),
         ({"scene": dataclasses.replace(MAIN, block=Block(0.6))}, r"scene .*0\.5.*, accepted: scene .*0\.6"),
-        ({"angle_edges": [-1.0, 1.0]}, "other angle_edges, accepted: those that are asked for"),
+        ({"angle_edges": [-1.0, 1.0]}, "other angle_edges, accepted: the angle_edges that are asked for"),
         ({"velocity_edges": [-1.0, 1.0]}, "other velocity_edges"),
-        ({"realizations": 99}, "realizations 100, accepted: at most the 99"),
+        ({"realizations": 99}, "realizations 100, accepted: at most 99"),
     ],
 )
 def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changed, message):

@@ -230,11 +230,11 @@ def test_refuses_parameters_by_name(error, message, options):
     [
         (
             Scene(Block(0.5), Forcing(4.6, 2.7), BandNoise(0.04, (0.0, 10.0), 100)),
-            r"noise\.kind: got 'band', accepted: 'white'.*fixed at τ = 0.*scene\.white_equivalent\(\)",
+            r"noise\.kind: got 'band', accepted: 'white'.*drawn at τ = 0.*scene\.white_equivalent\(\)",
         ),
         (Scene(Block(0.5), Forcing(4.6, 2.7), NoNoise()), r"noise\.kind: got 'none', accepted: 'white'"),
         (scene_of(0.0), r"noise\.diffusion: got 0\.0, accepted: a number > 0"),
-        (scene_of(1e-4, restitution=0.99 * CRITICAL_RESTITUTION), r"block\.restitution: got 0\.16.*exp\(-pi/sqrt"),
+        (scene_of(1e-4, restitution=0.99 * CRITICAL_RESTITUTION), r"block\.restitution: got 0\.16.*impacts accumulate"),
     ],
 )
 def test_refuses_what_cannot_branch(scene, message):

@@ -151,7 +151,7 @@ def test_a_wild_state_is_refused_before_anything_is_counted():
     empty = counts.empty_counts(MAIN, MAIN.period * np.arange(2), *joint_edges(MAIN))
     angle, velocity = np.zeros((2, 2)), np.array([[0.0, 0.0], [0.0, 33.0]])
     with pytest.raises(
-        ValueError, match=r"realizations: got a state .* velocity 2 and 32 among those from number 64 on"
+        ValueError, match=r"realizations: got a block .* velocity 2 and 32 among those from number 64 on"
     ):
         counts.add(empty, batch_of(64, angle, velocity))
     assert all(not array.any() for array in empty[4:])
@@ -186,7 +186,7 @@ def test_edges_that_are_not_kept_are_refused(whole, edges, message):
             "realizations: got 2147483648, accepted: a whole number from 1 to 21474836",
         ),
         ({"realizations": 0}, ValueError, "realizations: got 0"),
-        ({"cycles": 20_000}, ValueError, "cycles: got 20000, accepted: 1 to 16383 with 64 x 128 bins; angle_edges"),
+        ({"cycles": 20_000}, ValueError, "cycles: got 20000, accepted: 1 to 16383 with 64 x 128 bins, more with fewer"),
         ({"angle_edges": [0.0, 0.0]}, ValueError, r"angle_edges: got \[0\.0, 0\.0\], accepted: two or more finite"),
         ({"angle_edges": [0.0, math.inf]}, ValueError, "angle_edges: got"),
         ({"velocity_edges": 10}, ValueError, "velocity_edges: got 10"),
@@ -201,7 +201,7 @@ def test_refusals_name_the_parameter(changed, error, message):
 
 def test_an_ensemble_that_does_not_fit_is_sent_here():
     with pytest.raises(
-        ValueError, match=r"realizations: got 1000000000, accepted: .* 4 GiB of states; `tally` keeps none"
+        ValueError, match=r"realizations: got 1000000000, accepted: .* 4 GiB of states; a tally keeps counts"
     ):
         simulate(MAIN, cycles=10, realizations=10**9)
 

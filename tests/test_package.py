@@ -5,8 +5,10 @@ import graphlib
 import importlib
 import importlib.metadata
 import pathlib
+import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
@@ -128,6 +130,18 @@ def test_solver_is_loaded_on_first_use():
 
 def test_version_is_the_installed_one():
     assert fpk_rocking.__version__ == importlib.metadata.version("fpk-rocking")
+
+
+def test_version_stands_in_one_place_and_the_others_agree():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    citation, changes, install = (
+        (ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "CHANGELOG.md", "docs/howto/install.md")
+    )
+    assert re.findall(r"^version: (.+)$", citation, re.MULTILINE) == [version]
+    number, date = re.findall(r"^## \[([\d.]+)\] - ([\d-]+)$", changes, re.MULTILINE)[0]
+    assert number == version
+    assert f'date-released: "{date}"' in citation
+    assert set(re.findall(r"fpk_rocking-([\d.]+)-py3", install)) == {version}
 
 
 def test_unknown_names_are_refused_as_usual():

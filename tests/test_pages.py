@@ -123,6 +123,21 @@ def test_links_between_files_lead_somewhere():
             assert "://" in link or (page.parent / link).exists(), f"{page.relative_to(ROOT)}: {link}"
 
 
+def test_external_links_are_well_formed():
+    """No network is asked. Scripts that write pages are searched too."""
+    files = [*PAGES, ROOT / "CHANGELOG.md", *ROOT.glob("docs/reference/*.rst"), *ROOT.glob("benchmarks/*.py")]
+    text = "\n".join(path.read_text(encoding="utf-8") for path in files)
+    forms = {
+        r"https?://[^\s)>\]\"']+": r"https://[a-z.]+/[\w./-]*",
+        r"\bdoi:? ?(10[^\s),]+)": r"10\.\d{4,9}/[\w.()/:;-]*\w",
+        r"cond-mat/\w+": r"cond-mat/\d{7}",
+    }
+    for found, form in forms.items():
+        links = set(re.findall(found, text))
+        assert len(links) > 0, found
+        assert [link for link in links if not re.fullmatch(form, link)] == []
+
+
 def test_reference_has_every_public_name():
     text = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "reference").glob("*.rst"))
     shown = set(re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)", text, re.MULTILINE))

@@ -165,7 +165,7 @@ COVARIANCE = r"start\.covariance: got .*accepted: \[\[xx, xv\], \[xv, vv\]\], sy
         (lambda: Start(covariance=((1, 0), (0, 1), (0, 0))), COVARIANCE),
         (lambda: Start(covariance=((1, 0, 0), (0, 1, 0))), r"^start\.covariance\[0\]: got "),
         (lambda: scene(start=Start(math.pi / 2)), r"^start\.angle: got 1\.57.*overturning\.angle = 1\.57"),
-        (lambda: scene(start=Start(-2.0)), r"^start\.angle: got -2\.0, accepted: a size below"),
+        (lambda: scene(start=Start(-2.0)), r"^start\.angle: got -2\.0, accepted: an absolute value below"),
         (lambda: scene(start=Start(0.5), overturning=Overturning(0.4)), r"^start\.angle: .*overturning\.angle = 0\.4$"),
     ],
 )

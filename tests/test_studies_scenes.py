@@ -134,7 +134,7 @@ def test_sizes_and_slendernesses():
     [
         ({"mass": [1.0]}, ValueError, "parameter: got 'mass', accepted: a dotted name"),
         ({"forcing.amplitud": [1.0]}, ValueError, "forcing.amplitud: unknown, accepted: .*did you mean"),
-        ({"size": [1.0]}, ValueError, r"parameter: got 'size', accepted: for a block with \[block.dimensions\]"),
+        ({"size": [1.0]}, ValueError, r"parameter: got 'size', accepted: only where the scene has"),
         ({"scale": [0.0]}, ValueError, "factor: got 0.0, accepted: a finite number > 0"),
         ({"scale": 1.0}, TypeError, r"axes\['scale'\]: got 1.0"),
         ({}, TypeError, "axes: got {}"),

@@ -5,7 +5,6 @@ The pictures are those of `make gallery`, kept in docs/gallery: to draw them tak
 
 import ast
 import pathlib
-import re
 import sys
 
 from bars import escaped
@@ -66,15 +65,8 @@ def _index():
         for name in PICTURES
     ]
     table = ".. list-table::\n   :widths: 40 60\n   :class: gallery\n\n" + "\n".join(entries)
-    tree = ".. toctree::\n   :hidden:\n\n" + "\n".join(f"   {_short(name)} <{name}>" for name in PICTURES)
+    tree = ".. toctree::\n   :hidden:\n\n" + "\n".join(f"   {name}" for name in PICTURES)
     return "\n\n".join([_headed("Figures and studies", "="), intro, table, tree]) + "\n"
-
-
-def _short(name):
-    """Return the name of a case in words, for the list of pages."""
-    number = re.match(r"fig0*(\d+)_", name)
-    words = name[number.end() :] if number else name
-    return f"Fig. {number[1]}: {words.replace('_', ' ')}" if number else words.replace("_", " ").capitalize()
 
 
 def _headed(title, rule):

@@ -27,19 +27,19 @@ def critical_amplitude(
     Parameters
     ----------
     frequency : array_like
-        Ω, above 0.
+        Frequency Ω of the forcing, above 0.
     restitution : array_like
-        e, from 0 to 1.
+        Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
         Frequencies, restitutions and noises broadcast.
     criterion : {"peak", "mean square"}
-        "peak" is the paper's (14): D_m² + σ_M² >= M², the square of the harmonic part at its peak and the mean square
-        of the noise. "mean square" is D_m²/2 + σ_M² >= M², the mean square of both.
+        "peak" is the paper's eq. 14, D_m² + σ_M² >= M²: the peak of the harmonic part squared, plus the mean square of
+        the noise. "mean square" is D_m²/2 + σ_M² >= M², with the mean square of both.
 
     Returns
     -------
     ndarray or float
-        A, nondimensional; 0 where the noise alone meets the criterion, σ_M >= M.
+        Amplitude A, nondimensional; 0 where the noise alone meets the criterion, σ_M >= M.
 
     Raises
     ------
@@ -56,23 +56,24 @@ def critical_amplitude(
 
 
 def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Number:
-    """Amplitude from which the stable and unstable manifolds really cross, without noise (derived in docs/theory).
+    """Amplitude from which the stable and unstable manifolds cross without noise, exactly (derived in docs/theory).
 
-    Flights are linear, so both manifolds are known at x = 0, and the jump of velocity between them is exact: they
-    cross from A = (1 - e)(1 + Ω²)/√((1 + e)² + (1 - e)²Ω²) on (cf. Hogan 1992; Lenci and Rega 2006). It agrees with
-    (14) to first order in 1 - e and is of another order in Ω: about Ω against Ω²(1 - e²)/4.
+    Flights are linear, so both manifolds are known at x = 0 in closed form. They cross from
+    A = (1 - e)(1 + Ω²)/√((1 + e)² + (1 - e)²Ω²) on (cf. Hogan 1992; Lenci and Rega 2006). The Melnikov criterion,
+    `critical_amplitude`, agrees with it to first order in 1 - e. At high frequencies they differ: this amplitude grows
+    like Ω, the other like Ω².
 
     Parameters
     ----------
     frequency : array_like
-        Ω, above 0.
+        Frequency Ω of the forcing, above 0.
     restitution : array_like
-        e, from 0 to 1; it broadcasts with `frequency`.
+        Restitution e, from 0 to 1; it broadcasts with `frequency`.
 
     Returns
     -------
     ndarray or float
-        A, nondimensional.
+        Amplitude A, nondimensional.
 
     Raises
     ------
@@ -87,15 +88,16 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Nu
 def margin(
     forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
 ) -> Number:
-    """How far a forcing is beyond criterion (14): √(D_m² + σ_M²) - M, an energy in the units of the Melnikov process.
+    """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).
 
     Parameters
     ----------
     forcing : Forcing, Harmonics or (amplitude, frequency)
-        Of several harmonics D_m is the largest size of their sum (see `harmonic_amplitude`).
+        Periodic forcing, as for `harmonic_amplitude`.
     restitution : array_like
+        Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
-        All broadcast. With NoNoise it is D_m - M.
+        Amplitudes, frequencies, restitutions and noises broadcast. Without noise the margin is D_m - M.
 
     Returns
     -------

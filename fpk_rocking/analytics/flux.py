@@ -35,8 +35,8 @@ def phase_flux(
     Parameters
     ----------
     forcing : Forcing, Harmonics or (amplitude, frequency)
-        The pair is of array_like A >= 0 and Ω > 0; the phase of a single harmonic has no influence. Where harmonics
-        make the two saddles differ the flux is their mean.
+        The pair holds array_like A >= 0 and Ω > 0; the phase of a single harmonic has no influence. Where several
+        harmonics make the two saddles differ, the flux is the mean over both.
     restitution : array_like
         e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
@@ -45,8 +45,9 @@ def phase_flux(
     Returns
     -------
     ndarray or float
-        Phase-space area per unit time, nondimensional, right to 1e-13 of the larger of Φ and D_m. Without noise
-        (1/π)[√(D_m² - M²) - M arccos(M/D_m)] where D_m > M, else 0. Of several harmonics right to 1e-10.
+        Phase-space area that crosses a separatrix per unit time, nondimensional. Its error is 1e-13 of the larger of Φ
+        and D_m, or 1e-10 for several harmonics. Without noise it is (1/π)[√(D_m² - M²) - M arccos(M/D_m)] where
+        D_m > M, else 0.
 
     Raises
     ------
@@ -66,12 +67,11 @@ def phase_flux_as_printed(
     noise: Noise | Sequence[Noise],
     equation: int = 17,
 ) -> Number:
-    """Phase flux with the paper's misprints, for comparison with its figures only.
+    """Phase flux with the paper's misprints, only for comparison with its figures.
 
-    Eq. 17 as printed weighs the noise with σ σ_M, although the σ_M of (15) contains σ already. Eq. 18, its double
-    integral, keeps that factor and forgets to divide by it: in the lower limit of the inner integral, in the density
-    p₁ and in erf, whose sign and √2 are moreover misplaced. The latter two are put right here, and erf is the usual
-    function, whose definition (19a) misprints. So what is evaluated is, with L = M - D_m y₂,
+    Eq. 17 as printed multiplies the noise by σ σ_M, although the σ_M of eq. 15 contains σ already. Eq. 18 has the same
+    factor and does not divide by it where the variable is normalized. The sign and the √2 of erf in eq. 18 and the
+    definition of erf (eq. 19a) are corrected here. With L = M - D_m y₂ this function evaluates
 
     * 17: E[(σ σ_M y₁ + D_m y₂ - M)⁺],
     * 18: E over y₂ of ∫_L^∞ (σ σ_M y₁ - L) φ(y₁) dy₁ = σ σ_M φ(L) - (L/2)(1 - erf(L/√2)).
@@ -81,13 +81,14 @@ def phase_flux_as_printed(
     forcing, restitution
         As for `phase_flux`, of one harmonic.
     noise : BandNoise, FilteredNoise or NoNoise, or a sequence of them
-        White noise has no σ.
+        White noise is refused, as it has no σ.
     equation : {17, 18}
+        Equation of the paper.
 
     Returns
     -------
     ndarray or float
-        Nondimensional. Without noise (17) is right; (18) is not, for the normal density in it keeps its width.
+        Nondimensional. Without noise eq. 17 as printed is right, eq. 18 is not.
 
     Raises
     ------
@@ -114,24 +115,24 @@ def phase_flux_sampled(
     repeats: int = 16,
     seed: int = 1,
 ) -> tuple[Number, Number]:
-    """Phase flux by direct Monte Carlo of the expectation, to hold `phase_flux` against.
+    """Phase flux by Monte Carlo of the expectation, a check of `phase_flux`.
 
-    The unit square of the ranks of y₁ and y₂ is cut into strata², one sample in each, anew in each repeat (W. J.
-    Cochran, Sampling Techniques, 1977): unbiased, with an error that falls nearly like 1/strata².
+    Sampling is stratified (W. J. Cochran, Sampling Techniques, 1977): y₁ and y₂ are drawn once in each of strata² cells
+    of equal probability. The estimate is unbiased, and its error falls nearly like 1/strata².
 
     Parameters
     ----------
     forcing, restitution, noise
-        As for `phase_flux`, of one harmonic; all parameters share the random numbers.
+        As for `phase_flux`, of one harmonic. All their values share the random numbers.
     strata, repeats : int
-        At least 1 and 2.
+        Number of strata along each axis, at least 1, and of repeats, at least 2.
     seed : int
-        Of numpy's default generator.
+        Seed of numpy's default generator.
 
     Returns
     -------
     flux, standard_error : ndarray or float
-        Nondimensional; the error is that of the mean over the repeats.
+        Nondimensional: the mean over the repeats and its standard error.
 
     Raises
     ------

@@ -21,19 +21,18 @@ _NARROWEST = 1e-9
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class SymmetricOrbit:
-    """A symmetric orbit with one impact in each half cycle; made by `symmetric_orbits`. All is nondimensional.
+    """A symmetric orbit with one impact in each half cycle, nondimensional; made by `symmetric_orbits`.
 
     Parameters
     ----------
     amplitude, frequency : float
         A and Ω of the forcing -A cos(Ωτ + Ψ).
     restitution : float
-        Velocity ratio e.
+        Restitution e.
     impact_speed : float
-        Speed just before an impact, W > 0; after it the speed is eW.
+        Speed W just before an impact, above 0; after it the speed is eW.
     impact_phase : float
-        Phase Ωτ + Ψ of the forcing, in [0, 2π), at the impacts that lead to the side x > 0. Those that lead to the
-        other side have this phase plus π.
+        Phase Ωτ + Ψ of the forcing, in [0, 2π), at the impacts after which x > 0. At the others it is larger by π.
     """
 
     amplitude: float
@@ -48,7 +47,7 @@ class SymmetricOrbit:
         Parameters
         ----------
         phase : array_like
-            Ωτ + Ψ in radians. ``scene.forcing.phase`` gives the orbit's point of the Poincaré section τ = kT.
+            Phase Ωτ + Ψ, radians. At ``scene.forcing.phase`` it is the orbit's point of the Poincaré section τ = kT.
 
         Returns
         -------
@@ -64,10 +63,10 @@ class SymmetricOrbit:
 
     @property
     def jacobian(self) -> Array:
-        """Derivative (2, 2) of the half-cycle map at the orbit, its fixed point; the determinant is e².
+        """Derivative of the half-cycle map at the orbit, shape (2, 2); its determinant is e².
 
-        The map carries (angle, velocity) from just after an impact of the orbit to just after the next, half a cycle
-        later, and looks at it from the other side.
+        The map takes (angle, velocity) just after an impact of the orbit to the state half a cycle later, mirrored, so
+        that the orbit is its fixed point.
         """
         e, half = self.restitution, math.pi / self.frequency
         cosh, sinh = math.cosh(half), math.sinh(half)
@@ -77,7 +76,7 @@ class SymmetricOrbit:
 
     @property
     def multipliers(self) -> Array:
-        """Eigenvalues (2,) of `jacobian`, the larger in size last; a small error grows by that one each half cycle."""
+        """Floquet multipliers of half a cycle, the eigenvalues of `jacobian`, shape (2,), ascending in modulus."""
         # From trace and determinant, which cancel less than the entries of the matrix do.
         e, half, omega = self.restitution, math.pi / self.frequency, self.frequency
         cosh, sinh = math.cosh(half), math.sinh(half)
@@ -89,7 +88,7 @@ class SymmetricOrbit:
 
     @property
     def stable(self) -> bool:
-        """Whether the orbit attracts its neighbours: both multipliers smaller than 1 in size. Never so at e = 1."""
+        """Whether the orbit is asymptotically stable: both multipliers have a modulus below 1. At e = 1 none is."""
         return self.restitution < 1.0 and bool(np.abs(self.multipliers).max() < 1.0)
 
 
@@ -105,15 +104,14 @@ def symmetric_orbits(
     frequency : float
         Ω, nondimensional, at least 0.01: the multipliers grow like exp(π/Ω).
     restitution : float
-        Velocity ratio e, from 0 to 1.
+        Restitution e, from 0 to 1.
     cutoff : float
-        Angle that counts as overturning, above 0; an orbit stays below it.
+        Angle that counts as overturning, in units of the critical angle, above 0. Orbits that reach it are left out.
 
     Returns
     -------
     tuple of SymmetricOrbit
-        None, one or two, the slower impact first. The slower of two is always unstable. An orbit that touches x = 0
-        or the cut-off in flight, to within rounding, is left out.
+        None, one or two orbits, that of the slower impact first. Of two orbits the slower one is always unstable.
 
     Raises
     ------

@@ -26,7 +26,7 @@ def heteroclinic_orbit(times: ArrayLike) -> tuple[Number, Number]:
     Parameters
     ----------
     times : array_like
-        τ, nondimensional.
+        Times τ, nondimensional.
 
     Returns
     -------
@@ -48,12 +48,12 @@ def transfer(frequency: ArrayLike) -> Number:
     Parameters
     ----------
     frequency : array_like
-        ω, nondimensional.
+        Angular frequency ω, nondimensional.
 
     Returns
     -------
     ndarray or float
-        Work along the orbit of cos ωτ, nondimensional, of the shape of `frequency`.
+        Work that a force cos ωτ does along the orbit, nondimensional, of the shape of `frequency`.
 
     Raises
     ------
@@ -69,8 +69,8 @@ def harmonic_amplitude(forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike
     Parameters
     ----------
     forcing : Forcing, Harmonics or (amplitude, frequency)
-        The pair is of array_like A >= 0 and Ω > 0 that broadcast. Of several harmonics it is the largest size of their
-        sum, each multiplied by its `transfer`.
+        The pair holds array_like A >= 0 and Ω > 0, which broadcast. For several harmonics D_m is the largest absolute
+        value of their sum, each multiplied by its `transfer`.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def harmonic_amplitude(forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike
     Raises
     ------
     TypeError, ValueError
-        `forcing` is neither, or an entry is refused.
+        `forcing` is none of these, or a value is refused.
     """
     if isinstance(forcing, Harmonics):
         return forcing.filtered(transfer).largest
@@ -89,12 +89,12 @@ def harmonic_amplitude(forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike
 
 
 def impact_loss(restitution: ArrayLike) -> Number:
-    """Energy M = (1 - e²)/2 that the impact takes from the heteroclinic orbit, which meets x = 0 with the velocity 1.
+    """Energy M = (1 - e²)/2 that the impact takes from a block on the heteroclinic orbit.
 
     Parameters
     ----------
     restitution : array_like
-        e, from 0 to 1.
+        Restitution e, from 0 to 1.
 
     Returns
     -------
@@ -111,17 +111,19 @@ def impact_loss(restitution: ArrayLike) -> Number:
 
 
 def process_mean(forcing: Forcing | Harmonics, restitution: ArrayLike, times: ArrayLike) -> Number:
-    """Mean -Σ D_k cos(kΩτ₀ + Ψ_k) - M of the Melnikov process, from left to right (paper eqs. 12 to 14).
+    """Mean of the Melnikov process over the noise, for the orbit from left to right (paper eqs. 12 to 14).
 
-    D_k = 2A_k/(1 + k²Ω²): of a harmonic forcing, -D_m cos(Ωτ₀ + Ψ) - M.
+    It is -D_m cos(Ωτ₀ + Ψ) - M for a harmonic forcing, and -Σ D_k cos(kΩτ₀ + Ψ_k) - M with D_k = 2A_k/(1 + k²Ω²) for
+    several harmonics.
 
     Parameters
     ----------
     forcing : Forcing or Harmonics
+        Periodic forcing.
     restitution : array_like
-        e, from 0 to 1; it broadcasts with `times`.
+        Restitution e, from 0 to 1; it broadcasts with `times`.
     times : array_like
-        τ₀, when the orbit meets x = 0, nondimensional.
+        Times τ₀ at which the orbit meets x = 0, nondimensional.
 
     Returns
     -------
@@ -151,36 +153,37 @@ def sampled_process(
     frequencies: ArrayLike,
     phases: ArrayLike,
 ) -> Array:
-    """Melnikov process of given realizations of the noise, exactly: each harmonic passes the orbit on its own.
+    """Melnikov process of given realizations of band noise, in closed form.
 
     Parameters
     ----------
     forcing : Forcing or Harmonics
+        Periodic forcing.
     restitution : float
-        e, from 0 to 1.
+        Restitution e, from 0 to 1.
     noise : BandNoise
-        Its variance alone matters here, and that `harmonics` is the N of the arrays.
+        Its variance is used; its number of harmonics has to be N.
     times : array_like, shape (T,)
-        τ₀, nondimensional.
+        Times τ₀ at which the orbit meets x = 0, nondimensional.
     frequencies, phases : array_like, shape (..., N)
-        ν_n and φ_n of the realizations (paper eq. 4).
+        Frequencies ν_n and phases φ_n of the realizations (paper eq. 4).
 
     Returns
     -------
     ndarray, shape (..., T)
-        Nondimensional; its mean over realizations is `process_mean`, its variance `noise_variance` (paper eq. 15).
+        Nondimensional. Its mean over realizations is `process_mean`, its variance `noise_variance` (paper eq. 15).
 
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or the realizations do not have the noise's number of harmonics.
+        A parameter is refused, or the realizations have another number of harmonics than the noise.
     """
     checks.instance("noise", noise, BandNoise)
     e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)
     tau = np.atleast_1d(numbers("times", times))
     nu, phi = np.broadcast_arrays(numbers("frequencies", frequencies), numbers("phases", phases))
     if nu.shape[-1:] != (noise.harmonics,):
-        accepted = f"(..., {noise.harmonics}), as noise.harmonics says"
+        accepted = f"(..., {noise.harmonics}), the number of harmonics of the noise"
         raise ValueError(checks.refusal("shape of frequencies and phases", nu.shape, accepted))
     weights = math.sqrt(2.0 * noise.variance / noise.harmonics) * transfer(nu)
     waves = np.cos(nu[..., None, :] * tau[:, None] + phi[..., None, :])

@@ -40,52 +40,53 @@ _LAYOUT = Layout(
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Evolution(DensityResult):
-    """Evolution of the joint density of angle and velocity over whole forcing cycles.
+    """The joint density of angle and velocity over time, as `solve_fpk` found it; all quantities are nondimensional.
+
+    Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
+    row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
 
     Attributes
     ----------
     scene : Scene
-        As it was asked for.
+        The scene that was given to `solve_fpk`.
     diffusion : float
-        D of the white noise that was solved for; of filtered noise, that of equal Melnikov variance.
+        D of the white noise that was solved for, or that has the Melnikov variance of the filtered noise.
     closure : str
-        How band noise was replaced; empty where it was not.
+        Which noise replaced the band noise, as a sentence; empty where none was replaced.
     tol : float
-        The tolerance asked for.
+        The tolerance that was asked for.
     times : ndarray, shape (cycles + 1,)
-        Times τ from 0 on: kT, whole cycles, where the forcing repeats. Where it does not, there are no cycles, and rows
-        and what is said of a cycle count these times.
+        Times τ from 0 on.
     survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned by kT, at rest or not: the mass inside.
+        Probability of not having overturned.
     overturned : ndarray, shape (cycles + 1, 2)
-        Probability of having overturned by kT to the left and to the right, summed from what overturned.
+        Probability of having overturned to the left and to the right.
     lost : ndarray, shape (cycles + 1,)
-        Mass that left through the velocity bound by kT, or came to cells that hold next to nothing and are not active.
+        Probability that the mesh lost: blocks faster than its largest velocity, or in cells that it does not follow.
     at_rest : ndarray, shape (cycles + 1,)
-        Probability of not having overturned by kT and being at rest. Under filtered noise blocks rest, at x = v = 0
-        exactly: a mass beside the density. White noise lets none rest: there it is the part of the density within
-        |x| < .005 and |v| < .1, where a block rattles. How it does is not resolved; within these bounds only the
-        probability of the whole is to be trusted, and `bins_error_estimate` counts them as one bin.
+        Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
+        this is their probability, which the density does not contain. Under white noise no block rests: this is the
+        part of the density within |x| < .005 and |v| < .1, where blocks rattle. The mesh resolves only the
+        probability of this region as a whole, and `bins_error_estimate` counts it as one bin.
     error_estimate : float
-        Estimate of the largest error in survival, from the differences of three solutions of the same scene.
+        Estimate of the largest error of survival, from three solutions of the scene.
     bins_error_estimate : float
-        The same of the binned density: the largest difference of the last two, L1 over 32 x 64 bins between the bounds.
+        Estimate of the largest error of the binned density, L1 over 32 x 64 bins: the difference of two solutions.
     rest_error_estimate : float
-        The same of `at_rest` under filtered noise, not less than what moves next to rest, and 0 under white noise. It
-        is not refined for: it converges slowly (docs/numerics.md). See `unresolved`.
+        Estimate of the largest error of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md);
+        0 under white noise.
     mass_defect : float
-        Largest |inside + overturned + lost - 1| over time.
+        Largest |survival + overturned + lost - 1|: 0 but for rounding.
     negative_mass : float
-        Largest integral of max(-p, 0) after 1 cycle or more.
+        Largest integral of max(-p, 0) after 1 cycle or more: how far the density p is below 0 in places.
     wall_s : float
-        Seconds of the whole call.
+        Seconds that the call took.
     settings : dict
-        Mesh, degree, quadrature and steps used.
+        Mesh, polynomial degree, quadrature and time steps.
     coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
-        Of the density of angle and velocity after each cycle, of blocks that are not an atom at rest; those at 0 are
-        zero for a point start.
+        Coefficients of the densities that `at` returns; zero in row 0 where the start is a point.
     space : Space
-        What they are coefficients of.
+        Mesh and polynomials that the coefficients belong to.
     """
 
     scene: Scene
@@ -109,38 +110,50 @@ class Evolution(DensityResult):
 
     @property
     def atom(self) -> bool:
-        """Whether `at_rest` is a mass beside the density: under filtered noise, where `settings` has ``nodes``."""
+        """Whether `at_rest` is a probability that the density does not contain, as under filtered noise."""
         return "nodes" in self.settings
 
     @property
     def unresolved(self) -> str:
-        """That `at_rest` is not resolved, as a sentence; empty where its error is within the bins' usual tolerance."""
+        """Warning that `at_rest` is not resolved, as a sentence; empty where its error is at most √tol / 3."""
         return self.unresolved_beyond(bins_tolerance(self.tol))
 
     def unresolved_beyond(self, wanted: float) -> str:
-        """Like `unresolved`, where the estimated error of `at_rest` is larger than wanted."""
+        """Warning that `at_rest` is not resolved to a wanted error, as a sentence; empty where it is.
+
+        Parameters
+        ----------
+        wanted : float
+            Largest estimated error of `at_rest` that needs no warning.
+
+        Returns
+        -------
+        str
+        """
         if self.rest_error_estimate <= wanted:
             return ""
         return (
-            f"Not resolved: the probability at rest, whose estimated error is {self.rest_error_estimate:.2g}, and with "
-            f"it the density at the origin; survival is estimated to {self.error_estimate:.1e}. For what is at rest "
-            'take Monte Carlo, simulate(method="filtered").'
+            f"The probability of being at rest is not resolved: its estimated error is {self.rest_error_estimate:.2g}. "
+            f"Survival is not affected (estimated error {self.error_estimate:.1e}). For the probability of being at "
+            "rest use Monte Carlo with the method 'filtered'."
         )
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of its own errors, as plain values."""
+        """Error figures, tolerances and diffusion, as plain values by name."""
         own = {name: float(getattr(self, name)) for name in _OWN_ERRORS}
         lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
         wanted = {name: self.settings[name] for name in ["bins_tol"] if np.isfinite(self.settings.get(name, np.inf))}
         return own | lists | {"diffusion": float(self.diffusion), "tol": float(self.tol)} | wanted
 
     def columns(self) -> dict[str, Array]:
-        """Survival, what overturned to either side, lost and at rest, by cycle and time: arrays by name."""
+        """Table of survival, overturned to either side, lost and at rest, a row a time: arrays by column name."""
         return super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
 
     def at(self, cycle: int) -> Density:
-        """Return the density after a number of cycles, of blocks that are not an atom at rest.
+        """Return the density after a number of cycles.
+
+        Under filtered noise it is the density of the blocks that move; `at_rest` has the others.
 
         Parameters
         ----------
@@ -164,7 +177,7 @@ class Evolution(DensityResult):
     def bin_probabilities(
         self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike, *, nonnegative: bool = False
     ) -> Array:
-        """Probability of not having overturned and being in each bin.
+        """Probability of standing, with angle and velocity in each of some bins.
 
         Parameters
         ----------
@@ -173,13 +186,13 @@ class Evolution(DensityResult):
         angle_edges, velocity_edges : array_like
             Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
         nonnegative : bool
-            Whether to return those of the view `Density.nonnegative` instead of the density as it was computed, in
-            whose bins the negative parts show. ``negative_mass`` is that of the density either way.
+            Whether to integrate `Density.nonnegative` instead of the density as it was computed. The latter can have
+            bins slightly below 0.
 
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
-            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that has (0, 0).
+            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that contains (0, 0).
 
         Raises
         ------
@@ -200,7 +213,13 @@ class Evolution(DensityResult):
             raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {len(self.times) - 1}"))
 
     def save(self, path: File) -> None:
-        """Write the result to a file (.npz), whole or not at all."""
+        """Save the result to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
         names = ("times", "survival", "overturned", "lost", "at_rest", "coefficients")
         arrays = {name: getattr(self, name) for name in names}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
@@ -208,7 +227,24 @@ class Evolution(DensityResult):
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Read a saved result; raises as `fpk_rocking.results.storage.read_result`."""
+        """Load a saved result.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Returns
+        -------
+        Evolution
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
         scene, arrays, attributes = read_result(path, _KIND, _LAYOUT)
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)

@@ -30,16 +30,16 @@ _SAMPLES, _SEED = 200_000, 1
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class RealizationAverage(DensityResult):
-    """Evolutions for the diffusions of single realizations, and their weights in an ensemble: a result for `compare`.
+    """Average of density solutions over the scatter between realizations of band noise; see `solve_realizations`.
 
     Attributes
     ----------
     scene : Scene
-        With band noise.
+        The scene that was given, with band noise.
     diffusions, weights : ndarray, shape (nodes,)
-        Gauss quadrature for the distribution of a realization's diffusion.
+        Nodes and weights of the Gauss quadrature over the distribution of a realization's diffusion.
     evolutions : tuple of Evolution
-        One a diffusion.
+        The solution for each of the diffusions.
     """
 
     averaged = True
@@ -60,7 +60,7 @@ class RealizationAverage(DensityResult):
 
     @property
     def closure(self) -> str:
-        """How the noise was replaced."""
+        """Which noises replaced the band noise, as a sentence."""
         return (
             f"Band noise replaced by a mixture of {len(self.weights)} white noises, of diffusions from "
             f"{self.diffusions.min():.3g} to {self.diffusions.max():.3g}, as those of single realizations scatter."
@@ -68,47 +68,63 @@ class RealizationAverage(DensityResult):
 
     @property
     def error_estimate(self) -> float:
-        """Estimated error in survival: the mean of the parts'."""
+        """Estimated error of survival: the weighted mean of those of the solutions."""
         return float(self.weights @ [evolution.error_estimate for evolution in self.evolutions])
 
     @property
     def mass_defect(self) -> float:
-        """Largest of the parts'."""
+        """Largest mass defect of the solutions."""
         return max(evolution.mass_defect for evolution in self.evolutions)
 
     @property
     def negative_mass(self) -> float:
-        """Mean of the parts': their densities may cancel, so that of the mixture is not larger."""
+        """Weighted mean of the negative masses of the solutions; that of the average is not larger."""
         return float(self.weights @ [evolution.negative_mass for evolution in self.evolutions])
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of its own errors, as plain values."""
+        """Error figures, diffusions and weights, as plain values by name."""
         own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
         own |= {"tol": self.evolutions[0].tol}
         return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
 
     def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of an evolution)
-        """Return None: its parts are densities on meshes of their own; see `evolutions`."""
+        """Return None, as the solutions have meshes of their own; use ``evolutions[i].at(cycle)``.
+
+        Parameters
+        ----------
+        cycle : int
+            Not used.
+        """
         return
 
     @property
     def wall_s(self) -> float:
-        """Seconds that all evolutions took."""
+        """Seconds that all solutions took."""
         return sum(evolution.wall_s for evolution in self.evolutions)
 
     @property
     def survival(self) -> Array:
-        """Probability (cycles + 1,) of not having overturned by kT."""
+        """Probability of not having overturned by kT, shape (cycles + 1,)."""
         return self.weights @ np.array([evolution.survival for evolution in self.evolutions])
 
     @property
     def overturned(self) -> Array:
-        """Probability (cycles + 1, 2) of having overturned by kT to the left and to the right."""
+        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
         return np.tensordot(self.weights, [evolution.overturned for evolution in self.evolutions], 1)
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Probability of not having overturned and being in each bin; see `Evolution.bin_probabilities`."""
+        """Probability of standing, with angle and velocity in each of some bins.
+
+        Parameters
+        ----------
+        cycle, angle_edges, velocity_edges
+            As for `Evolution.bin_probabilities`.
+
+        Returns
+        -------
+        ndarray, shape (angle bins, velocity bins)
+        """
         parts = [evolution.bin_probabilities(cycle, angle_edges, velocity_edges) for evolution in self.evolutions]
         return np.tensordot(self.weights, parts, 1)
 
@@ -147,18 +163,22 @@ def gauss_quadrature(values, count):
 
 
 def solve_realizations(scene: Scene, *, cycles: int, tol: float = 1e-3, nodes: int = 5) -> RealizationAverage:
-    """Average the density solver over the distribution of a realization's equivalent diffusion.
+    """Solve for band noise of few harmonics, as the average over white noises of different strength.
+
+    Each realization of band noise draws its N frequencies once, so some realizations act more strongly on the block
+    than others. A realization is replaced by white noise of its own diffusion, and `solve_fpk` runs for a few of these
+    diffusions, chosen by Gauss quadrature.
 
     Parameters
     ----------
     scene : Scene
-        With band noise.
+        With band noise of two harmonics or more, under periodic forcing.
     cycles : int
-        Forcing cycles to evolve.
+        Number of forcing cycles.
     tol : float
-        Of each solution, see `solve_fpk`.
+        Wanted error of survival in each solution, at least 1e-4.
     nodes : int
-        Solutions, from 2 to 12.
+        Number of solutions, from 2 to 12.
 
     Returns
     -------
@@ -167,7 +187,7 @@ def solve_realizations(scene: Scene, *, cycles: int, tol: float = 1e-3, nodes: i
     Raises
     ------
     TypeError, ValueError
-        The noise is not band noise of two harmonics or more, or as `solve_fpk`.
+        A parameter is refused, the noise is not band noise of two harmonics or more, or `solve_fpk` refuses the scene.
     """
     checks.instance("scene", scene, Scene)
     refuse_transient(scene.forcing, "an average over realizations")

@@ -25,8 +25,8 @@ def refuse_filtered(scene):
     """Refuse filtered noise: the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
         accepted = (
-            "'band' or 'white' for the one-cycle operator; solve_fpk() evolves a density under filtered noise, and "
-            "scene.white_equivalent() has white noise of equal Melnikov variance instead, under which no block rests"
+            "'band' or 'white', as the one-cycle operator has no states of a filter; solve_fpk() takes filtered noise, "
+            "and scene.white_equivalent() replaces it by white noise, under which no block rests"
         )
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
 
@@ -36,14 +36,12 @@ def refuse_unsolvable(scene):
     limits.check(scene)
     white = scene.noise.kind == "white"
     if (scene.noise.diffusion if white else scene.noise.variance) == 0.0:
-        accepted = (
-            "noise: without it there is no density to evolve; single trajectories are followed by " + limits.SAMPLING
-        )
-        raise ValueError(checks.refusal("noise", "none, or of size 0", accepted))
+        accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
+        raise ValueError(f"noise: got none, accepted: {accepted}")
     if white and scene.block.restitution <= CRITICAL_RESTITUTION:
         accepted = (
-            f"above {CRITICAL_RESTITUTION:.5f} with white noise: below it there are infinitely many impacts in finite "
-            f"time, and what follows is not defined; band noise can be sampled by {limits.SAMPLING}"
+            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
+            "time and the motion after them is not defined; use Monte Carlo under band noise, or the closure 'filtered'"
         )
         raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
 
@@ -61,8 +59,8 @@ def refuse_slow(scene):
         least *= _FASTER
     if least > noise.frequency:
         accepted = (
-            f"at least about {least:.2g} for this filter, start and period: under slower noise the density is a curve "
-            f"for each state of the filter, which no mesh resolves; or {limits.SAMPLING}"
+            f"at least about {least:.2g} with this filter, start and period, as under slower noise the density is too "
+            "narrow for any mesh; use Monte Carlo"
         )
         raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
@@ -71,10 +69,12 @@ def refuse_large(held, stored, scene, rows):
     """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all `rows` times."""
     largest = LARGEST[scene.noise.kind]
     if held > largest:
-        accepted = f"up to {largest:g}: stronger noise, a shorter period, a nearer cut-off, or {limits.SAMPLING}"
-        raise ValueError(checks.refusal("scene, bytes that its mesh and steps take", float(held), accepted))
+        raise ValueError(
+            f"scene: got a mesh and time steps that take {held:.1e} bytes, accepted: up to {largest:g}; stronger "
+            "noise, a shorter period or a smaller overturning angle need less, or use Monte Carlo"
+        )
     if held + stored > largest:
-        accepted = f"fewer: the densities after all of them would take {stored:.1e} bytes, of {largest:g} at most"
+        accepted = f"fewer, as the densities after all of them would take {stored:.1e} bytes, more than {largest:g}"
         raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
 
 
@@ -83,7 +83,9 @@ def refuse_broken(result):
     parts = ("survival", "overturned", "lost", "coefficients", "error_estimate", "bins_error_estimate", "negative_mass")
     for name in parts:
         if not np.all(np.isfinite(getattr(result, name))):
-            raise FloatingPointError(f"{name}: has a number that is not finite; this must not be, in {result.scene}")
+            raise FloatingPointError(
+                f"{name}: got a number that is not finite, an error of the solver in {result.scene}"
+            )
 
 
 def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
@@ -105,8 +107,8 @@ def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
     if found.error > wanted or found.bins_error > bins_wanted:
         warnings.warn(
             f"not within the tolerance: estimated error {found.error:.1e} in {what} ({wanted:.1e} wanted) and "
-            f"{found.bins_error:.1e} in the binned density ({bins_wanted:.1e}) on the finest mesh for this scene; take "
-            f"a larger tol, or {instead}",
+            f"{found.bins_error:.1e} in the binned density ({bins_wanted:.1e} wanted) on the finest mesh for this "
+            f"scene; allow a larger tol, or {instead}",
             RuntimeWarning,
             stacklevel=stacklevel,
         )

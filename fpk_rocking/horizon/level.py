@@ -13,7 +13,6 @@ from fpk_rocking.density.space.mesh import GROWTH, velocity_bound
 from fpk_rocking.horizon.extent import plane_bound
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
-from fpk_rocking.scene import limits
 
 OPERATOR_MEMORY = 8e9
 """Bytes that a finer mesh may be expected to need; every cell of it is active."""
@@ -65,8 +64,8 @@ class Level:
             start = self.leg.matvec(start)
             remaining.append(self._one @ start / (self._one @ self._one))
         if not remaining[-1] > LEAST_EIGENVALUE**2:
-            got = f"a probability of {remaining[-1]:.1e} to survive two cycles from anywhere"
-            accepted = "a scene in which not everything overturns within a cycle (see solve_fpk())"
+            got = f"a probability of {remaining[-1]:.1e} to survive two cycles"
+            accepted = "a scene in which not every block overturns within a cycle; solve_fpk() takes this one"
             raise ValueError(checks.refusal("scene", got, accepted))
         return leading_modes(self.leg.matvec, start)
 
@@ -77,7 +76,7 @@ class Level:
         modes = leading_modes(self.leg.rmatvec, start)
         first, second = (found.values[0].real for found in (self.modes, modes))
         if abs(first - second) > _AGREED:
-            accepted = "one whose leading mode two iterations agree upon"
+            accepted = "a scene for which the operator and its adjoint have the same leading eigenvalue"
             raise ValueError(checks.refusal("scene", f"eigenvalues {first:.12f} and {second:.12f}", accepted))
         return modes
 
@@ -233,12 +232,15 @@ def _hopeless(fine, coarse):
 
 
 def _judge(found, tol):
-    rate = f"an escape rate of {found.fine.rate:.2e} a cycle"
     if found.fine.negative_mass > UNRESOLVED:
-        accepted = f"at most {UNRESOLVED}: the noise is too weak for the finest mesh; take {limits.SAMPLING}"
-        raise ValueError(checks.refusal("scene", f"negative mass {found.fine.negative_mass:.1e}", accepted))
+        raise ValueError(
+            "scene: got a quasi-stationary density that the finest mesh does not resolve (negative mass "
+            f"{found.fine.negative_mass:.1e}), accepted: up to {UNRESOLVED}; the noise is too weak: use Monte Carlo"
+        )
     if not found.error < 1.0:
-        accepted = "one that can be told from the errors of the finest mesh: nothing overturns as far as one can see"
-        raise ValueError(checks.refusal("scene", rate, f"{accepted} (more noise, or montecarlo.split())"))
+        raise ValueError(
+            f"scene: got an escape rate of {found.fine.rate:.2e} a cycle, accepted: one above the error of the finest "
+            "mesh; blocks overturn too rarely: use montecarlo.split(), or more noise"
+        )
     what = f"the escape rate, {found.fine.rate:.2e} a cycle, relative"
-    warn_beyond(what, found, math.e * tol, bins_tolerance(tol), "montecarlo.split()", stacklevel=5)
+    warn_beyond(what, found, math.e * tol, bins_tolerance(tol), "use montecarlo.split()", stacklevel=5)

@@ -29,12 +29,12 @@ _SUBSPACE = 30
 
 
 class Modes(NamedTuple):
-    """Leading modes of a real map K, in real arithmetic: K basis = basis block.
+    """Leading modes of a real linear map K, in real arithmetic: K basis = basis block.
 
     Parameters
     ----------
     values : ndarray of complex, shape (modes,)
-        Eigenvalues of the map and of the block, descending in modulus.
+        Eigenvalues of K, descending in modulus.
     basis : ndarray, shape (unknowns, modes)
         Real eigenvectors of norm 1; for a conjugate pair the real and the imaginary part of one.
     block : ndarray, shape (modes, modes)
@@ -74,8 +74,10 @@ def leading_modes(apply, start, count=COUNT):
     try:
         values, vectors = eigs(operator, k=count, v0=start, tol=PRECISION, ncv=_SUBSPACE)
     except ArpackError as error:
-        accepted = "one whose leading modes can be told apart on this mesh"
-        raise ValueError(checks.refusal("scene", f"no convergence of the modes ({error})", accepted)) from error
+        accepted = "a scene for which it converges"
+        raise ValueError(
+            checks.refusal("scene", f"no convergence of the eigenvalue solver ({error})", accepted)
+        ) from error
     kept, columns, blocks = [], [], []
     for k in np.argsort(-np.abs(values), kind="stable"):
         value = values[k]
@@ -89,8 +91,8 @@ def leading_modes(apply, start, count=COUNT):
     images = np.stack([apply(np.ascontiguousarray(column)) for column in basis.T], axis=1)
     residuals = np.linalg.norm(images - basis @ block, axis=0)
     if not (kept[0].imag == 0.0 < kept[0].real and residuals[0] <= ACCEPTED * kept[0].real):
-        accepted = "one whose density keeps its shape in the long run: a leading eigenvalue that is real and positive"
-        got = f"eigenvalue {kept[0]:.3g} of a leg of a cycle, residual {residuals[0]:.1e}"
+        accepted = f"one that is real and positive, with a residual up to {ACCEPTED:g} of it"
+        got = f"a leading eigenvalue {kept[0]:.3g}, residual {residuals[0]:.1e}"
         raise ValueError(checks.refusal("scene", got, accepted))
     return Modes(np.array(kept), basis, block, residuals)
 
@@ -150,8 +152,8 @@ class Powers:
     def _advance(self):
         """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
         if self._count == MOST:
-            accepted = f"one whose leading {COUNT} modes say all after {MOST} legs of a cycle"
-            raise ValueError(checks.refusal("scene", "modes that decay more slowly", accepted))
+            accepted = f"one that {COUNT} modes represent after {MOST} half cycles"
+            raise ValueError(checks.refusal("scene", "a density with many slowly decaying modes", accepted))
         if self._count >= FEW:
             modes = self._modes()
             amplitudes = np.linalg.lstsq(modes.basis, self._vector, rcond=None)[0]

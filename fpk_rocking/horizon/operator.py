@@ -27,19 +27,18 @@ from fpk_rocking.scene.scene import Scene
 
 
 class Outlook(NamedTuple):
-    """Survival from the scene's start.
+    """Survival from the scene's start after given numbers of cycles, with error estimates.
 
     Parameters
     ----------
     cycles : ndarray of int, shape (n,)
+        The numbers of cycles.
     survival : ndarray, shape (n,)
-        Probability of not having overturned after so many cycles.
+        Probability of not having overturned.
     left_out : ndarray, shape (n,)
-        Estimate of what it misses where the leading modes stand for the density: the L1 norm of what they left out
-        when they took over, which then falls like the leading mode.
+        Estimated error from representing the density by its leading modes, where that is done.
     error_estimate : ndarray, shape (n,)
-        Of survival: its difference from the next coarser mesh, and what the estimated error of the escape rate makes
-        of it, with `left_out`.
+        Estimated error of survival: from the next coarser mesh and from the error of the escape rate, plus `left_out`.
     """
 
     cycles: np.ndarray
@@ -49,55 +48,57 @@ class Outlook(NamedTuple):
 
 
 class CycleOperator(Shown, LinearOperator):
-    """The map of densities over one forcing cycle of a scene with white noise.
+    """The operator that maps the density at one whole forcing cycle to the density at the next.
 
-    As a SciPy linear operator it acts on vectors (unknowns,) whose Euclidean products are the integrals of products of
-    functions, see `vector` and `density`; ``rmatvec`` is its adjoint, which takes a function of the state after a cycle
-    to its mean before it. It is made of the steps of `solve_fpk`.
+    It is the transfer (Perron-Frobenius) operator of a cycle under white noise, made of the steps of `solve_fpk`, and a
+    SciPy linear operator: ``matvec`` carries a density forward over a cycle, ``rmatvec`` (the Koopman operator) carries
+    a function of the state back to its mean over the state one cycle before. `vector` and `density` convert between
+    vectors and functions; the Euclidean product of two vectors is the integral of the product of their functions.
 
     Parameters
     ----------
     scene : Scene
-        With white or band noise; band noise is replaced by white noise of equal Melnikov variance, see `closure`.
+        With white or band noise, under periodic forcing. Band noise is replaced by white noise of equal Melnikov
+        variance.
     tol : float
-        Wanted error in survival from a start on the attractor after any number of cycles, from 1e-4 up: the relative
-        error of the escape rate is wanted to exp(1) tol. The mesh is refined until the estimates say so.
+        Wanted error of survival after any number of cycles, at least 1e-4. The mesh is refined until the estimated
+        relative error of the escape rate is at most exp(1) `tol`.
 
     Attributes
     ----------
     scene, tol, diffusion, closure
         As in `Evolution`.
     escape_rate : float
-        -log of the leading eigenvalue: rate of overturning per cycle in the long run, computed from what leaves the
-        quasi-stationary density, not from 1 minus the eigenvalue.
+        Long-run rate of overturning per cycle, -ln of the leading eigenvalue.
     escape_error : float
-        Estimate of the relative error of `escape_rate`, from three meshes.
+        Estimated relative error of `escape_rate`, from three meshes.
     refinement : list of (int, float)
-        Unknowns and escape rate of every mesh, from coarse to fine.
+        Number of unknowns and escape rate on every mesh, from coarse to fine.
     leakage : ndarray, shape (2,)
-        Probability that a block of the quasi-stationary density overturns within a cycle, to the left and to the right.
+        Probability that a block distributed like `quasi_stationary` overturns within a cycle, to the left and to the
+        right.
     lost : float
-        What it loses beyond the velocity bound in a cycle.
+        Probability that the mesh loses in a cycle, to velocities beyond its largest one.
     eigenvalues : ndarray of complex
-        Leading eigenvalues of the cycle, descending in modulus.
+        Leading eigenvalues, descending in modulus.
     residuals : ndarray
-        Of the modes of half a cycle, or of a cycle where its halves are not alike, in the norm of L2.
+        Residuals (L2 norm) of the computed modes.
     negative_mass : float
-        Of the quasi-stationary density.
+        Integral of max(-p, 0) over the quasi-stationary density p.
     settings : dict
-        Mesh, degree, quadrature and steps.
+        Mesh, polynomial degree, quadrature and time steps.
 
     Warns
     -----
     RuntimeWarning
-        The finest mesh that memory allows is not within the tolerance by its own estimate.
+        The estimated error on the finest mesh that fits into memory is larger than wanted.
 
     Raises
     ------
     TypeError, ValueError
-        A parameter is not acceptable; scenes without noise, with a restitution below `CRITICAL_RESTITUTION`, in which
-        next to everything overturns within a cycle or nothing does that could be told, and whose quasi-stationary
-        density the finest mesh does not resolve, are refused.
+        A parameter is refused; or the scene cannot be solved: it has no noise, filtered noise, or a restitution of at
+        most exp(-π/√3) = 0.163; nearly every block overturns within a cycle, or too few do for a rate above the error;
+        or the finest mesh does not resolve the quasi-stationary density.
     """
 
     averaged = False
@@ -133,27 +134,27 @@ class CycleOperator(Shown, LinearOperator):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of itself, as plain values."""
+        """Rates, error figures and settings, as plain values by name."""
         names = "escape_rate", "escape_error", "mean_cycles", "memory_cycles", "tol", "diffusion", "negative_mass"
         return {name: float(getattr(self, name)) for name in names} | {"residual": float(np.max(self.residuals))}
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
         return trust_of(self.facts, doubts(self))
 
     @property
     def headline(self) -> str:
-        """What it found, in a few words."""
+        """The escape rate and its error, as a line of text."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
     def columns(self) -> dict[str, Array]:
-        """Leading eigenvalues of the cycle: arrays by name."""
+        """Table of the leading eigenvalues: arrays by column name."""
         parts = {"real": self.eigenvalues.real, "imaginary": self.eigenvalues.imag}
         return {"mode": np.arange(len(self.eigenvalues)), "modulus": np.abs(self.eigenvalues)} | parts
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Eigenvalues and the quasi-stationary density in bins for `to_xarray`; see `columns`."""
+        """Eigenvalues and binned quasi-stationary density: arrays with named dimensions, and their coordinates."""
         edges = self._shown_edges()
         middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
         variables = {name: ("mode", values) for name, values in self.columns().items() if name != "mode"}
@@ -188,53 +189,74 @@ class CycleOperator(Shown, LinearOperator):
         return self._fine.space
 
     def vector(self, coefficients: Array) -> Array:
-        """Vector (unknowns,) of a function with coefficients of shape ``space.shape``."""
+        """Return the vector that stands for a function.
+
+        Parameters
+        ----------
+        coefficients : ndarray, shape ``space.shape``
+            Coefficients of the function, such as those of a `Density` on the same mesh.
+
+        Returns
+        -------
+        ndarray, shape (unknowns,)
+        """
         return self._fine.leg.vector(coefficients)
 
     def density(self, vector: Array) -> Density:
-        """Density that a vector (unknowns,) stands for."""
+        """Return the density that a vector stands for.
+
+        Parameters
+        ----------
+        vector : array_like, shape (unknowns,)
+
+        Returns
+        -------
+        Density
+        """
         return Density(self.space, self._fine.leg.coefficients(np.asarray(vector, dtype=float)))
 
     @property
     def quasi_stationary(self) -> Density:
-        """Density (of mass 1) that keeps its shape while it leaks, at whole cycles: the noisy attractor."""
+        """Quasi-stationary density at whole cycles, of mass 1: it keeps its shape while blocks overturn."""
         return Density(self.space, self._fine.quasi_stationary)
 
     @property
     def memory_cycles(self) -> float:
-        """Cycles in which the second mode falls by a factor e against the first: how long a start is remembered."""
+        """Number of cycles after which the influence of the start has fallen by a factor exp(1)."""
         first, second = np.abs(self.eigenvalues[:2])
         return float(-1.0 / math.log(second / first))
 
     @property
     def mean_cycles(self) -> float:
-        """Mean number of the cycle in which a block of the quasi-stationary density overturns."""
+        """Mean number of cycles until a block distributed like `quasi_stationary` overturns."""
         return -1.0 / math.expm1(-self.escape_rate)
 
     def modes(self, adjoint: bool = False) -> tuple[Array, list[Array]]:
-        """Eigenvalues of the cycle and functions whose span holds their eigenfunctions.
+        """Return the leading eigenvalues and eigenfunctions, real and imaginary parts apart.
 
         Parameters
         ----------
         adjoint : bool
-            Whether of the adjoint.
+            Whether to return those of the adjoint operator.
 
         Returns
         -------
         eigenvalues : ndarray of complex, shape (modes,)
+            Of the operator of a cycle.
         functions : list of ndarray, shape ``space.shape``
-            Coefficients, of norm 1 in L2; for a conjugate pair the real and the imaginary part of an eigenfunction.
+            Coefficients of the eigenfunctions, of L2 norm 1. A conjugate pair of eigenvalues has the real and the
+            imaginary part of one eigenfunction.
         """
         modes = self._fine.left_modes if adjoint else self._fine.modes
         return modes.values**self._fine.leg.count, [self._fine.leg.coefficients(column) for column in modes.basis.T]
 
     def survival(self, cycles: ArrayLike) -> Array:
-        """Probability of not having overturned after numbers of cycles, from the scene's start.
+        """Probability of not having overturned after some numbers of cycles, from the scene's start.
 
         Parameters
         ----------
         cycles : int or sequence of int
-            0 or more each, without a bound.
+            Each at least 0; there is no upper limit.
 
         Returns
         -------
@@ -244,12 +266,14 @@ class CycleOperator(Shown, LinearOperator):
         return self.outlook(np.ravel(cycles)).survival.reshape(shape)
 
     def outlook(self, cycles: ArrayLike) -> Outlook:
-        """Survival from the scene's start with its errors.
+        """Compute survival from the scene's start with error estimates.
+
+        The density is carried cycle by cycle until its leading modes represent it, and by these from there on.
 
         Parameters
         ----------
         cycles : sequence of int
-            0 or more each, without a bound: step by step at first, then by the leading modes.
+            Each at least 0; there is no upper limit.
 
         Returns
         -------
@@ -267,16 +291,17 @@ class CycleOperator(Shown, LinearOperator):
         return Departure(run.dynamics, start or self._white.start, run.grid.windows, self._white.period)
 
     def survival_map(self, cycles: int, phase: float | None = None) -> PlaneMap:
-        """Probability of not overturning within a number of cycles, for every start.
+        """Probability of not overturning within some cycles, as a function of the start.
 
-        From rest, and from the scene's own start where that is a point, it is that of `survival`.
+        At rest, and at the scene's own start where that is a point, the value is that of `survival`.
 
         Parameters
         ----------
         cycles : int
-            0 or more, without a bound.
+            At least 0; there is no upper limit.
         phase : float, optional
-            Forcing phase Psi at the start, of several harmonics that of the first; by default the scene's.
+            Forcing phase Ψ at the start, radians; that of the first harmonic where there are several. By default the
+            scene's.
 
         Returns
         -------
@@ -290,7 +315,19 @@ class CycleOperator(Shown, LinearOperator):
         )
 
     def first_passage_map(self, cycle: int, phase: float | None = None) -> PlaneMap:
-        """Probability of overturning within one cycle, the first being 1, for every start; see `survival_map`."""
+        """Probability of overturning in one particular cycle, as a function of the start.
+
+        Parameters
+        ----------
+        cycle : int
+            Number of the cycle, from 1.
+        phase : float, optional
+            As for `survival_map`.
+
+        Returns
+        -------
+        PlaneMap
+        """
         cycle = checks.count("cycle", cycle)
 
         def passage(level):
@@ -301,7 +338,17 @@ class CycleOperator(Shown, LinearOperator):
         return self._map(passage, phase, lambda survival: -np.diff(survival(cycle - 1, cycle))[0])
 
     def mean_cycles_map(self, phase: float | None = None) -> PlaneMap:
-        """Mean time until overturning, in cycles, for every start; see `survival_map`."""
+        """Mean time until overturning, in cycles, as a function of the start.
+
+        Parameters
+        ----------
+        phase : float, optional
+            As for `survival_map`.
+
+        Returns
+        -------
+        PlaneMap
+        """
         return self._map(Level.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):

@@ -11,20 +11,23 @@ from fpk_rocking.density.space.space import Space
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class PlaneMap:
-    """A function of the state (angle, velocity) from which a block starts, 0 for one that has overturned.
+    """A probability, or a mean time, as a function of the state from which a block starts.
+
+    Calling it evaluates it: ``survival_map(angle, velocity)``.
 
     Parameters
     ----------
     space : Space
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
+        Coefficients of the polynomials.
     phase : float
-        Forcing phase Psi at the start.
+        Forcing phase Ψ at the start, radians.
     error_estimate : float
-        Integral of the absolute difference from the next coarser mesh, over the integral of the function.
+        Relative difference (L1) from the next coarser mesh.
     starts : tuple of (float, float, float)
-        Angle, velocity and value of single starts that were followed forward, as by `solve_fpk`: no mesh resolves how a
-        block at rest is set off by noise.
+        Angle, velocity and value of single starts that were solved forward in time, such as rest. There they replace
+        the function on the mesh, which does not resolve how noise sets off a block at rest.
     """
 
     space: Space
@@ -38,7 +41,7 @@ class PlaneMap:
         return f"<PlaneMap: integral {self.integral:.4g} on {cells} cells, estimated error {self.error_estimate:.1g}>"
 
     def plot(self) -> Any:
-        """Draw its values over the plane; returns a matplotlib figure."""
+        """Draw the values over the phase plane; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def values(figure, axes):
@@ -47,7 +50,7 @@ class PlaneMap:
         return figure_of(values)
 
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
-        """Values at points.
+        """Evaluate the function at points.
 
         Parameters
         ----------
@@ -57,9 +60,8 @@ class PlaneMap:
         Returns
         -------
         ndarray
-            Of the broadcast shape; 0 outside the mesh. As it was computed: where the function is steep it may pass its
-            bounds a little. On a mesh line, x = 0 among them, it is the value on the upper side. At `starts` it is
-            theirs.
+            Of the broadcast shape; 0 outside the mesh, where a block has overturned. Where the function is steep it
+            may be slightly below 0 or, a probability, above 1. On a mesh line it is the value on the upper side.
         """
         values = self.space.evaluate(self.coefficients, angle, velocity)
         for x, v, value in self.starts:
@@ -77,11 +79,21 @@ class PlaneMap:
         return self.space.degree
 
     def cell_values(self, points: int) -> Array:
-        """Values on a lattice in every cell, one-sided at its edges: (angle cells, velocity cells, points, points)."""
+        """Values on a lattice of points in every cell; on an edge of the cell, the limit from inside.
+
+        Parameters
+        ----------
+        points : int
+            Number of equally spaced points along each axis, both edges included.
+
+        Returns
+        -------
+        ndarray, shape (angle cells, velocity cells, points, points)
+        """
         lattice = np.linspace(0.0, 1.0, points)
         return self.space.cell_values(self.coefficients, lattice, lattice)
 
     @property
     def integral(self) -> float:
-        """Integral over the phase plane; of a survival probability this is the safe area, nondimensional."""
+        """Integral over the phase plane, nondimensional; for a survival probability this is the safe area."""
         return float(self.space.masses(self.coefficients).sum())

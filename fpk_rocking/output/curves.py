@@ -25,19 +25,19 @@ _NOTE_WIDTH = 115
 
 
 def survival_figure(path: File, results: Sequence[Result], title: str) -> pathlib.Path:
-    """Draw survival, its tail on a logarithmic axis, differences to the first result and leakage per cycle and side.
+    """Draw survival, also on a logarithmic axis, differences from the first result, and leakage per cycle and side.
 
-    Ensembles carry their 95 % intervals; the interval of a difference is that of two samples of one law. A survival
-    of zero, which a small ensemble reaches, has no place on the logarithmic axis.
+    Samples are drawn with their 95 % intervals. The interval of a difference supposes that both results have the same
+    distribution.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix chooses the format.
+        File to write; the suffix chooses the format.
     results : sequence of Result
-        Two to four; the first is the reference, and all scenes agree in all but the noise.
+        Two to four results, whose scenes differ in the noise alone; the first is the reference.
     title : str
-        Stands on top.
+        Title of the figure.
 
     Returns
     -------

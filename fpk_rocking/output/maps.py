@@ -22,21 +22,21 @@ _SHOWN = 0.9999
 
 
 def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> None:
-    """Draw joint densities as maps with one colour scale a cycle.
+    """Draw joint densities as colour maps of the phase plane, with one colour scale for each cycle.
 
-    Every map is the probability in each bin of `joint_edges` over the bin's area, whichever engine it comes from. The
-    velocities shown hold all but a ten-thousandth of the probability.
+    A map shows the probability in each bin divided by the area of the bin, for all engines alike. The velocities shown
+    hold all but 1e-4 of the probability.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix chooses the format.
+        File to write; the suffix chooses the format.
     results : sequence of Result
-        Drawn from top to bottom; their scenes agree in all but the noise.
+        Results whose scenes differ in the noise alone, drawn from top to bottom.
     cycles : sequence of int
-        Drawn from left to right, each 1 or later.
+        Cycles, each at least 1, drawn from left to right.
     title : str
-        Stands on top.
+        Title of the figure.
     """
     scene, edges = results[0].scene, joint_edges(results[0].scene)
     area = np.multiply.outer(*map(np.diff, edges))

@@ -24,22 +24,22 @@ _INTERVALS = "density, 95 % intervals"
 def motion_figure(
     path: File, histories: Any, ensemble: Any, maps: dict[str, Any], passage: Any, speeds: Any, title: str
 ) -> pathlib.Path:
-    """Draw a few time histories with their impacts, and what many realizations have in common.
+    """Draw a few time histories with their impacts, and statistics of many realizations.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix chooses the format.
+        File to write; the suffix chooses the format.
     histories : Histories
-        One to four realizations; all are shown.
+        One to four realizations.
     ensemble : Ensemble
-        Its Poincaré points are shown after its last cycle.
+        Realizations whose Poincaré points after the last cycle are shown.
     maps : dict of str to MeanMap
-        Mean Poincaré maps, one to four, and what to call them.
+        One to four mean Poincaré maps by their labels.
     passage, speeds : Histogram
-        Of the time of overturning and of the speed just before an impact.
+        Densities of the time of overturning, and of the speed just before an impact.
     title : str
-        Stands on top.
+        Title of the figure.
 
     Returns
     -------

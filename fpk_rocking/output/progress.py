@@ -14,17 +14,17 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 @contextlib.contextmanager
 def reporting(label: str) -> Iterator[types.Progress]:
-    """Show the progress of one piece of work.
+    """Show the progress of one piece of work on standard error: ``with reporting("density") as progress: ...``.
 
     Parameters
     ----------
     label : str
-        What is being done.
+        Name of the work.
 
     Yields
     ------
     callable
-        Takes ``(done, total)``; to be called now and then.
+        Takes ``(done, total)``: the `progress` that engines accept.
     """
     if sys.stderr.isatty():
         with _bar(label) as report:

@@ -25,8 +25,8 @@ _COLOURS = 256
 _CANVAS = 460, 360
 _UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
 _FILM = (
-    "Probability in a bin over its area. Bars at the sides: probability overturned to that side, full height = 1. "
-    "The slider takes the arrow keys, too."
+    "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
+    "side, 1 at full height. The arrow keys move the slider, too."
 )
 _HERE = pathlib.Path(__file__).parent
 
@@ -151,11 +151,11 @@ def _film_html(film):
     return (
         "<h2>Density</h2>"
         f"<p>{_FILM}</p>"
-        "<noscript><p>Scripts are off: the picture above stays, the densities of all cycles need them.</p></noscript>"
+        "<noscript><p>Scripts are off in this browser, so the densities after each cycle are not shown.</p></noscript>"
         f"<label>cycle or time <input id='cycle' type='range' min='0' max='{len(film['when']) - 1}' step='1' "
         f"value='{film['begin']}'></label> <output id='when' for='cycle'></output>"
         f"<div class='films'>{drawings}</div>"
         f"<p>0 <span class='shades' style='background:linear-gradient(to right,{shades})'></span> "
         "<span id='most'></span> "
-        "(root scale, anew for each cycle)</p>"
+        "(square root scale, its top set anew for each cycle)</p>"
     )

@@ -24,23 +24,22 @@ _PARTS = 4  # points a bin
 
 
 def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> pathlib.Path:
-    """Draw joint densities as surfaces, one panel a cycle, and what has overturned as walls at the cut-off.
+    """Draw joint densities as surfaces, one panel for each cycle, with walls for the overturned probability.
 
-    Every surface is the probability in a bin of `joint_edges` centred on the point, divided by the bin's area: one
-    smoothing for all results, whichever engine they come from, without the steps of a histogram. Panels of one cycle
-    share their axes. A wall's height is the probability that has overturned to that side, on a scale whose top is 1; a
-    start from a point is drawn as a needle.
+    The height of a surface is the probability in a bin around the point divided by the area of the bin, for all engines
+    alike. Panels of one cycle share their axes. The height of a wall at the overturning angle is the probability of
+    having overturned to that side; its scale goes up to 1. A start from a point is drawn as a needle.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix chooses the format.
+        File to write; the suffix chooses the format.
     results : sequence of Result
-        Drawn from top to bottom; their scenes agree in all but the noise.
+        Results whose scenes differ in the noise alone, drawn from top to bottom.
     cycles : sequence of int
-        Drawn from left to right, three a row.
+        Cycles, drawn from left to right, three in a row.
     title : str
-        Stands on top.
+        Title of the figure.
 
     Returns
     -------

@@ -83,7 +83,10 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
         table.add_section()
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
-    note = "z: difference of survival in combined standard errors. Floor: what sampling alone explains."
+    note = (
+        "z: difference of survival over its standard error. L1, Hellinger: distances of the joint densities. Floor: "
+        "the distance that sampling noise alone gives."
+    )
     said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
     for compared in comparisons:
         said = told(compared.trust, *said)
@@ -110,7 +113,7 @@ def _sizes(comparisons) -> list[str]:
 
 
 def _melnikov(comparisons) -> str:
-    """D_m, M and, for each noise among the results, σ_M, the margin of (14) and Φ; empty where they are not defined."""
+    """Figures of the Melnikov process for each noise among the results; empty where they are not defined."""
     first = comparisons[0]
     if first.melnikov_amplitude is None:
         return ""
@@ -121,8 +124,12 @@ def _melnikov(comparisons) -> str:
             compared.melnikov_deviation, compared.melnikov_margin, compared.phase_flux, strict=True
         )
     }
-    noisy = "; ".join(f"σ_M = {d}, margin √(D_m² + σ_M²) - M = {m}, phase flux Φ = {f}" for d, m, f in sorted(parts))
-    return f"Melnikov: D_m = {first.melnikov_amplitude:.4f} against M = {first.melnikov_loss:.4f}; {noisy}."
+    noisy = "; ".join(
+        f"deviation σ_M = {d} by the noise, margin √(D_m² + σ_M²) - M = {m}, phase flux Φ = {f}"
+        for d, m, f in sorted(parts)
+    )
+    loss = f"against the impact loss M = {first.melnikov_loss:.4f}"
+    return f"Melnikov process: amplitude D_m = {first.melnikov_amplitude:.4f} by the forcing {loss}; {noisy}."
 
 
 def _survival(compared, cycle, which):

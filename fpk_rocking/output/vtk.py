@@ -31,27 +31,27 @@ _VIEW = "_nonnegative_view"
 
 
 def write_series(folder: File, name: str, result: Result, cycles: Sequence[int]) -> pathlib.Path:
-    """Write the joint density of angle and velocity after each of some cycles.
+    """Write the joint density of angle and velocity after each of some cycles as VTK files, for ParaView for example.
 
-    A density is written on its own mesh, every cell cut into as many pieces a side as its polynomial degree, so that
-    the points carry the whole polynomial. An ensemble is written as a histogram on `joint_edges`. A start from a point
-    has no density: its file holds the empty strip and one vertex of probability 1.
+    A density is written on its own mesh; each cell is cut into as many pieces a side as its polynomial degree, so that
+    the values at the points determine the polynomial. An ensemble is written as a histogram. A start from a point has
+    no density: its file holds an empty mesh and one vertex of probability 1.
 
     Parameters
     ----------
     folder : path
-        Where to write; created if missing.
+        Folder of the files; created if missing.
     name : str
-        Stem of the files: ``<name>.pvd``, ``<name>_0000.vtu``, ...
+        First part of their names: ``<name>.pvd``, ``<name>_0000.vtu``, ...
     result : Result
-        Of either engine.
+        Result of any engine.
     cycles : sequence of int
         Cycles to write.
 
     Returns
     -------
     pathlib.Path
-        The .pvd file. It is written last, so it never names a file that is not there.
+        The .pvd file, which lists the others. It is written last.
     """
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -66,20 +66,21 @@ def write_series(folder: File, name: str, result: Result, cycles: Sequence[int])
 
 
 def write_function(file: File, function: Any, name: str) -> pathlib.Path:
-    """Write a function on a finite-element mesh: a `Density`, or a `PlaneMap` of the starts.
+    """Write a `Density`, or a `PlaneMap`, on its mesh as a VTK file.
 
     Parameters
     ----------
     file : path
-        Where to write, a .vtu file; its folder is created if missing.
-    function : object
-        With ``mesh_lines``, ``degree`` and ``cell_values(points)``.
+        File to write, with the suffix .vtu; its folder is created if missing.
+    function : Density or PlaneMap
+        The function.
     name : str
-        Of the point values. They are as computed, one-sided at the edges of cells.
+        Name of its values in the file.
 
     Returns
     -------
     pathlib.Path
+        The file written.
     """
     file = pathlib.Path(file)
     file.parent.mkdir(parents=True, exist_ok=True)

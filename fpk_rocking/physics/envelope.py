@@ -54,7 +54,7 @@ class Trapezoid(_Linear):
     Parameters
     ----------
     rise, hold, decay : float
-        Nondimensional times, at least 0 and not all 0.
+        Nondimensional durations, each at least 0, not all 0.
     """
 
     kind: ClassVar[str] = "trapezoid"
@@ -66,7 +66,9 @@ class Trapezoid(_Linear):
         for name in ("rise", "hold", "decay"):
             _set(self, name, checks.number(f"noise.envelope.{name}", getattr(self, name), at_least=0.0))
         if not 0.0 < self.rise + self.hold + self.decay < math.inf:
-            raise ValueError(checks.refusal("noise.envelope", self, "times of which one is above 0"))
+            raise ValueError(
+                checks.refusal("noise.envelope", self, "rise, hold and decay, of which at least one is above 0")
+            )
 
     @functools.cached_property
     def corners(self):
@@ -87,9 +89,9 @@ class Table(_Linear):
     Parameters
     ----------
     times : sequence of float
-        Nondimensional, ascending, from 0 on; 2 to 1000 of them.
+        Nondimensional times, ascending, at least 0; 2 to 1000 of them.
     values : sequence of float
-        g at these times, at least 0 and not all 0.
+        Values of the envelope at these times, each at least 0, not all 0.
     """
 
     kind: ClassVar[str] = "table"
@@ -102,7 +104,7 @@ class Table(_Linear):
         if len(self.times) < 2 or not all(a < b for a, b in itertools.pairwise(self.times)):
             raise ValueError(checks.refusal("noise.envelope.times", self.times, "two or more ascending times"))
         if len(self.values) != len(self.times) or not any(self.values):
-            accepted = f"as many as noise.envelope.times, {len(self.times)}, and not all 0"
+            accepted = f"{len(self.times)} values, as many as noise.envelope.times, not all 0"
             raise ValueError(checks.refusal("noise.envelope.values", self.values, accepted))
 
     @functools.cached_property
@@ -121,7 +123,7 @@ class Exponential:
     Parameters
     ----------
     peak : float
-        t, nondimensional, above 0.
+        Time t of the peak, nondimensional, above 0.
     """
 
     kind: ClassVar[str] = "exponential"
@@ -176,7 +178,7 @@ def mean_squares(envelope, edges):
 def refuse_envelope(noise, what):
     """Refuse a noise with an envelope, where something is not defined for it."""
     if noise.envelope is not None:
-        accepted = f"nothing: {what} is not defined for a noise that changes with time"
+        accepted = f"no envelope, as {what} is only defined for stationary noise"
         raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
 
 

@@ -71,13 +71,14 @@ def noise_variance(noise: Noise) -> float:
 def equivalent_diffusion(noise: Noise) -> float:
     """Diffusion D_M = σ_M²/2 of the white noise with the same Melnikov variance.
 
-    For band noise and filtered noise this is a closure, good where their spectra cover the system's own frequencies
-    (about 0 to 3) evenly and the block hardly rests, and to be judged by simulation elsewhere; for white noise it is
-    the diffusion itself.
+    To replace band noise or filtered noise by it is an approximation (a closure). It is good where the spectrum covers
+    the frequencies that move the block (about 0 to 3) evenly and blocks hardly rest; elsewhere Monte Carlo has to check
+    it. For white noise this is its own diffusion.
 
     Parameters
     ----------
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
+        The noise that is replaced.
 
     Returns
     -------
@@ -88,23 +89,25 @@ def equivalent_diffusion(noise: Noise) -> float:
 
 
 def cover(noise: Noise) -> float:
-    """Part of the Melnikov variance of equally strong white noise that a noise takes in: σ_M²/(π G), G its largest.
+    """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum: σ_M²/(πG).
 
-    For a band it is (1/π) ∫ 4/(1+ω²)² dω over it. That of filtered noise is largest at its resonance, if any.
+    It says how much of the frequencies that move the block a spectrum covers. G is the peak of the one-sided spectral
+    density. For a band the cover is (1/π) ∫ 4/(1+ω²)² dω over the band.
 
     Parameters
     ----------
     noise : BandNoise or FilteredNoise
+        The noise, of a variance above 0.
 
     Returns
     -------
     float
-        From 0 to 1; the equivalent white noise is trustworthy from `TRUSTED_COVER` on.
+        From 0 to 1. The equivalent white noise is to be trusted from `TRUSTED_COVER` on.
 
     Raises
     ------
     ValueError
-        The noise has another kind, or no strength.
+        The noise has another kind, or the variance 0.
     """
     if noise.kind == "filtered" and noise.variance > 0.0:
         return noise_variance(noise) / (math.pi * filters.peak_density(noise))
@@ -163,26 +166,27 @@ def jump_diffusion(noise, restitution):
 
 
 def realized_spread(noise: Noise, restitution: float) -> float:
-    """Relative standard deviation of the diffusions that single realizations of a band stand for.
+    """Relative scatter between realizations of band noise, as the standard deviation of their equivalent diffusions.
 
-    Each of the N harmonics has a frequency of its own, so that a realization's diffusion is a mean of N values of
-    `response`: the spread falls as N^(-1/2).
+    A realization draws the frequencies of its N harmonics once, and how strongly it acts on the block depends on them.
+    The scatter falls like N^(-1/2).
 
     Parameters
     ----------
     noise : BandNoise
+        The noise, of a variance above 0.
     restitution : float
-        e, from 0 to 1.
+        Restitution e, from 0 to 1.
 
     Returns
     -------
     float
-        The equivalent white noise is trustworthy up to `TRUSTED_SPREAD`.
+        Standard deviation over mean. The equivalent white noise is to be trusted up to `TRUSTED_SPREAD`.
 
     Raises
     ------
     ValueError
-        The noise has no band, or no strength.
+        The noise has another kind, or the variance 0.
     """
     weights, values = _responses(noise, restitution)
     # A band so narrow that its responses do not differ may come out below zero by rounding.

@@ -1,4 +1,4 @@
-"""Remarks beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
+"""Sentences beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
 
 import dataclasses
 import math
@@ -49,35 +49,36 @@ def noise_text(noise) -> str:
 
 
 def closure_of(scene, solved) -> str:
-    """Say how the band noise of a scene became that of the scene `solved`; empty where it is the same."""
+    """Say which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
     if scene.noise == solved.noise:
         return ""
     low, high = scene.noise.band
     instead = (
         f"white noise of equal Melnikov variance, D = {solved.noise.diffusion:.6g}"
         if solved.noise.kind == "white"
-        else f"{noise_text(solved.noise)}, which has the same variance and Melnikov variance"
+        else f"{noise_text(solved.noise)}, of equal variance and Melnikov variance"
     )
     return (
-        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) is solved as {instead}: a closure, to "
-        "be judged by Monte Carlo."
+        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) was replaced by {instead}. This is an "
+        "approximation, which Monte Carlo can check."
     )
 
 
 def remarks(*results: Any) -> tuple[str, ...]:
-    """Sentences that have to stand wherever these results are shown.
+    """Return the sentences that a reader of some results needs, each once.
+
+    They say where the block is too squat for the model, what the scene remarks on its noise, which noise replaced band
+    noise, what a density does not resolve, and where the noise that was solved for is not to be trusted.
 
     Parameters
     ----------
-    *results
-        Results of either engine.
+    *results : Result
+        Results that are shown together, of any engine.
 
     Returns
     -------
     tuple of str
-        That a block is too squat for the model, what a scene remarks on its noise, how band noise became white noise
-        for a density, what of a density is not resolved, and whether white noise is to be trusted for the band and its
-        harmonics; each once, and empty if nothing applies.
+        Empty where there is nothing to say.
     """
     sentences = []
     for result in results:
@@ -103,8 +104,8 @@ def _squat(size):
         return []
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is solved as a slender one, which makes the moment of "
-        f"gravity too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is treated as slender: the moment of gravity is then "
+        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
     )
     return [Doubt(CAUTION, sentence)]
 
@@ -130,9 +131,9 @@ def _closure_doubts(scene, survival, averaged, filtered):
     if noise.kind == "filtered":
         if part < equivalence.TRUSTED_COVER:
             sentence = (
-                f"Not to be trusted: the filter's spectrum covers {part:.2g} of the Melnikov variance of white noise "
-                f"as strong as its peak ({equivalence.TRUSTED_COVER:g} is wanted for bands). Take the filtered noise "
-                "itself."
+                f"Not to be trusted: the spectrum of the filtered noise covers {100 * part:.2g} % of the Melnikov "
+                f"variance of white noise as strong as its peak ({100 * equivalence.TRUSTED_COVER:g} % are needed), "
+                "too little for white noise to replace it. Solve for the filtered noise itself."
             )
             yield Doubt(UNUSABLE, sentence)
         return
@@ -140,31 +141,31 @@ def _closure_doubts(scene, survival, averaged, filtered):
     spread = equivalence.realized_spread(noise, scene.block.restitution)
     if scene.forcing.largest <= equivalence.LIFTED and survival[-1] < equivalence.STANDING and not filtered:
         sentence = (
-            f"Not to be trusted where blocks rest: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts the "
-            "block off, so under band noise it rests now and then; under white noise it never does, and survival was "
-            f"found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Take Monte Carlo, or solve_fpk with "
-            'closure="filtered".'
+            f"Not to be trusted, as the block rests: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts "
+            "it off. Under band noise it rests now and then, under the white noise that was solved for never. In such "
+            f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo, or "
+            "the closure 'filtered'."
         )
         yield Doubt(UNUSABLE, sentence)
     if part < equivalence.TRUSTED_COVER and filtered:
         sentence = (
-            f"Not measured: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white noise; "
-            "low-pass noise was tried for bands that cover all of it. Take Monte Carlo."
+            f"Not tested: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of equally "
+            "strong white noise; low-pass noise was tested for bands that cover all of it. Use Monte Carlo."
         )
         yield Doubt(CAUTION, sentence)
     elif part < equivalence.TRUSTED_COVER:
         sentence = (
-            f"Not to be trusted: the band [{low:g}, {high:g}] covers {part:.2g} of the Melnikov variance of white "
-            f"noise ({equivalence.TRUSTED_COVER:g} is wanted); below, survival under the equivalent white noise was "
-            f"found wrong by up to {equivalence.WORST:g}, either way. Take Monte Carlo (docs/paper.md)."
+            f"Not to be trusted: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of "
+            f"equally strong white noise ({100 * equivalence.TRUSTED_COVER:g} % are needed). For such bands survival "
+            f"under the equivalent white noise was found wrong by up to {equivalence.WORST:g}, in either direction. "
+            "Use Monte Carlo."
         )
         yield Doubt(UNUSABLE, sentence)
     if spread > equivalence.TRUSTED_SPREAD and not averaged:
         excess = min(equivalence.EXCESS * spread**2, 1.0)
         sentence = (
-            f"Few harmonics: the diffusions that single realizations of {noise.harmonics} stand for scatter by "
-            f"{100 * spread:.0f} % ({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), and blocks survive more "
-            f"often than under their mean, by up to about {excess:.2g} within 40 cycles. "
-            "fpk_rocking.density.realizations.solve_realizations averages over them."
+            f"Few harmonics: realizations of {noise.harmonics} harmonics differ in strength by {100 * spread:.0f} % "
+            f"({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), so more blocks survive than under white noise, "
+            f"by up to about {excess:.2g} within 40 cycles. Use Monte Carlo, or an average over realizations."
         )
         yield Doubt(CAUTION, sentence)

@@ -16,18 +16,17 @@ from fpk_rocking.scene.scene import Scene
 
 
 class Result(Protocol):
-    """The joint law of angle and velocity after every forcing cycle, as an engine found it."""
+    """What a result of any engine has; `compare`, tables, pictures and VTK files take every such object."""
 
     @property
     def scene(self) -> Scene:
-        """As it was asked for."""
+        """The scene that was given."""
 
     @property
     def times(self) -> Array:
-        """Times τ that it is for, from 0 on, shape (cycles + 1,).
+        """Times τ of the rows of all arrays, from 0 on, shape (cycles + 1,).
 
-        Whole cycles where the forcing repeats, else times of its own, which the rows and what is said of a cycle then
-        count.
+        They are whole cycles where the forcing repeats. Where it does not, a parameter ``cycle`` is a row's number.
         """
 
     @property
@@ -44,50 +43,84 @@ class Result(Protocol):
 
     @property
     def wall_s(self) -> float:
-        """Seconds that it took."""
+        """Seconds that the call took."""
 
     @property
     def engine(self) -> str:
-        """What it was found by, for tables and legends."""
+        """Name of the engine, for tables and legends."""
 
     @property
     def realizations(self) -> int | None:
-        """Size of a sample; None for what is none."""
+        """Number of realizations of a sample; None for a density."""
 
     @property
     def closure(self) -> str:
-        """How the noise of the scene was replaced by another; empty where it was not."""
+        """Which noise replaced that of the scene, as a sentence; empty where none did."""
 
     @property
     def averaged(self) -> bool:
-        """Whether it is an average over the realizations of a noise of few harmonics."""
+        """Whether it averages over the scatter between realizations of band noise."""
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What else it says of itself, as plain values: of a sample its seed and sizes, of a density its errors."""
+        """Further plain values by name: seed and sizes of a sample, error figures of a density."""
 
     @property
     def account(self) -> str:
-        """The most important of them as a sentence."""
+        """The most important of these values as a sentence."""
 
     @property
     def trust(self) -> Trust:
-        """Whether to use it."""
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
 
     def survival_interval(self, level: float = 0.95) -> Array | None:
-        """Confidence limits of the survival of a sample, shape (cycles + 1, 2); None of what is no sample."""
+        """Confidence limits of survival.
+
+        Parameters
+        ----------
+        level : float
+            Confidence of each interval, in (0, 1).
+
+        Returns
+        -------
+        ndarray, shape (cycles + 1, 2), or None
+            None for a density, which is no sample.
+        """
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Probability of not having overturned and being in each bin, shape (angle bins, velocity bins)."""
+        """Probability of standing, with angle and velocity in each of some bins.
+
+        Parameters
+        ----------
+        cycle : int
+            Number of the row.
+        angle_edges, velocity_edges : array_like
+            Ascending bin edges, nondimensional.
+
+        Returns
+        -------
+        ndarray, shape (angle bins, velocity bins)
+        """
 
     def at(self, cycle: int) -> Any:
-        """Density after a cycle as a function on a mesh; None of what is known in bins only."""
+        """Return the density as a function on a mesh.
+
+        Parameters
+        ----------
+        cycle : int
+            Number of the row.
+
+        Returns
+        -------
+        Density, or None
+            None for a sample, which is known in bins only.
+        """
 
 
 class SurvivalResult(Shown):
-    """What results of all engines have in common; a subclass has what `Result` says and leaves out here.
+    """What results of all engines have in common; a subclass adds the rest of `Result`.
 
-    `shown_bins` is how many bins an axis pictures show at least, 0 where only some bins are known.
+    `shown_bins` is the least number of bins along an axis in pictures, 0 where only some bins are known.
     """
 
     averaged = False
@@ -100,17 +133,17 @@ class SurvivalResult(Shown):
 
     @property
     def bin_edges(self) -> list[Array]:
-        """Edges of the bins that it is shown in: those of `joint_edges`."""
+        """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
         return joint_edges(self.scene)
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
         return trust_of(self.facts, doubts(self))
 
     @property
     def headline(self) -> str:
-        """What it is, and the survival at the end with its error, in a few words."""
+        """The engine, and the last survival with its error, as a line of text."""
         interval, survival = self.survival_interval(), float(self.survival[-1])
         if interval is None:
             error = f"{survival:.4f} ± {self.facts['error_estimate']:.1g}"
@@ -120,7 +153,7 @@ class SurvivalResult(Shown):
         return f"{label_of(self)}, survival {error} after {until}"
 
     def columns(self) -> dict[str, Array]:
-        """Survival, its interval if any, and what overturned to either side, by cycle and time: arrays by name."""
+        """Table of survival and overturned to either side, a row a time: arrays by column name."""
         found = {} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}
         found |= {"time": self.times, "survival": self.survival}
         interval = self.survival_interval()
@@ -129,7 +162,7 @@ class SurvivalResult(Shown):
         return found | dict(zip(("overturned_left", "overturned_right"), np.asarray(self.overturned).T, strict=True))
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays by name and coordinates for `to_xarray`; "bin_probability" is that of `bin_edges`."""
+        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
         edges, rows = self.bin_edges, range(len(self.times))
         bins = np.array([self.bin_probabilities(row, *edges) for row in rows])
         variables = {
@@ -153,10 +186,10 @@ class SurvivalResult(Shown):
         Parameters
         ----------
         what : str, optional
-            "survival", with its 95 % interval or its estimated error; "bins", the probability in each bin over its
-            area; "density", the density itself, of what has one. By default survival and bins.
+            "survival", with its 95 % interval or estimated error; "bins", the probability in each bin divided by its
+            area; "density", the density itself where there is one. By default survival and bins.
         cycle : int, optional
-            Of bins and density; by default the last after which more than one in a thousand stand.
+            Cycle of the bins or the density; by default the last one after which more than one block in 1,000 stands.
 
         Returns
         -------
@@ -165,7 +198,7 @@ class SurvivalResult(Shown):
         Raises
         ------
         TypeError, ValueError
-            There is no such picture of this result, or no such cycle.
+            This result has no such picture, or no such cycle.
         """
         from fpk_rocking.results.pictures import figure_of, result_panels
 
@@ -185,15 +218,22 @@ class DensityResult(SurvivalResult):
     realizations = None
 
     def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
-        """Return None: a density is no sample; see its ``error_estimate``."""
+        """Return None: a density is no sample. Its ``error_estimate`` is that of the solver.
+
+        Parameters
+        ----------
+        level : float
+            Not used.
+        """
         return
 
     @property
     def account(self) -> str:
-        """Its errors as a sentence."""
+        """Error figures and the seconds of the call, as a sentence."""
         return (
-            f"Estimated error of survival {self.error_estimate:.1e}, mass defect {self.mass_defect:.1e}, negative mass "
-            f"{self.negative_mass:.1e}, {self.wall_s:.1f} s."
+            f"Estimated error of survival {self.error_estimate:.1e}; mass defect (probability that the solver created "
+            f"or lost) {self.mass_defect:.1e}; negative mass (integral of the density where it is below 0) "
+            f"{self.negative_mass:.1e}; {self.wall_s:.1f} s."
         )
 
 

@@ -16,25 +16,25 @@ _SHORT = 100
 
 
 class Shown:
-    """How a result shows itself; all of it is made of the following, which a subclass has.
+    """How a result is shown; a subclass provides the following.
 
     Attributes
     ----------
     trust : Trust
-        Whether to use it, see `fpk_rocking.results.trust`.
+        Verdict with its reasons, see `fpk_rocking.results.trust`.
     headline : str
-        What it is and what it found, in a few words.
+        The most important figures as a line of text.
     facts : dict
-        What else it says of itself, as plain values.
+        Further figures, as plain values by name.
 
     Methods
     -------
     plot()
         A picture, a matplotlib figure.
     columns()
-        A table: a dict of arrays (n,) by name.
+        A table: a dict of arrays (n,) by column name.
     grids()
-        All arrays of it: a dict of (dimensions, array) by name, and one of coordinates, as `xarray.Dataset` takes them.
+        All arrays: a dict of (dimensions, array) by name, and one of coordinates, as `xarray.Dataset` takes them.
     """
 
     def __repr__(self) -> str:
@@ -43,7 +43,7 @@ class Shown:
 
     @property
     def title(self) -> str:
-        """Kind and headline."""
+        """Class of the result and its `headline`."""
         return f"{type(self).__name__}: {self.headline}"
 
     def _repr_html_(self) -> str:
@@ -67,13 +67,13 @@ class Shown:
                 yield name, f"{value:.4g}"
 
     def to_dataframe(self) -> Any:
-        """Return the table of this result as a `pandas.DataFrame`; ``pip install 'fpk-rocking[frames]'`` has pandas."""
+        """Return the table of `columns` as a `pandas.DataFrame`; needs ``pip install 'fpk-rocking[frames]'``."""
         return _library("pandas").DataFrame({name: np.array(values) for name, values in self.columns().items()})
 
     def to_xarray(self) -> Any:
-        """Return the arrays of this result as an `xarray.Dataset`; ``pip install 'fpk-rocking[frames]'`` has xarray.
+        """Return the arrays of this result as an `xarray.Dataset`; needs ``pip install 'fpk-rocking[frames]'``.
 
-        Its facts that are one number or text are attributes, and so are the verdict "trust" and its "reasons".
+        Single numbers and texts of `facts`, the verdict "trust" and its "reasons" are attributes of the dataset.
         """
         variables, coordinates = self.grids()
         copied = {name: (dims, np.array(values)) for name, (dims, values) in variables.items()}
@@ -89,7 +89,7 @@ def _library(name):
     except ModuleNotFoundError as error:
         if error.name != name:
             raise
-        needed = f"{name}: not installed, accepted: pip install 'fpk-rocking[frames]', which has it"
+        needed = f"{name} is not installed: pip install 'fpk-rocking[frames]' installs it"
         raise ModuleNotFoundError(needed, name=name) from None
 
 

@@ -138,7 +138,7 @@ def read_result(path, kind, layout):
         layout.check(arrays, header["attributes"])
         return Scene.from_toml(header["scene"]), arrays, header["attributes"]
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{path}: not what save() writes: {error}") from None
+        raise ValueError(f"{path}: not the content of a saved result: {error}") from None
 
 
 def result_kind(path):
@@ -156,7 +156,7 @@ def _opened(path):
         raise FileNotFoundError(f"no result file {str(path)!r} (looked from {str(pathlib.Path.cwd())!r})") from None
     with file:
         if not zipfile.is_zipfile(file):
-            raise ValueError(f"{path}: not a saved result, or truncated; accepted: a file that save() wrote")
+            raise ValueError(f"{path}: not a saved result, or truncated; accepted: a whole result file (.npz)")
         try:
             archive = zipfile.ZipFile(file)
         except Exception as error:  # whatever damage makes of a list of contents
@@ -182,7 +182,7 @@ def _damaged(path, error):
 
 
 def _header(path, archive):
-    strange = f"{path}: not a saved result (no header); accepted: a file that save() wrote"
+    strange = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
     if f"{_HEADER}.npy" not in archive.namelist():
         raise ValueError(strange)
     text = str(_array(path, archive, _HEADER))

@@ -40,13 +40,15 @@ def result_times(scene, cycles=None, times=None):
     """
     if scene.period is not None:
         if times is not None:
-            accepted = "nothing: this forcing repeats, and results are after whole cycles"
+            accepted = "nothing, as this forcing repeats; use cycles"
             raise ValueError(checks.refusal("times", times, accepted))
         if checks.count("cycles", cycles) > _MOST_CYCLES:
             raise ValueError(checks.refusal("cycles", cycles, f"a whole number from 1 to {_MOST_CYCLES}"))
         return scene.period * np.arange(cycles + 1)
     if cycles is not None:
-        raise ValueError(checks.refusal("cycles", cycles, f"times in place of cycles: a {scene.forcing.kind} has none"))
+        raise ValueError(
+            checks.refusal("cycles", cycles, f"nothing, as a {scene.forcing.kind} has no cycles; use times")
+        )
     duration = scene.forcing.duration
     if times is None:
         return np.append(duration * np.arange(PARTS + 1) / PARTS, duration + SETTLING)

@@ -1,4 +1,4 @@
-"""Whether the numbers of a result may be used: one verdict for all kinds of results, from what each says of itself."""
+"""Whether the numbers of a result may be used: one verdict for all kinds of results, from their error figures."""
 
 import math
 from typing import NamedTuple
@@ -29,7 +29,16 @@ class Doubt(NamedTuple):
 
 
 class Trust(NamedTuple):
-    """The verdict on a result: "ok", "caution" or "do not use", and its reasons as sentences, weightiest first."""
+    """The verdict on a result, with its reasons.
+
+    Parameters
+    ----------
+    verdict : {"ok", "caution", "do not use"}
+        "caution": a figure misses its limit, or the model has a known error here. "do not use": an error may be as
+        large as the numbers, or the model was found wrong for scenes like this one.
+    reasons : tuple of str
+        Sentences, the weightiest first.
+    """
 
     verdict: str
     reasons: tuple[str, ...]
@@ -39,7 +48,7 @@ class Trust(NamedTuple):
 
     @property
     def plain(self):
-        """The same as JSON holds it."""
+        """Verdict and reasons as a dict, for JSON."""
         return {"verdict": self.verdict, "reasons": list(self.reasons)}
 
 
@@ -75,11 +84,11 @@ def trust_of(facts, doubts=(), otherwise="No error is estimated.") -> Trust:
         value = float(values.max())
         # Written so that nan is not within a limit.
         if value <= caution:
-            within.append(f"{what} {value:.2g}, within {caution:.2g}.")
+            within.append(f"The {what} is {value:.2g}, within {caution:.2g}.")
         else:
             weight = CAUTION if value <= unusable else UNUSABLE
             limit = caution if weight == CAUTION else unusable
-            found.append(Doubt(weight, f"{what} {value:.2g}, above {limit:.2g}."))
+            found.append(Doubt(weight, f"The {what} is {value:.2g}, above {limit:.2g}."))
     return verdict(found, within[0] if within else otherwise)
 
 
@@ -87,14 +96,14 @@ def _limits(tol, facts):
     """Return by the name of a figure what it is, and above which values there is caution and no use."""
     useless, bins_tol = max(USELESS, tol), facts.get("bins_tol", math.inf)
     return {
-        "error_estimate": ("Estimated error of the probabilities", tol, useless),
-        "half_width": ("Half width of the 95 % interval of the probabilities", tol, useless),
+        "error_estimate": ("estimated error of the probabilities", tol, useless),
+        "half_width": ("half width of the 95 % interval of the probabilities", tol, useless),
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
-        "escape_error": ("Estimated relative error of the escape rate", math.e * tol, math.e * useless),
-        "relative_error": ("Relative standard error of the probability", 0.2, 0.5),
-        "bins_error_estimate": ("Estimated error of the binned density (L1)", bins_tol, math.inf),
-        "lost": ("Mass lost beyond the velocity bound", tol, useless),
-        "mass_defect": ("Mass defect", _MASS, tol),
-        "negative_mass": ("Negative mass of the density", _NEGATIVE, useless),
-        "residual": ("Residual of the modes", _RESIDUAL, tol),
+        "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
+        "relative_error": ("relative standard error of the probability", 0.2, 0.5),
+        "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
+        "lost": ("probability lost beyond the largest velocity of the mesh", tol, useless),
+        "mass_defect": ("mass defect (probability that the solver created or lost)", _MASS, tol),
+        "negative_mass": ("negative mass (integral of the density where it is below 0)", _NEGATIVE, useless),
+        "residual": ("residual of the modes", _RESIDUAL, tol),
     }

@@ -28,12 +28,10 @@ _RANGES = {
 }
 """Smallest and largest size by dotted name; noise and start may be 0 as well."""
 
+_BY = " (the range of the engines)"
 _HIGHEST, _TURNS, _HARMONICS = 1e4, 1e5, 100_000
 _DAMPING, _RATE = (1e-3, 1e3), 1e4
 _VARIANCES = 1e-24, 1e8
-SAMPLING = "Monte Carlo (simulate(), or fpk-rocking mc)"
-"""What answers where the density solver cannot."""
-
 _ELASTIC, _SLOWEST = 1.0 - 1e-6, 1e-5
 
 
@@ -57,10 +55,10 @@ def check(scene):
         none = low > 0.0 and part in {"noise", "start"}
         for value in values if isinstance(values, tuple) else (values,):
             if not (low <= abs(value) <= high or (none and value == 0.0)):
-                accepted = f"for an engine a size from {low:g} to {high:g}" + (", or 0" if none else "")
+                accepted = f"an absolute value from {low:g} to {high:g}" + (", or 0" if none else "") + _BY
                 raise ValueError(checks.refusal(name, value, accepted))
     if scene.forcing.kind == "record" and not scene.forcing.largest <= _RANGES["forcing.amplitude"][1]:
-        accepted = f"for an engine accelerations up to {_RANGES['forcing.amplitude'][1]:g} g θ_cr"
+        accepted = f"accelerations up to {_RANGES['forcing.amplitude'][1]:g} g θ_cr{_BY}"
         raise ValueError(checks.refusal("forcing.scale", scene.forcing.scale, accepted))
     if scene.noise.kind == "band":
         _check_band(scene.noise, 2.0 * math.pi / scene.forcing.time_scale)
@@ -74,25 +72,25 @@ def check(scene):
 def _check_band(noise, frequency):
     highest = min(_HIGHEST, _TURNS * frequency)
     if noise.band[1] > highest:
-        accepted = f"for an engine frequencies up to {highest:g}, and up to {_TURNS:g} times that of the forcing"
+        accepted = f"frequencies up to {highest:g}, and up to {_TURNS:g} times that of the forcing{_BY}"
         raise ValueError(checks.refusal("noise.band", noise.band, accepted))
     if noise.harmonics > _HARMONICS:
-        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"for an engine up to {_HARMONICS}"))
+        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"up to {_HARMONICS}{_BY}"))
 
 
 def _check_filter(noise, frequency):
     low, high = _DAMPING
     if noise.damping is not None and not low <= noise.damping <= high:
-        raise ValueError(checks.refusal("noise.damping", noise.damping, f"for an engine from {low:g} to {high:g}"))
+        raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{_BY}"))
     if fastest(noise) > _RATE * frequency:
-        accepted = f"for an engine a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency"
+        accepted = f"a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency{_BY}"
         raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
 
 
 def _check_covariance(start):
     (xx, _), (_, vv) = start.covariance or ((_VARIANCES[0], 0.0), (0.0, _VARIANCES[0]))
     if not _VARIANCES[0] <= min(xx, vv) <= max(xx, vv) <= _VARIANCES[1]:
-        accepted = f"for an engine variances from {_VARIANCES[0]:g} to {_VARIANCES[1]:g}, or none for a point"
+        accepted = f"variances from {_VARIANCES[0]:g} to {_VARIANCES[1]:g}, or none for a point{_BY}"
         raise ValueError(checks.refusal("start.covariance", start.covariance, accepted))
 
 
@@ -104,7 +102,7 @@ def _check_bounces(scene):
     if 0.0 < speed < _SLOWEST and scene.block.restitution > _ELASTIC:
         name = "start.velocity" if start.velocity else "start.angle"
         accepted = (
-            f"rest, or a start that leads to impacts at {_SLOWEST:g} or more: at restitution "
-            f"{scene.block.restitution!r} a slower block bounces all but without end"
+            f"0, or a start that leads to impacts of speed {_SLOWEST:g} or more: at the restitution "
+            f"{scene.block.restitution!r} a slower block bounces practically without end"
         )
         raise ValueError(checks.refusal(name, start.velocity or start.angle, accepted))

@@ -16,15 +16,16 @@ def _set(value, name, checked):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Block:
-    """A rocking block.
+    """A rigid rocking block.
 
     Parameters
     ----------
     restitution : float, optional
-        Ratio of the velocities after and before an impact, from 0 to 1 (paper eq. 3). Where it is left out, Housner's
-        for the dimensions, which are then needed.
+        Velocity after an impact over that before it, from 0 to 1 (paper eq. 3). By default it follows from the
+        dimensions, `Dimensions.restitution`.
     dimensions : Dimensions, optional
-        Its size, where results are wanted in metres and seconds; the motion does not depend on it.
+        Size of the block, for conversions to units. A record and a default restitution need it; otherwise the
+        nondimensional motion does not depend on it.
     """
 
     restitution: float | None = None
@@ -35,7 +36,7 @@ class Block:
             checks.instance("block.dimensions", self.dimensions, Dimensions)
         if self.restitution is None:
             if self.dimensions is None:
-                raise ValueError("block.restitution: missing, required where block.dimensions does not stand")
+                raise ValueError("block.restitution: missing, required without block.dimensions")
             _set(self, "restitution", self.dimensions.restitution)
         _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
 
@@ -52,16 +53,16 @@ class BandNoise:
     Parameters
     ----------
     variance : float
-        σ², at least 0.
+        Variance σ², nondimensional, at least 0.
     band : (float, float)
-        Lowest and highest angular frequency, 0 <= lowest < highest.
+        Lowest and highest angular frequency, nondimensional, 0 <= lowest < highest.
     harmonics : int
-        Number of harmonics, at least 1.
+        Number N of harmonics, at least 1.
     remark : str
-        What a reader of results has to know of these values, where they were assumed, say: shown with every result.
-        Noises that differ in it alone are equal.
+        A sentence that is shown with every result, for example that these values are assumed. It does not count when
+        noises are compared.
     envelope : Trapezoid, Exponential or Table, optional
-        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
+        Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
     kind: ClassVar[str] = "band"
@@ -81,14 +82,14 @@ class BandNoise:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class WhiteNoise:
-    """White noise with ⟨η(τ)η(τ')⟩ = 2Dδ(τ - τ').
+    """White noise η with ⟨η(τ)η(τ')⟩ = 2Dδ(τ - τ').
 
     Parameters
     ----------
     diffusion : float
-        D, at least 0; with an envelope D g².
+        Diffusion D, nondimensional, at least 0.
     envelope : Trapezoid, Exponential or Table, optional
-        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
+        Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
     kind: ClassVar[str] = "white"
@@ -102,21 +103,27 @@ class WhiteNoise:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class FilteredNoise:
-    """White noise through a linear filter, stationary from τ = 0 (`fpk_rocking.physics.filters`).
+    """Filtered noise η: white noise w that has passed a linear filter, stationary from τ = 0 on.
+
+    The filters are
+
+    * "exponential": η' + ωη = w,
+    * "low-pass": η'' + 2ζωη' + ω²η = w,
+    * "kanai-tajimi": η = ω²y + 2ζωy' with y'' + 2ζωy' + ω²y = w.
 
     Parameters
     ----------
     filter : str
-        "exponential": η' + ωη = w; "low-pass": η'' + 2ζωη' + ω²η = w; "kanai-tajimi": η = ω²y + 2ζωy' with
-        y'' + 2ζωy' + ω²y = w; w is white noise of the intensity that gives the variance.
+        One of the names above.
     variance : float
-        σ² of η, at least 0.
+        Variance σ² of η, nondimensional, at least 0.
     frequency : float
-        ω, above 0; 1/ω is the correlation time of the exponential filter.
+        Angular frequency ω of the filter, nondimensional, above 0. The exponential filter has the correlation time 1/ω.
     damping : float, optional
-        ζ, above 0; given for all filters but the exponential one.
+        Damping ratio ζ, above 0. Required for the low-pass and the Kanai-Tajimi filter, refused for the exponential
+        one.
     envelope : Trapezoid, Exponential or Table, optional
-        g(τ) by which the noise is multiplied (`fpk_rocking.physics.envelope`); none for a noise that does not change.
+        Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
     kind: ClassVar[str] = "filtered"
@@ -138,7 +145,7 @@ class FilteredNoise:
         if self.filter != "exponential":
             _set(self, "damping", checks.number("noise.damping", self.damping, above=0.0))
         elif self.damping is not None:
-            raise ValueError(checks.refusal("noise.damping", self.damping, "nothing: filter 'exponential' has none"))
+            raise ValueError(checks.refusal("noise.damping", self.damping, "nothing; an 'exponential' filter has none"))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -160,9 +167,9 @@ class Start:
     Parameters
     ----------
     angle, velocity : float
-        The point, or the mean of the Gaussian.
+        The point, or the mean of the Gaussian: angle in units of the critical angle, velocity per nondimensional time.
     covariance : ((float, float), (float, float)), optional
-        [[xx, xv], [xv, vv]], symmetric and positive definite; None for a point.
+        Covariance [[xx, xv], [xv, vv]] of the Gaussian, symmetric and positive definite; None for a point.
     """
 
     angle: float = 0.0
@@ -193,12 +200,13 @@ def _covariance(value):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Overturning:
-    """Cut-off: the block has overturned when the size of its angle first reaches this.
+    """Criterion of overturning: the block has overturned once the absolute value of its angle reaches this one.
 
     Parameters
     ----------
     angle : float
-        In units of the critical angle, above 0; π/2 is the paper's bookkeeping value.
+        In units of the critical angle, above 0. π/2 is the paper's value. The shaking can still turn back a block
+        beyond the critical angle, 1.
     """
 
     angle: float = math.pi / 2

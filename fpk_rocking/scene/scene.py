@@ -23,17 +23,23 @@ _SHIPPED = pathlib.Path(__file__).parents[1] / "scenes"
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scene:
-    """A rocking problem.
+    """A rocking problem: block, shaking of its base, start, and the angle that counts as overturning.
+
+    `from_block` makes a scene from metres, m/s² and Hz, `load_scene` reads one from a file. A scene cannot be changed;
+    `varied` returns a changed copy.
 
     Parameters
     ----------
     block : Block
+        Restitution, and the size of the block where units are wanted.
     forcing : Forcing, Harmonics, Pulse or Record
-        A record takes the time and the force of ``block.dimensions``, which it needs.
+        Acceleration of the base that is known: periodic, a pulse, or a record. A record needs ``block.dimensions``.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
+        Random acceleration of the base.
     start : Start
-        At rest by default.
+        Angle and velocity at τ = 0; at rest by default.
     overturning : Overturning
+        Angle that counts as overturning; π/2 critical angles by default.
 
     Raises
     ------
@@ -58,12 +64,12 @@ class Scene:
         if self.forcing.kind == "record":
             object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
         if abs(self.start.angle) >= self.overturning.angle:
-            accepted = f"a size below overturning.angle = {self.overturning.angle!r}"
+            accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
 
     @property
     def period(self) -> float | None:
-        """T = 2π/Ω in nondimensional time: one cycle; None where the forcing does not repeat."""
+        """Nondimensional time T = 2π/Ω of one forcing cycle; None where the forcing does not repeat."""
         return self.forcing.period
 
     @property
@@ -72,13 +78,13 @@ class Scene:
         return self.period is not None and self.noise.envelope is None
 
     def varied(self, **parts: Any) -> Self:
-        """Return the scene with some values changed, for a study over them.
+        """Return a copy of the scene with some values changed.
 
         Parameters
         ----------
         **parts : dict or part of a scene
-            New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A
-            remark on the values of a part is dropped with them, unless it is given too.
+            New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A change
+            of the noise drops its ``remark``, unless a new one is given.
 
         Returns
         -------
@@ -99,10 +105,10 @@ class Scene:
         return dataclasses.replace(self, **parts)
 
     def white_equivalent(self) -> Self:
-        """Return the same scene with white noise of the equivalent diffusion.
+        """Return the same scene with white noise of equal Melnikov variance.
 
-        Band noise and filtered noise are replaced by a closure (see `fpk_rocking.melnikov.equivalent_diffusion`), no
-        noise by white noise of diffusion 0; a scene with white noise is returned as it is.
+        This is an approximation of band noise and filtered noise, see `fpk_rocking.melnikov.equivalent_diffusion`. A
+        scene without noise gets white noise of diffusion 0; one with white noise is returned as it is.
 
         Returns
         -------
@@ -114,10 +120,10 @@ class Scene:
         return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise), self.noise.envelope))
 
     def filtered_equivalent(self) -> Self:
-        """Return the same scene with filtered noise in place of band noise.
+        """Return the same scene with low-pass noise in place of band noise.
 
-        The filter is the low-pass one with ζ = 1/√2 that gives the same variance and the same Melnikov variance σ_M².
-        Unlike the white equivalent it lets a block rest. A scene with filtered noise is returned as it is.
+        The low-pass noise, of damping ζ = 1/√2, has the variance and the Melnikov variance of the band noise. Unlike
+        white noise it lets a block rest. A scene with filtered noise is returned as it is.
 
         Returns
         -------
@@ -127,7 +133,8 @@ class Scene:
         Raises
         ------
         ValueError
-            The noise is not a band of a variance above 0, or no frequency from 1e-8 to 1e8 gives its σ_M².
+            The noise is not band noise of a variance above 0, or no frequency of the filter from 1e-8 to 1e8 gives the
+            Melnikov variance.
         """
         noise = self.noise
         if noise.kind == "filtered":
@@ -138,8 +145,8 @@ class Scene:
         frequency = low_pass_frequency(ratio)
         if frequency is None:
             accepted = (
-                "frequencies between which low-pass noise of the same variance has the same Melnikov variance, here "
-                f"{ratio!r} of the variance: neither all next to 0 nor all very high"
+                "a band that low-pass noise can replace; none has this Melnikov variance, "
+                f"{ratio!r} times the variance: the frequencies are all close to 0, or all very high"
             )
             raise ValueError(checks.refusal("noise.band", noise.band, accepted))
         filtered = FilteredNoise("low-pass", noise.variance, frequency, BUTTERWORTH, noise.envelope)
@@ -155,7 +162,7 @@ class Scene:
         *,
         record: Record | None = None,
         pulse: str | None = None,
-        pulse_cycles: float | None = None,
+        pulse_cycles: int | None = None,
         restitution: float | None = None,
         phase: float = 0.0,
         noise_rms_acceleration: float = 0.0,
@@ -170,37 +177,42 @@ class Scene:
         Parameters
         ----------
         width, height : float
-            Full width and height, metres. Angles are linearized for a slender block (see `fpk_rocking.scene.units`).
+            Full width and height, metres. The equation of motion is linearized for a slender block;
+            `Dimensions.slenderness_error` is the error.
         peak_acceleration : float, optional
-            Amplitude of the harmonic base acceleration, or the peak of a pulse, m/s²; not of a record.
+            Amplitude of a harmonic base acceleration, or peak of a pulse, m/s². Required without a record.
         frequency_hz : float, optional
-            Its frequency, Hz.
+            Frequency of it, Hz. Required without a record.
         record : Record, optional
-            A recorded base acceleration, as of `Record.from_file`, in place of peak and frequency.
+            Recorded base acceleration, see `Record.from_file`, in place of peak and frequency.
         pulse : str, optional
-            Shape of a pulse in place of harmonic acceleration; see `Pulse`.
+            Shape of a pulse, see `Pulse`, in place of a harmonic acceleration.
         pulse_cycles : int, optional
-            Cycles of the pulse "n-sine".
+            Number of cycles of the pulse "n-sine".
         restitution : float, optional
-            Velocity ratio of an impact; by default Housner's 1 - (3/2) sin²θ_cr.
+            Velocity after an impact over that before it; by default Housner's 1 - (3/2) sin²θ_cr.
         phase : float
             Phase of the harmonic base acceleration, radians.
         noise_rms_acceleration : float
-            Root mean square of the random base acceleration, m/s²; 0 for none.
+            Root mean square of the random base acceleration that is added to any of these, m/s²; 0 for none.
         noise_band_hz : (float, float), optional
-            Its band, Hz; given exactly where there is noise.
+            Lowest and highest frequency of the noise, Hz. Required where there is noise, refused where there is none.
         harmonics : int
             Number of harmonics of the noise.
         gravity : float
-            m/s².
+            Acceleration of gravity, m/s².
         start, overturning : Start, Overturning
             Nondimensional, angles in units of the critical angle.
+
+        Returns
+        -------
+        Scene
 
         Raises
         ------
         TypeError, ValueError
-            A value is refused, the block is too squat for Housner's restitution, or only one of the noise's strength
-            and band is given.
+            A value is refused, the block is too squat for Housner's restitution, or only one of strength and band of
+            the noise is given.
         """
         size = Dimensions(width, height, gravity)
         forcing = _shaking(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
@@ -227,14 +239,13 @@ class Scene:
         Parameters
         ----------
         text : str
-            Tables ``[block]``, ``[forcing]`` and ``[noise]``, and optionally ``[start]`` and ``[overturning]``; the
-            keys are the parameters of the classes, beside ``noise.kind`` = "band", "white", "filtered" or "none",
-            ``noise.envelope.kind`` = "trapezoid", "exponential" or "table" and
-            ``forcing.kind`` = "harmonic" (where left out), "harmonics", "pulse" or "record". A record may have ``file``
-            in place of ``interval`` and ``samples``, and ``block.restitution`` may be left out where there are
-            ``block.dimensions``.
+            The tables ``[block]``, ``[forcing]`` and ``[noise]`` are required, ``[start]`` and ``[overturning]`` are
+            optional. Their keys are the parameters of the classes, and the following: ``noise.kind`` is "band",
+            "white", "filtered" or "none"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
+            ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse" or "record". A record may have ``file`` in
+            place of ``interval`` and ``samples``.
         folder : str or pathlib.Path
-            That the file of a record is relative to.
+            Folder that the file of a record is relative to.
 
         Returns
         -------
@@ -243,7 +254,7 @@ class Scene:
         Raises
         ------
         TypeError, ValueError
-            Not TOML, or a key is unknown, missing or refused; the message names it.
+            The text is not TOML, or a key is unknown, missing or refused; the message names it.
         """
         try:
             document = tomllib.loads(text)
@@ -253,7 +264,7 @@ class Scene:
         return cls(**{name: read_part(name, table, folder) for name, table in tables.items()})
 
     def to_toml(self) -> str:
-        """Return the TOML text that `from_toml` reads back as an equal scene; it holds the samples of a record."""
+        """Return the scene as TOML text, samples of a record included; `from_toml` reads it back."""
         tables = _fields(self)
         if self.block.dimensions is not None:
             tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
@@ -269,7 +280,7 @@ def load_scene(path: File) -> Scene:
     ----------
     path : str or pathlib.Path
         A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"``,
-        ``"second_harmonic"``, ``"rest"`` or ``"record"``. A file of such a name is read as ``"./main"``.
+        ``"second_harmonic"``, ``"rest"`` or ``"record"``. To read a file of such a name write ``"./main"``.
 
     Returns
     -------
@@ -280,7 +291,7 @@ def load_scene(path: File) -> Scene:
     FileNotFoundError
         There is no such file, nor a scene of this name.
     TypeError, ValueError
-        As `Scene.from_toml`, with the path in front.
+        As `Scene.from_toml`; the message begins with the path.
     """
     shipped = {file.stem: file for file in _SHIPPED.glob("*.toml")}
     path = shipped[path] if isinstance(path, str) and path in shipped else checks.path("path", path)
@@ -308,7 +319,7 @@ def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
         checks.instance("record", record, Record)
         for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):
             if value is not None:
-                raise ValueError(checks.refusal(name, value, "nothing beside a record"))
+                raise ValueError(checks.refusal(name, value, "nothing where there is a record"))
         return record
     amplitude = size.amplitude(checks.number("peak_acceleration", peak, at_least=0.0))
     frequency = size.frequency(checks.number("frequency_hz", hertz, above=0.0))

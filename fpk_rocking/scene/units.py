@@ -16,7 +16,7 @@ from fpk_rocking.base.types import Number
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Dimensions:
-    """Size of a rectangular block, and the conversions that follow from it.
+    """Size of a rectangular block, which converts nondimensional quantities to units and back.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ class Dimensions:
 
     @property
     def critical_angle(self) -> float:
-        """θ_cr, radians: the block is balanced on its corner."""
+        """Critical angle θ_cr, radians: tilted by it, the block is balanced on its corner."""
         return math.atan2(self.width, self.height)
 
     @property
     def half_diagonal(self) -> float:
-        """R, metres: from the corner to the centre of mass."""
+        """Half diagonal R, metres: the distance from the corner to the centre of mass."""
         return 0.5 * math.hypot(self.width, self.height)
 
     @property
@@ -65,41 +65,90 @@ class Dimensions:
         Raises
         ------
         ValueError
-            The block is so squat (width/height > √2) that e would be negative: it does not rock on.
+            The block is so squat (width/height > √2) that e would be negative: it stops at the first impact.
         """
         value = 1.0 - 1.5 * math.sin(self.critical_angle) ** 2
         if value < 0.0:
             raise ValueError(
-                f"block.dimensions: got width/height = {self.width / self.height:.6g}, accepted: <= √2 = 1.41421 for "
-                f"Housner's restitution (here {value:.6g}); give block.restitution for a block as squat as this"
+                f"block.dimensions: got width/height = {self.width / self.height:.6g}, accepted: <= √2 = 1.41421, as "
+                f"Housner's restitution is negative here ({value:.6g}); for so squat a block give block.restitution"
             )
         return value
 
     @property
     def slenderness_error(self) -> tuple[float, float]:
-        """Largest relative error of the linearized moments about the corner, at θ = 0: (gravity's, the shaking's).
+        """Largest relative errors of the linearized moments about the corner: (of gravity, of the shaking).
 
-        θ_cr / sin θ_cr - 1 and 1 / cos θ_cr - 1: a slender block has neither.
+        They are θ_cr / sin θ_cr - 1 and 1 / cos θ_cr - 1, small for a slender block.
         """
         angle = self.critical_angle
         return angle / math.sin(angle) - 1.0, 1.0 / math.cos(angle) - 1.0
 
     def seconds(self, tau: Number) -> Number:
-        """Time in seconds of nondimensional time; scalars or arrays."""
+        """Convert nondimensional time to seconds.
+
+        Parameters
+        ----------
+        tau : float or ndarray
+            Nondimensional time τ = pt.
+
+        Returns
+        -------
+        float or ndarray
+        """
         return tau / self.frequency_parameter
 
     def tau(self, seconds: Number) -> Number:
-        """Nondimensional time of seconds; scalars or arrays."""
+        """Convert seconds to nondimensional time τ = pt.
+
+        Parameters
+        ----------
+        seconds : float or ndarray
+
+        Returns
+        -------
+        float or ndarray
+        """
         return seconds * self.frequency_parameter
 
     def radians(self, angle: Number) -> Number:
-        """Angle θ in radians of a nondimensional angle Θ = θ/θ_cr; scalars or arrays."""
+        """Convert a nondimensional angle to radians.
+
+        Parameters
+        ----------
+        angle : float or ndarray
+            Θ = θ/θ_cr, in units of the critical angle.
+
+        Returns
+        -------
+        float or ndarray
+        """
         return angle * self.critical_angle
 
     def amplitude(self, peak_acceleration: Number) -> Number:
-        """Nondimensional amplitude a/(g θ_cr) of a base acceleration in m/s²; scalars or arrays."""
+        """Convert a base acceleration to the nondimensional amplitude a/(g θ_cr).
+
+        Parameters
+        ----------
+        peak_acceleration : float or ndarray
+            a, m/s².
+
+        Returns
+        -------
+        float or ndarray
+        """
         return peak_acceleration / (self.gravity * self.critical_angle)
 
     def frequency(self, frequency_hz: Number) -> Number:
-        """Nondimensional angular frequency 2πf/p of a frequency in Hz; scalars or arrays."""
+        """Convert a frequency to the nondimensional angular frequency 2πf/p.
+
+        Parameters
+        ----------
+        frequency_hz : float or ndarray
+            f, Hz.
+
+        Returns
+        -------
+        float or ndarray
+        """
         return 2.0 * math.pi * frequency_hz / self.frequency_parameter

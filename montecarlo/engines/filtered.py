@@ -100,9 +100,7 @@ def problem_of(scene, steps_per_cycle, times=None):
     longest = COARSEST[scene.noise.filter] / (filters.fastest(scene.noise) * steps_per_cycle)
     if longest * _MOST < scene.forcing.time_scale:
         most = int(steps_per_cycle * longest * _MOST / scene.forcing.time_scale)
-        raise ValueError(
-            checks.refusal("steps_per_cycle", steps_per_cycle, f"up to {most} for a filter as fast as this")
-        )
+        raise ValueError(checks.refusal("steps_per_cycle", steps_per_cycle, f"up to {most} with a filter of this rate"))
     longest = min(longest, scene.forcing.shortest_period / _FEWEST, _LONGEST)
     return on_grid(scene, grid_of(scene, longest if envelope is None else min(longest, envelope.spacing), times))
 

@@ -49,8 +49,8 @@ def grid_of(scene, longest, times=None):
     end = scene.period if scene.repeats else times[-1]
     count = int(np.ceil(end / spacing - _NEAR))
     if count > _MOST:
-        accepted = f"at most {_MOST} intervals of {spacing:g}, as this forcing and noise ask for"
-        raise ValueError(checks.refusal("scene" if scene.repeats else "times", f"a time of {end:g}", accepted))
+        accepted = f"at most {_MOST} intervals of {spacing:.3g}, which this forcing and noise need"
+        raise ValueError(checks.refusal("scene" if scene.repeats else "times", f"a duration of {end:g}", accepted))
     marks = times / spacing
     whole = np.rint(marks)
     return Grid(count, spacing, np.where(np.abs(marks - whole) < _NEAR, whole, marks))

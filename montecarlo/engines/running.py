@@ -151,7 +151,7 @@ def _refuse_broken(batch, run, times):
         number = batch.first + int(np.argmin(right))
         raise FloatingPointError(
             f"realization {number} of method {run.method!r}, seed {run.seed}: {counts[number - batch.first]} finite "
-            f"states, overturning at {batch.overturn_time[number - batch.first]}; this must not be, in {run.scene}"
+            f"states, overturning at {batch.overturn_time[number - batch.first]}: the engine fails on {run.scene}"
         )
 
 
@@ -179,9 +179,9 @@ def _method(method, kind):
     if isinstance(method, str) and method in fitting:
         return method
     if not isinstance(method, str) or method not in ENGINES:
-        accepted = ", ".join(map(repr, ENGINES)) + " or None (what fits the noise)"
+        accepted = ", ".join(map(repr, ENGINES)) + " or None (the first that fits the noise)"
         raise ValueError(checks.refusal("method", method, accepted))
     accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"
     if method in {"white", "filtered"}:
-        accepted += f"; {method!r} takes a scene with {method} noise, which scene.{method}_equivalent() makes"
+        accepted += f"; {method!r} needs {method} noise, which scene.{method}_equivalent() makes of this one"
     raise ValueError(checks.refusal("method", method, accepted))

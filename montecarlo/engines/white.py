@@ -114,11 +114,12 @@ def problem_of(scene, steps_per_cycle, times=None):
     """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
-        raise ValueError(checks.refusal("noise.diffusion", diffusion, "a number > 0 for 'white'; use NoNoise for none"))
+        accepted = "a number > 0 by the method 'white'; a scene without noise has noise.kind 'none'"
+        raise ValueError(checks.refusal("noise.diffusion", diffusion, accepted))
     if restitution <= CRITICAL_RESTITUTION:
         accepted = (
-            f"above exp(-pi/sqrt(3)) = {CRITICAL_RESTITUTION:.5f} under white noise, where impacts accumulate up to "
-            "it; raise it, or keep band noise and use 'rk4'"
+            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
+            "time and the motion after them is not defined; band noise and filtered noise have no such limit"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
     longest, envelope = min(scene.forcing.shortest_period / _FEWEST, _LONGEST), scene.noise.envelope

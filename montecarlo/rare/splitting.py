@@ -33,37 +33,37 @@ _SKEWED = 0.5
 _STATES = 2**26
 _INTERVALS = 2000
 _UNBRANCHED = {
-    "band": "a Shinozuka path is fixed at τ = 0 and cannot branch; scene.white_equivalent() has white noise instead",
-    "filtered": "branches would need the filter's states; scene.white_equivalent() has white noise instead",
-    "none": "without noise there is one path alone and nothing to branch",
+    "band": "all of a path of band noise is drawn at τ = 0, so it cannot branch; scene.white_equivalent() replaces it",
+    "filtered": "the states of a filter are not branched; scene.white_equivalent() replaces the filtered noise",
+    "none": "without noise there is only one path",
 }
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Splitting(Shown):
-    """Estimates of overturning by independent repeats of adaptive multilevel splitting; nondimensional.
+    """Probabilities of rare overturning, from independent repeats of adaptive multilevel splitting.
 
-    Each repeat, and so their mean, is unbiased for P(overturned by kT) at every cycle k and to either side, for any
-    number of walkers: its expectation is what `simulate` with method "white" has at the same `steps_per_cycle`. A
-    function of it, such as a rate or its logarithm, is not. `standard_error` is estimated from the repeats; where they
-    are `skewed` both it and the mean are probably too small.
+    The estimate of every repeat is unbiased for any number of walkers: its expectation is that of `simulate` with the
+    method "white" and the same `steps_per_cycle`. A nonlinear function of it, such as the logarithm, is biased.
+    `standard_error` follows from the scatter of the repeats. Where they are `skewed`, the mean and its error are
+    probably too small.
 
     Parameters
     ----------
     scene : Scene
-        As it was asked for.
+        The scene that was given to `split`.
     walkers : int
-        Paths that climb together in each repeat.
+        Number of paths in each repeat.
     seed : int
-        With a repeat's number and the walkers, all that its random numbers depend on.
+        Seed of the random numbers.
     steps_per_cycle : int
-        As it was asked for.
+        As given to `split`.
     wall_s : float
-        Seconds that the splitting took, compilation included.
+        Seconds that the call took, compilation included.
     repeat_overturned : ndarray, shape (repeats, cycles + 1, 2)
-        Each repeat's estimate of P(overturned by kT) to the left and to the right.
+        The estimates of each repeat: probability of having overturned by kT to the left and to the right.
     levels, killed : ndarray of int, shape (repeats,)
-        Levels that each repeat passed, and walkers that it killed at them.
+        Number of levels that each repeat passed, and of paths that it gave up at them.
     """
 
     scene: Scene
@@ -91,22 +91,22 @@ class Splitting(Shown):
 
     @property
     def overturned(self) -> Array:
-        """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
         return self.repeat_overturned.mean(axis=0)
 
     @functools.cached_property
     def repeat_probability(self) -> Array:
-        """Each repeat's estimate of P(overturned by kT), shape (repeats, cycles + 1)."""
+        """The estimates of each repeat: probability of having overturned by kT, shape (repeats, cycles + 1)."""
         return self.repeat_overturned.sum(axis=2)
 
     @property
     def probability(self) -> Array:
-        """P(overturned by kT), shape (cycles + 1,)."""
+        """Probability of having overturned by kT, shape (cycles + 1,)."""
         return self.repeat_probability.mean(axis=0)
 
     @property
     def survival(self) -> Array:
-        """P(not overturned by kT), shape (cycles + 1,)."""
+        """Probability of not having overturned by kT, shape (cycles + 1,)."""
         return 1.0 - self.probability
 
     @property
@@ -116,9 +116,10 @@ class Splitting(Shown):
 
     @property
     def effective_repeats(self) -> Array:
-        """(Σp)²/Σp² over the repeats' estimates p, shape (cycles + 1,).
+        """Effective number of repeats, (Σp)²/Σp² over their estimates p, shape (cycles + 1,).
 
-        All the repeats where they agree, 1 where one of them outweighs the rest, 0 where none saw an overturning.
+        It is the number of repeats where all agree, 1 where one of them outweighs the others, and 0 where no repeat saw
+        a block overturn.
         """
         squares = (self.repeat_probability**2).sum(axis=0)
         total = self.repeat_probability.sum(axis=0) ** 2
@@ -126,12 +127,12 @@ class Splitting(Shown):
 
     @property
     def extinct(self) -> int:
-        """Number of repeats that lost all walkers; their estimates are 0, which the mean needs to be unbiased."""
+        """Number of repeats that lost all paths. Their estimates are 0 and belong into the mean."""
         return int(np.count_nonzero(self.repeat_probability[:, -1] == 0.0))
 
     @property
     def skewed(self) -> bool:
-        """Whether at the last cycle less than half of the repeats are effective: take more walkers, then ask again."""
+        """Whether less than half of the repeats are effective at the last cycle: more walkers are then needed."""
         return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
 
     closure = ""
@@ -139,39 +140,40 @@ class Splitting(Shown):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of itself, as plain values; "relative_error" is that of the last probability, if it is not 0."""
+        """Sizes, seed and the relative standard error of the last probability, as plain values by name."""
         names = "walkers", "repeats", "extinct", "skewed", "seed", "steps_per_cycle", "wall_s"
         found, last = {name: getattr(self, name) for name in names}, float(self.probability[-1])
         return found | ({"relative_error": float(self.standard_error[-1]) / last} if last else {})
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Whether to use it: a verdict and its reasons, see `fpk_rocking.results.trust`."""
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
         found = doubts(self)
         if self.skewed:
             few = (
-                f"Skewed: {self.effective_repeats[-1]:.1f} of {self.repeats} repeats are effective; take more walkers."
+                f"Few repeats dominate the mean ({self.effective_repeats[-1]:.1f} of {self.repeats} are effective), so "
+                "it is probably too small; take more walkers."
             )
             found.append(Doubt(UNUSABLE, few))
         if self.repeats < _USUAL_REPEATS:
-            few = f"{self.repeats} repeats: {_USUAL_REPEATS} or more are wanted for a standard error."
+            few = f"{self.repeats} repeats are few for a standard error; take {_USUAL_REPEATS} or more."
             found.append(Doubt(CAUTION, few))
         return trust_of(self.facts, found)
 
     @property
     def headline(self) -> str:
-        """What it found, in a few words."""
+        """The last probability with its error, as a line of text."""
         error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
         return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
 
     def columns(self) -> dict[str, Array]:
-        """Probability of having overturned and its standard error by cycle: arrays by name."""
+        """Table of the probability of having overturned and its standard error by cycle: arrays by column name."""
         sides = dict(zip(("overturned_left", "overturned_right"), self.overturned.T, strict=True))
         cycle = np.arange(self.cycles + 1)
         return {"cycle": cycle, "probability": self.probability, "standard_error": self.standard_error} | sides
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays by name and coordinates for `to_xarray`."""
+        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
         variables = {name: ("cycle", getattr(self, name)) for name in ("probability", "standard_error")}
         variables["repeat_overturned"] = ("repeat", "cycle", "side"), self.repeat_overturned
         variables |= {name: ("repeat", getattr(self, name)) for name in ("levels", "killed")}
@@ -205,28 +207,30 @@ def split(
     steps_per_cycle: int = 200,
     progress: Progress | None = None,
 ) -> Splitting:
-    """Estimate the probability of rare overturning under white noise, cycle by cycle, by splitting paths.
+    """Estimate the probability of rare overturning under white noise by adaptive multilevel splitting.
 
-    Paths that come nearer to overturning than others are continued several times, from there on, and the others are
-    given up: `rare.levels` has the algorithm, `rare.prospects` the measure of nearness. Where plain
-    paths need 1/p of them to see a probability p once, a repeat simulates `walkers` (1 + ln(1/p)) or so at most.
+    Paths that come nearer to overturning than others are continued several times from there, and the others are given
+    up. Plain simulation needs 1/p paths to see an event of probability p once; a repeat simulates about
+    `walkers` (1 + ln(1/p)).
 
     Parameters
     ----------
     scene : Scene
         With white noise and a restitution above exp(-π/√3).
     cycles : int
-        Forcing cycles, at least 1; what is rare is overturning by the last of them.
+        Number of forcing cycles, at least 1. Splitting works towards overturning by the last of them.
     walkers : int
-        At least 10. Where the repeats are skewed, more walkers help and more repeats hardly.
+        Number of paths in each repeat, at least 10. Where the repeats are skewed, more walkers help; more repeats
+        hardly do.
     repeats : int
-        Independent repeats, at least 2; 20 or more for a standard error worth its name.
+        Number of independent repeats, at least 2; a standard error needs 20 or more.
     seed : int
-        From 0 to 2**64 - 1.
+        Seed of the random numbers, from 0 to 2**64 - 1.
     steps_per_cycle : int
-        At least 8; no step is shorter than a 256th of a cycle over this number.
+        Time steps in a forcing cycle, at least 8. Steps are adapted; none is shorter than a cycle over 256 times this
+        number.
     progress : callable, optional
-        Called as ``progress(done, total)`` between repeats; may raise.
+        Called as ``progress(done, total)`` between repeats. An exception that it raises ends the run.
 
     Returns
     -------
@@ -235,8 +239,8 @@ def split(
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused; so are scenes with band noise or none, whose paths cannot branch, and cycles so long
-        that the prospects over them would take hundreds of megabytes.
+        A parameter is refused; the scene has other than white noise (`Scene.white_equivalent` replaces it); or its
+        cycle is so long that the work would take hundreds of megabytes.
     """
     started = time.perf_counter()
     checks.instance("scene", scene, Scene)
@@ -266,7 +270,9 @@ def split(
     finally:
         pool.shutdown(cancel_futures=True)
     if not np.all(np.isfinite(overturned)):
-        raise FloatingPointError(f"repeat_overturned: has a number that is not finite; this must not be, in {scene}")
+        raise FloatingPointError(
+            f"repeat_overturned: got a number that is not finite, an error of the engine in {scene}"
+        )
     return Splitting(
         scene=scene,
         walkers=walkers,

@@ -75,9 +75,9 @@ def resumed(path, run, empty):
             raise _foreign(path, f"{name} {getattr(found, name)}", f"{name} {getattr(run, name)}")
     for name in ("angle_edges", "velocity_edges"):
         if not np.array_equal(getattr(counts, name), getattr(empty, name)):
-            raise _foreign(path, f"other {name}", "those that are asked for")
+            raise _foreign(path, f"other {name}", f"the {name} that are asked for")
     if found.realizations > run.realizations:
-        raise _foreign(path, f"realizations {found.realizations}", f"at most the {run.realizations} that are asked for")
+        raise _foreign(path, f"realizations {found.realizations}", f"at most {run.realizations}, as asked for")
     return counts, found.wall_s
 
 

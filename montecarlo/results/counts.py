@@ -26,15 +26,27 @@ _HALF = 32
 
 
 class Counts(NamedTuple):
-    """State of a tally at its times, `rows` of them; all but times, edges and quanta grow as batches are added.
+    """Counts over the realizations of a tally so far, at each of its times.
 
-    `times` (rows,): from 0 on, whole cycles where there are such. `angle_edges`, `velocity_edges`: edges of the bins.
-    `quantum` (2,): of angle and velocity, powers of two. `standing`
-    (rows,): realizations that have not overturned. `passages` ((rows - 1) PARTS + 1, 2): realizations
-    overturned to the left and right in each part of the time between two times, those that start beyond the cut-off in
-    row 0. `histogram` (rows, n_angle,
-    n_velocity) int32: standing realizations in each bin. `sums` (rows, 2): angles and velocities of the standing in
-    quanta. `products` (rows, 3, 2): their products xx, xv, vv, high and low halves.
+    Parameters
+    ----------
+    times : ndarray, shape (rows,)
+        Nondimensional times from 0 on: whole cycles where the forcing repeats.
+    angle_edges, velocity_edges : ndarray
+        Edges of the bins, nondimensional.
+    quantum : ndarray, shape (2,)
+        What angles and velocities are rounded to in the sums: powers of two.
+    standing : ndarray of int, shape (rows,)
+        Number of realizations that have not overturned.
+    passages : ndarray of int, shape (20 (rows - 1) + 1, 2)
+        Number of realizations that overturned to the left and to the right, in each 20th of the time between two times;
+        row 0 is for those that start beyond the cut-off.
+    histogram : ndarray of int32, shape (rows, n_angle, n_velocity)
+        Number of standing realizations in each bin.
+    sums : ndarray of int, shape (rows, 2)
+        Sums of angle and velocity over the standing realizations, in quanta.
+    products : ndarray of int, shape (rows, 3, 2)
+        Sums of the products xx, xv and vv in quanta, each as its high and its low half.
     """
 
     times: np.ndarray
@@ -74,8 +86,8 @@ def add(counts, batch):
     if not _add(counts, batch.angle, batch.velocity, _in_rows(batch.overturn_time, counts.times), batch.overturn_side):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
         raise ValueError(
-            f"realizations: got a state of a standing block beyond angle and velocity {limits} among those from number "
-            f"{batch.first} on, accepted: scenes whose moments can be summed"
+            f"realizations: got a block beyond angle and velocity {limits} among those from number {batch.first} on, "
+            "accepted: scenes whose states stay within, so that their moments can be summed"
         )
 
 

@@ -23,27 +23,29 @@ _LAYOUT = Layout(
 class Ensemble(Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
+    Column k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no
+    cycles: it is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
+
     Parameters
     ----------
     scene : Scene
-        As it was asked for.
+        The scene that was given to `simulate`.
     method : str
-        "rk4", "exact", "white" or "filtered".
+        "exact", "rk4", "white" or "filtered".
     seed : int
-        With a realization's number, all that its random numbers depend on.
+        Seed of the random numbers.
     steps_per_cycle : int
-        As it was asked for.
+        As given to `simulate`.
     wall_s : float
-        Seconds that the simulation took, compilation included.
+        Seconds that the call took, compilation included.
     times : ndarray, shape (cycles + 1,)
-        Times τ of the states, from 0 on: kT, the whole cycles, where the forcing repeats. Where it does not, there are
-        no cycles, and rows and what is said of a cycle count these times.
+        Times τ of the states, from 0 on.
     angle, velocity : ndarray, shape (realizations, cycles + 1)
-        States at the times, Poincaré points where the forcing repeats; nan after overturning.
+        States at these times: Poincaré points where the forcing repeats; nan after overturning.
     overturn_time : ndarray, shape (realizations,)
-        Time τ of overturning, nan where it never came.
+        Time τ of overturning; nan for a block that stands.
     overturn_side : ndarray of int8, shape (realizations,)
-        -1 overturned to the left, +1 to the right, 0 not at all.
+        -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
     """
 
     scene: Scene
@@ -72,14 +74,14 @@ class Ensemble(Sample):
         return np.stack(sides, axis=-1)
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Estimate P(not overturned and in a bin) after a cycle.
+        """Estimate the probability of standing, with angle and velocity in each of some bins.
 
         Parameters
         ----------
         cycle : int
-            0 to `cycles`, or the number of one of the `times`.
+            From 0 to ``cycles``.
         angle_edges, velocity_edges : array_like
-            Two or more ascending edges; the bins are those of `numpy.histogram2d`.
+            Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
 
         Returns
         -------
@@ -89,7 +91,7 @@ class Ensemble(Sample):
         Raises
         ------
         TypeError, ValueError
-            The cycle is not one of the ensemble's, or the edges do not ascend.
+            There is no such cycle, or the edges do not ascend.
         """
         cycle = self._checked_cycle(cycle)
         named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
@@ -99,18 +101,41 @@ class Ensemble(Sample):
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays by name and coordinates for `to_xarray`, every realization's among them."""
+        """Arrays with named dimensions, those of every realization among them, and their coordinates."""
         variables, coordinates = super().grids()
         states = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
         ends = {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
         return variables | states | ends, coordinates
 
     def save(self, path: File) -> None:
-        """Save the ensemble, whole or not at all; `path` by custom ends in .npz."""
+        """Save the ensemble to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
         storage.write_result(path, "ensemble", self.scene, *_LAYOUT.of(self))
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load a saved ensemble; raises as `fpk_rocking.results.storage.read_result`."""
+        """Load a saved ensemble.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Returns
+        -------
+        Ensemble
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
         scene, arrays, attributes = storage.read_result(path, "ensemble", _LAYOUT)
         return cls(scene=scene, **arrays, **attributes)

@@ -16,10 +16,18 @@ from montecarlo.results.statistics import wilson_interval
 
 
 class Histogram(NamedTuple):
-    """A density in n bins; nondimensional.
+    """A probability density estimated in n bins; nondimensional.
 
-    `edges` (n + 1,); `counts` (n,): what fell into each bin; `density` (n,): the mean over each bin; `interval` (n, 2):
-    its confidence limits.
+    Attributes
+    ----------
+    edges : ndarray, shape (n + 1,)
+        Edges of the bins.
+    counts : ndarray of int, shape (n,)
+        Number of values in each bin.
+    density : ndarray, shape (n,)
+        Mean density over each bin.
+    interval : ndarray, shape (n, 2)
+        Confidence limits of the density.
     """
 
     edges: np.ndarray
@@ -29,13 +37,14 @@ class Histogram(NamedTuple):
 
 
 def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
-    """Density of the time of overturning.
+    """Estimate the probability density of the time of overturning.
 
     It integrates to the probability of overturning between the outer edges, which is less than 1 where blocks survive.
 
     Parameters
     ----------
     result : Ensemble or Histories
+        Realizations with their times of overturning.
     edges : array_like, shape (n + 1,)
         Ascending times τ; bins are closed to the left, the last one to both sides.
     level : float
@@ -58,18 +67,18 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
 
 
 def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
-    """Density of the speed just before an impact, over all impacts of all realizations.
+    """Estimate the probability density of the speed just before an impact, over all impacts of all realizations.
 
-    It integrates to the share of the impacts between the outer edges. Impacts of one realization depend on each other,
-    so the realizations, not the impacts, are the independent units: the variance of each bin's share is that of a ratio
-    of sums over realizations, and Wilson's interval is taken at the number of independent impacts that has the same
-    variance (cf. E. L. Korn, B. I. Graubard, Survey Methodology 24, 193-201, 1998). That is at most the number of all
-    impacts; for an empty bin, which shows no variance, it is the number of realizations that had an impact.
+    It integrates to the share of the impacts between the outer edges. The impacts of one realization depend on each
+    other; the realizations do not. So the variance of a bin's share is computed as that of a ratio of sums over
+    realizations, and its interval is Wilson's for as many independent impacts as have this variance (cf. E. L. Korn, B.
+    I. Graubard, Survey Methodology 24, 193-201, 1998): at most the number of impacts, and for an empty bin the number
+    of realizations that had an impact.
 
     Parameters
     ----------
     histories : Histories
-        Of at least two realizations with an impact.
+        At least two realizations of them have an impact.
     edges : array_like, shape (n + 1,)
         Ascending speeds; bins are closed to the left, the last one to both sides.
     level : float
@@ -89,7 +98,7 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
     owners, owner = np.unique(histories.impact_realization, return_inverse=True)
     units, total = owners.size, owner.size
     if units < 2:
-        accepted = "at least 2, which tell the sampling noise"
+        accepted = "at least 2, as the sampling noise follows from their scatter"
         raise ValueError(checks.refusal("histories: realizations with an impact", units, accepted))
     speeds = np.abs(histories.impact_velocity)
     place = np.searchsorted(edges, speeds, side="right") - 1

@@ -32,32 +32,36 @@ _LAYOUT = Layout(
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Histories(Shown):
-    """Time histories of independent realizations; all quantities are nondimensional, n = cycles * samples + 1.
+    """Time histories of independent realizations, with every impact; all quantities are nondimensional.
+
+    There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
+    repeat.
 
     Parameters
     ----------
     scene : Scene
-        As it was asked for.
+        The scene that was given to `histories`.
     method : str
-        Name of the engine.
+        "exact", "rk4", "white" or "filtered".
     seed : int
-        With a realization's number, all that its random numbers depend on.
+        Seed of the random numbers.
     steps_per_cycle, samples_per_cycle : int
-        As they were asked for.
+        As given to `histories`.
     wall_s : float
-        Seconds that the simulation took, compilation included.
+        Seconds that the call took, compilation included.
     time : ndarray, shape (n,)
         Times τ of the states, equally spaced from 0 where the forcing repeats.
     angle, velocity : ndarray, shape (realizations, n)
         States; nan after overturning.
     overturn_time : ndarray, shape (realizations,)
-        Time τ of overturning, nan where it never came.
+        Time τ of overturning; nan for a block that stands.
     overturn_side : ndarray of int8, shape (realizations,)
-        -1 overturned to the left, +1 to the right, 0 not at all.
+        -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
     impact_realization : ndarray of int, shape (n_impacts,)
-        Realization of each impact, ascending; its impacts are in the order of time.
+        Number of the realization of each impact, ascending; the impacts of a realization are in the order of time.
     impact_time, impact_velocity : ndarray, shape (n_impacts,)
-        Time τ of each impact, and the velocity just before it. Impacts that a method sums as chatter are not listed.
+        Time τ of each impact, and the velocity just before it. A burst of ever smaller impacts (chatter) that an engine
+        sums up is not listed.
     """
 
     scene: Scene
@@ -99,18 +103,18 @@ class Histories(Shown):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of itself, as plain values."""
+        """Method, seed, sizes and seconds, as plain values by name."""
         names = "method", "realizations", "seed", "steps_per_cycle", "samples_per_cycle", "wall_s"
         return {name: getattr(self, name) for name in names}
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Whether to use it: what speaks against the model, for single paths have no error to estimate."""
-        return trust_of({}, doubts(self), "Single paths: nothing is estimated from them.")
+        """Verdict with its reasons, on the model alone: single paths have no sampling error."""
+        return trust_of({}, doubts(self), "These are single paths: nothing is estimated from them.")
 
     @property
     def headline(self) -> str:
-        """What it is, in a few words."""
+        """Number of paths, of those overturned and of impacts, as a line of text."""
         ended = np.count_nonzero(self.overturn_side)
         return (
             f"{self.realizations:,} path{'s' * (self.realizations != 1)} by Monte Carlo {self.method} until "
@@ -118,20 +122,30 @@ class Histories(Shown):
         )
 
     def columns(self) -> dict[str, Array]:
-        """States of all realizations below each other: arrays by name."""
+        """Table of the states of all realizations below each other: arrays by column name."""
         numbers = np.repeat(np.arange(self.realizations), self.time.size)
         states = {"angle": self.angle.ravel(), "velocity": self.velocity.ravel()}
         return {"realization": numbers, "time": np.tile(self.time, self.realizations)} | states
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays by name and coordinates for `to_xarray`."""
+        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
         variables = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
         variables |= {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
         variables |= {name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")}
         return variables, {"time": self.time}
 
     def plot(self, realizations: int = 3) -> Any:
-        """Draw angles against time and paths in the plane of the first realizations; returns a matplotlib figure."""
+        """Draw angle against time, and paths in the phase plane.
+
+        Parameters
+        ----------
+        realizations : int
+            How many to draw, from the first on.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         from fpk_rocking.results.pictures import figure_of
 
         def angles(_, axes):
@@ -145,16 +159,42 @@ class Histories(Shown):
         return figure_of(angles, plane)
 
     def poincare(self) -> tuple[Array, Array]:
-        """Return angle and velocity at τ = kT, each of shape (realizations, cycles + 1); nan after overturning."""
+        """Return angle and velocity at the whole cycles, each of shape (realizations, cycles + 1).
+
+        Both are nan after overturning.
+        """
         refuse_transient(self.scene.forcing, "a Poincaré map")
         return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]
 
     def save(self, path: File) -> None:
-        """Save the histories, whole or not at all; `path` by custom ends in .npz."""
+        """Save the histories to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
         storage.write_result(path, "histories", self.scene, *_LAYOUT.of(self))
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load saved histories; raises as `fpk_rocking.results.storage.read_result`."""
+        """Load saved histories.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Returns
+        -------
+        Histories
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
         scene, arrays, attributes = storage.read_result(path, "histories", _LAYOUT)
         return cls(scene=scene, **arrays, **attributes)

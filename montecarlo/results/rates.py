@@ -11,7 +11,17 @@ from montecarlo.results.ensemble import Ensemble
 
 
 class Rate(NamedTuple):
-    """Overturned blocks per cycle lived: `rate`, its confidence limits `interval` (2,), and the `count` behind it."""
+    """A rate of overturning with its confidence interval.
+
+    Attributes
+    ----------
+    rate : float
+        Overturned blocks over the sum of the cycles that all blocks stood.
+    interval : ndarray, shape (2,)
+        Confidence limits of the rate.
+    count : int
+        Number of overturned blocks behind it.
+    """
 
     rate: float
     interval: np.ndarray
@@ -24,19 +34,20 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     Parameters
     ----------
     ensemble : Ensemble
+        Under periodic forcing.
     after : int
-        Forcing cycles that do not count, below the ensemble's.
+        Number of forcing cycles at the beginning that do not count, fewer than the ensemble has.
     level : float
         Confidence of the interval, in (0, 1).
     side : {None, -1, 1}
-        Side to which a block has to overturn in order to count: left -1, right 1, either None.
+        Side to which blocks overturn that count: -1 left, 1 right, None either.
 
     Returns
     -------
     Rate
-        Per forcing cycle. The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936),
-        as if all blocks had one rate. Under band noise they have not, as its frequencies are drawn once for each block;
-        the most endangered go first.
+        Per forcing cycle. The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936)
+        and supposes that all blocks have the same rate. Under band noise they have not: its frequencies are drawn once
+        for each block, and blocks in greater danger overturn earlier.
 
     Raises
     ------
@@ -51,7 +62,7 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     if isinstance(side, bool) or not (side is None or (isinstance(side, numbers.Integral) and abs(side) == 1)):
         raise ValueError(checks.refusal("side", side, "None, or -1 (left) or 1 (right)"))
     if after >= ensemble.cycles or ensemble.survivors[after] == 0:
-        accepted = f"cycles below {ensemble.cycles}, after which a block still stands"
+        accepted = f"a number below {ensemble.cycles}, of cycles after which a block still stands"
         raise ValueError(checks.refusal("after", after, accepted))
     ends = ensemble.overturn_time / ensemble.scene.period
     lived = np.where(ensemble.overturn_side == 0, ensemble.cycles, ends) - after

@@ -32,7 +32,7 @@ class Sample(SurvivalResult):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it says of itself beside the survival, as plain values."""
+        """Confidence intervals, method, seed and sizes, as plain values by name."""
         interval = self.survival_interval()
         spread = {} if certain(self.scene) else {"half_width": float(0.5 * np.diff(interval).max())}
         return spread | {
@@ -45,31 +45,47 @@ class Sample(SurvivalResult):
 
     @property
     def account(self) -> str:
-        """How it was sampled, as a sentence; the exact engine takes no steps."""
+        """Seed, steps a cycle (none for the exact engine) and seconds, as a sentence."""
         steps = "" if self.method == "exact" else f" {self.steps_per_cycle} steps a cycle,"
         return f"Seed {self.seed},{steps} {self.wall_s:.1f} s."
 
     def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
-        """Return None: a sample has no density, see `bin_probabilities`."""
+        """Return None: a sample has no density. Use `bin_probabilities`.
+
+        Parameters
+        ----------
+        cycle : int
+            Not used.
+        """
         return
 
     @property
     def survivors(self) -> Array:
-        """Count of the realizations that have not overturned after each cycle, shape (cycles + 1,)."""
+        """Number of realizations that have not overturned by kT, shape (cycles + 1,)."""
         return self.realizations - self._gone.sum(axis=1)
 
     @property
     def survival(self) -> Array:
-        """P(not overturned by kT), shape (cycles + 1,)."""
+        """Probability of not having overturned by kT, shape (cycles + 1,)."""
         return self.survivors / self.realizations
 
     @property
     def overturned(self) -> Array:
-        """P(overturned by kT) to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
         return self._gone / self.realizations
 
     def survival_interval(self, level: float = 0.95) -> Array:
-        """Return Wilson's confidence limits of the survival, shape (cycles + 1, 2), each of the given level."""
+        """Return Wilson's confidence limits of survival.
+
+        Parameters
+        ----------
+        level : float
+            Confidence of each interval, in (0, 1).
+
+        Returns
+        -------
+        ndarray, shape (cycles + 1, 2)
+        """
         return wilson_interval(self.survivors, self.realizations, level)
 
     def _checked_cycle(self, cycle):

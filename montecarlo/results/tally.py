@@ -40,17 +40,17 @@ class Tally(Sample):
     Parameters
     ----------
     scene : Scene
-        As it was asked for.
+        The scene that was given to `tally`.
     method : str
-        "rk4", "exact", "white" or "filtered".
+        "exact", "rk4", "white" or "filtered".
     seed : int
-        With a realization's number, all that its random numbers depend on.
+        Seed of the random numbers.
     steps_per_cycle : int
-        As it was asked for.
+        As given to `tally`.
     wall_s : float
-        Seconds that the simulation took in all its parts, compilation included.
+        Seconds that all parts of the run took, compilation included.
     counts : Counts
-        See `montecarlo.results.counts`.
+        The counts themselves, from which all else here follows (`montecarlo.results.counts`).
     """
 
     scene: Scene
@@ -74,12 +74,12 @@ class Tally(Sample):
 
     @property
     def times(self) -> Array:
-        """Times τ from 0 on, shape (cycles + 1,): whole cycles where the forcing repeats, else times of their own."""
+        """Times τ from 0 on, shape (cycles + 1,): whole cycles where the forcing repeats."""
         return self.counts.times
 
     @property
     def bin_edges(self) -> list[Array]:
-        """Edges of the bins that it is shown in: those of `joint_edges` where they are kept, else all that are."""
+        """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
         usual, kept = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, kept, strict=True)) else kept
 
@@ -89,31 +89,31 @@ class Tally(Sample):
 
     @property
     def first_passage(self) -> Array:
-        """P(overturned in a 20th of a cycle) to the left and to the right, shape (20 cycles + 1, 2).
+        """Probability of overturning in each 20th of a cycle, to the left and to the right, shape (20 cycles + 1, 2).
 
-        Row j stands for τ from (j - 1) T/20 to j T/20, or a 20th of the time between two of the `times`; row 0 for a
-        start beyond the cut-off.
+        Row j is for τ from (j - 1) T/20 to j T/20, or for a 20th of the time between two of the `times`. Row 0 is for
+        blocks that start beyond the cut-off.
         """
         return self.counts.passages / self.realizations
 
     @property
     def outside(self) -> Array:
-        """P(not overturned and outside all bins kept) after each cycle, shape (cycles + 1,)."""
+        """Probability of standing outside all bins that were counted, shape (cycles + 1,)."""
         return (self.counts.standing - self.counts.histogram.sum(axis=(1, 2), dtype=np.int64)) / self.realizations
 
     @property
     def mean(self) -> Array:
-        """Mean of angle and velocity of the blocks standing after each cycle, shape (cycles + 1, 2); nan for none.
+        """Mean of angle and velocity of the blocks that stand, shape (cycles + 1, 2); nan where none does.
 
-        Each state is rounded to `counts.quantum`, about 1e-9 for the angle, and so is the mean, at worst to half of it.
+        States are rounded to ``counts.quantum``, about 1e-9 for the angle, before they are summed.
         """
         return self._moments[0]
 
     @property
     def covariance(self) -> Array:
-        """Covariance of angle and velocity of the blocks standing, shape (cycles + 1, 2, 2); nan for none.
+        """Covariance of angle and velocity of the blocks that stand, shape (cycles + 1, 2, 2); nan where none does.
 
-        It is the mean product of the deviations from the mean: the divisor is the number of blocks.
+        The divisor is the number of blocks.
         """
         return self._moments[1]
 
@@ -122,15 +122,15 @@ class Tally(Sample):
         return moments(self.counts)
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Estimate P(not overturned and in a bin) after a cycle.
+        """Estimate the probability of standing, with angle and velocity in each of some bins.
 
         Parameters
         ----------
         cycle : int
-            0 to `cycles`, or the number of one of the `times`.
+            From 0 to ``cycles``.
         angle_edges, velocity_edges : array_like
-            Ascending edges, all among those kept, to rounding. A state on a common edge of two bins is in the upper
-            one; one on the last edge kept is in the last bin.
+            Ascending edges, nondimensional, all among those that were counted. A state on the common edge of two bins
+            is in the upper one, a state on the last edge in the last bin.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class Tally(Sample):
         Raises
         ------
         TypeError, ValueError
-            The cycle is not one of the tally's, or an edge is not kept.
+            There is no such cycle, or an edge is not among those that were counted.
         """
         counts = self.counts.histogram[self._checked_cycle(cycle)]
         rows = _places("angle_edges", angle_edges, self.counts.angle_edges)
@@ -150,13 +150,36 @@ class Tally(Sample):
         return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
 
     def save(self, path: File) -> None:
-        """Save the tally, whole or not at all; `path` by custom ends in .npz."""
+        """Save the tally to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
         attributes = {name: getattr(self, name) for name in LAYOUT.attributes}
         storage.write_result(path, "tally", self.scene, self.counts._asdict(), attributes)
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load a saved tally, a checkpoint included; raises as `fpk_rocking.results.storage.read_result`."""
+        """Load a saved tally, or the checkpoint of one.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote, or a checkpoint of `tally`.
+
+        Returns
+        -------
+        Tally
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
         scene, arrays, attributes = storage.read_result(path, "tally", LAYOUT)
         return cls(scene=scene, counts=Counts(**arrays), **attributes)
 

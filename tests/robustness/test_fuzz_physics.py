@@ -145,10 +145,13 @@ def test_extreme_scenes_by_the_density_solver():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"forcing": {"amplitude": 2e4}}, r"forcing\.amplitude: got 20000\.0, .* a size from 0 to 10000$"),
-        ({"forcing": {"frequency": 1e-4}}, r"forcing\.frequency: got 0\.0001, .* a size from 0\.001 to 10000$"),
+        ({"forcing": {"amplitude": 2e4}}, r"forcing\.amplitude: got 20000\.0, .* value from 0 to 10000 "),
+        (
+            {"forcing": {"frequency": 1e-4}},
+            r"forcing\.frequency: got 0\.0001, .* an absolute value from 0\.001 to 10000 ",
+        ),
         ({"forcing": {"phase": 1e16}}, r"forcing\.phase: got 1e\+16"),
-        ({"noise": fuzz.WhiteNoise(1e-13)}, r"noise\.diffusion: got 1e-13, .* size from 1e-12 to 10000, or 0"),
+        ({"noise": fuzz.WhiteNoise(1e-13)}, r"noise\.diffusion: got 1e-13, .* value from 1e-12 to 10000, or 0"),
         ({"noise": fuzz.BandNoise(1e7, (0, 1), 3)}, r"noise\.variance: got 1"),
         ({"noise": fuzz.BandNoise(0.04, (0, 2e4), 3)}, r"noise\.band: got \(0\.0, 20000\.0\)"),
         ({"noise": fuzz.BandNoise(0.04, (0, 9e3), 3), "forcing": {"frequency": 0.01}}, r"noise\.band: got"),

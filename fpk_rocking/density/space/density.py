@@ -13,13 +13,16 @@ from fpk_rocking.density.space.space import Space, shapes
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Density:
-    """Joint density of the blocks that have not overturned; it integrates to their probability.
+    """Joint density of angle and velocity of the blocks that stand; its integral is the survival probability.
+
+    It is a piecewise polynomial on a mesh of the phase plane. Calling it evaluates it: ``density(angle, velocity)``.
 
     Parameters
     ----------
     space : Space
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
+        Coefficients of the polynomials.
     """
 
     space: Space
@@ -31,7 +34,7 @@ class Density:
         return f"<Density: probability {mass:.4f} on {cells} cells of degree {self.degree}>"
 
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
-        """Density at points.
+        """Evaluate the density at points.
 
         Parameters
         ----------
@@ -41,8 +44,8 @@ class Density:
         Returns
         -------
         ndarray
-            Of the broadcast shape; 0 outside the mesh, nan where a point has one. At angle 0 it is the value on the
-            positive side.
+            Of the broadcast shape; 0 outside the mesh, nan where angle or velocity is nan. At angle 0, where the
+            density jumps, it is the value on the positive side.
         """
         unknown = np.isnan(angle) | np.isnan(velocity)
         return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
@@ -58,40 +61,38 @@ class Density:
         return self.space.degree
 
     def cell_values(self, points: int) -> Array:
-        """Density on a lattice in every cell, one-sided at its edges.
+        """Density on a lattice of points in every cell; on an edge of the cell, its limit from inside.
 
         Parameters
         ----------
         points : int
-            Equispaced points an axis, both edges included.
+            Number of equally spaced points along each axis, both edges included.
 
         Returns
         -------
         ndarray, shape (angle cells, velocity cells, points, points)
-            Angle before velocity.
+            The last two axes are angle and velocity within a cell.
         """
         lattice = np.linspace(0.0, 1.0, points)
         return self.space.cell_values(self.coefficients, lattice, lattice)
 
     def nonnegative(self) -> Self:
-        """View of this density that is nowhere negative, for pictures and sampling; the density stays as it is.
+        """Return a density near this one that is nowhere negative, for pictures and sampling.
 
-        Mass moves within a cell of the mesh only, and the mass of a cell stays. A cell of negative mass becomes empty
-        at the cost of the smallest square of cells around it that can pay, on its side of x = 0. The L1 distance is at
-        least twice the negative mass, as for every non-negative density of the same mass, and in practice a few times
-        that (docs/numerics.md).
+        Mass moves only within a cell of the mesh. A cell of negative mass becomes empty, and the smallest square of
+        cells around it that holds enough mass makes up for it, on the same side of x = 0. The L1 distance from this
+        density is at least twice its negative mass, and in practice a few times that (docs/numerics.md).
 
         Returns
         -------
         Density
-            Of the same mass, to rounding, and non-negative wherever it is evaluated or integrated. This density itself
-            where it is non-negative already; else on the mesh cut into degree × degree pieces a cell, continuous
-            within the cells of this one.
+            Of the same mass, to rounding. It is this density itself where that is non-negative already, else a density
+            on a mesh with degree × degree pieces a cell.
 
         Raises
         ------
         ValueError
-            The mass on one side of x = 0 is negative in total: the view moves none across.
+            One side of x = 0 has negative mass in total.
         """
         space, coefficients = nonnegative_view(self.space, self.coefficients)
         return self if space is self.space else Density(space, coefficients)
@@ -99,14 +100,14 @@ class Density:
     def bin_probabilities(
         self, angle_edges: ArrayLike, velocity_edges: ArrayLike, *, nonnegative: bool = False
     ) -> Array:
-        """Exact integrals over bins.
+        """Integrate the density exactly over each of some bins.
 
         Parameters
         ----------
         angle_edges, velocity_edges : array_like
             Ascending bin edges, nondimensional.
         nonnegative : bool
-            Whether to integrate the view `nonnegative` instead of the density as it was computed.
+            Whether to integrate what `nonnegative` returns instead of the density as it was computed.
 
         Returns
         -------
@@ -115,18 +116,38 @@ class Density:
         Raises
         ------
         ValueError
-            There is no such view.
+            As `nonnegative`, where it is asked for.
         """
         law = self.nonnegative() if nonnegative else self
         return law.space.bin_integrals(law.coefficients, angle_edges, velocity_edges)
 
     def marginal_angle(self, angle: ArrayLike) -> Array:
-        """Density of the angle alone at points (n,): the integral over all velocities."""
+        """Density of the angle alone: the integral over all velocities.
+
+        Parameters
+        ----------
+        angle : array_like, shape (n,)
+            Points, nondimensional.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
         coefficients = np.einsum("xva,v->xa", self.coefficients[..., 0], np.diff(self.space.velocity_lines))
         return self._marginal(coefficients, 0, angle)
 
     def marginal_velocity(self, velocity: ArrayLike) -> Array:
-        """Density of the velocity alone at points (n,): the integral over all angles."""
+        """Density of the velocity alone: the integral over all angles.
+
+        Parameters
+        ----------
+        velocity : array_like, shape (n,)
+            Points, nondimensional.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
         coefficients = np.einsum("xvb,x->vb", self.coefficients[..., 0, :], np.diff(self.space.angle_lines))
         return self._marginal(coefficients, 1, velocity)
 
@@ -139,12 +160,22 @@ class Density:
         return np.where(np.isnan(points), np.nan, np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0))
 
     def basis(self, order: int | None = None) -> Any:
-        """Return the scikit-fem basis of the density; ``vector`` holds its unknowns. See `Space.basis`."""
+        """Return the scikit-fem basis of the density, on which `vector` holds its unknowns.
+
+        Parameters
+        ----------
+        order : int, optional
+            Polynomial degree that its quadrature integrates exactly; by default twice the degree of the density.
+
+        Returns
+        -------
+        skfem.CellBasis
+        """
         return self.space.basis(order)
 
     @property
     def vector(self) -> Array:
-        """Unknowns (n,) of the density on `basis`, for forms and functionals of scikit-fem."""
+        """Unknowns of the density on `basis`, shape (n,), for forms and functionals of scikit-fem."""
         return self.coefficients.ravel()
 
     def integral(self, function: Callable[[Array, Array], Array], order: int | None = None) -> float:
@@ -153,16 +184,16 @@ class Density:
         Parameters
         ----------
         function : callable
-            Takes arrays of angles and velocities, returns an array of their shape. Where it jumps within a cell the
-            quadrature is as good as its points are many.
+            Takes arrays of angles and velocities and returns an array of their shape. A function that jumps within a
+            cell needs a higher `order`.
         order : int, optional
-            Polynomial degree up to which function times density is integrated exactly; by default twice the density's
-            degree and 2 more.
+            Polynomial degree up to which the product of function and density is integrated exactly; by default twice
+            the degree of the density, plus 2.
 
         Returns
         -------
         float
-            Over the blocks that have not overturned: divide by ``integral`` of 1 for their mean.
+            Divided by the survival probability it is the mean of the function over the blocks that stand.
         """
         from skfem import Functional
 
@@ -171,18 +202,28 @@ class Density:
         return float(form.assemble(basis, density=basis.interpolate(self.vector)))
 
     def moment(self, angle_power: int, velocity_power: int) -> float:
-        """Integral of x^m v^n times the density, exact; m = n = 0 is the probability of not having overturned."""
+        """Integral of x^m v^n times the density, exact.
+
+        Parameters
+        ----------
+        angle_power, velocity_power : int
+            m and n, at least 0. The moment for m = n = 0 is the survival probability.
+
+        Returns
+        -------
+        float
+        """
         order = self.degree + max(angle_power, velocity_power)
         return self.integral(lambda x, v: x**angle_power * v**velocity_power, order)
 
     @property
     def mean(self) -> Array:
-        """Mean (2,) of angle and velocity of the blocks that have not overturned."""
+        """Mean of angle and velocity of the blocks that stand, shape (2,)."""
         return np.array([self.moment(1, 0), self.moment(0, 1)]) / self.moment(0, 0)
 
     @property
     def covariance(self) -> Array:
-        """Covariance (2, 2) of angle and velocity of the blocks that have not overturned."""
+        """Covariance of angle and velocity of the blocks that stand, shape (2, 2)."""
         mixed = self.moment(1, 1)
         second = np.array([[self.moment(2, 0), mixed], [mixed, self.moment(0, 2)]]) / self.moment(0, 0)
         return second - np.outer(self.mean, self.mean)

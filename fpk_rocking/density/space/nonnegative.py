@@ -84,8 +84,8 @@ def _redistributed(masses, first_positive):
         total = masses[side].sum()
         if total < -rounding:
             raise ValueError(
-                f"density: got the mass {total:.1e} on the side {name}, accepted: 0 or more, for the non-negative view "
-                "moves none across; the mesh does not resolve this density: try a smaller tol"
+                f"density: got the mass {total:.1e} on the side {name}, accepted: 0 or more; the mesh does not resolve "
+                "this density: try a smaller tol"
             )
         out[side] = _settled(masses[side]) if total > 0.0 else 0.0
     return out

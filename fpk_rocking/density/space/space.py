@@ -34,12 +34,14 @@ def gauss_shapes(count, degree):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Space:
-    """Piecewise polynomials of one degree in each direction on the tensor mesh of two sets of mesh lines.
+    """Mesh of rectangles in the phase plane with a polynomial on each of them (discontinuous Galerkin).
+
+    ``space.shape`` is the shape of a density's coefficients: (angle cells, velocity cells, degree + 1, degree + 1).
 
     Parameters
     ----------
     angle_lines, velocity_lines : ndarray
-        Ascending mesh lines, nondimensional; x = 0 is one of the former where it lies inside.
+        Ascending mesh lines, nondimensional. Angle 0 is a mesh line where it lies inside the mesh.
     degree : int
         Polynomial degree in each direction.
     """

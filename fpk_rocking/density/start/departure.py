@@ -16,7 +16,6 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene import limits
 
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
@@ -171,8 +170,10 @@ class Departure:
         target = next_window(self.windows, trace, now.coefficients, dynamics.cutoff)
         coefficients, sinks = Step(trace, target).apply(now.coefficients)
         if not np.abs(target.masses(coefficients)).sum() < BROKEN:
-            accepted = f"a start that small meshes can follow; take {limits.SAMPLING}"
-            raise ValueError(checks.refusal("scene", f"diffusion {dynamics.diffusion:g}", accepted))
+            raise ValueError(
+                "scene: got a density that the meshes of the start do not resolve, accepted: stronger noise than the "
+                f"diffusion {dynamics.diffusion:.3g}, or another start; or use Monte Carlo"
+            )
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
     def _trace(self, now, duration, quiet):
@@ -188,7 +189,7 @@ class Departure:
         coefficients, tails = window.project(gaussian, self.windows.points + 1), gaussian.tails(cutoff)
         missing = 1.0 - sum(tails) - window.masses(coefficients).sum()
         if abs(missing) > MISSING:
-            accepted = "a wider Gaussian, or one that is less oblique: its mesh does not resolve it"
+            accepted = "a wider Gaussian, or one with less correlation, as the mesh does not resolve this one"
             raise ValueError(checks.refusal("start.covariance", gaussian.covariance.tolist(), accepted))
         gone = np.array([*tails, missing])
         return Carried(time, window, coefficients, gone)

@@ -159,11 +159,11 @@ class Forcing(PeriodicForcing):
     Parameters
     ----------
     amplitude : float
-        A, at least 0.
+        Amplitude A, nondimensional, at least 0.
     frequency : float
-        Ω, above 0.
+        Angular frequency Ω, nondimensional, above 0.
     phase : float
-        Ψ, radians.
+        Phase Ψ, radians.
     """
 
     kind: ClassVar[str] = "harmonic"
@@ -202,11 +202,11 @@ class Harmonics(PeriodicForcing):
     Parameters
     ----------
     frequency : float
-        Ω, above 0.
+        Angular frequency Ω of the first harmonic, nondimensional, above 0.
     amplitudes : sequence of float
-        A_1, A_2, ..., at least 0 each and not all 0; up to 32.
+        Amplitudes A_1, A_2, ..., nondimensional, each at least 0, not all 0; up to 32 of them.
     phases : sequence of float
-        Ψ_1, Ψ_2, ..., radians, as many.
+        Phases Ψ_1, Ψ_2, ..., radians, as many as amplitudes.
     """
 
     kind: ClassVar[str] = "harmonics"
@@ -219,7 +219,7 @@ class Harmonics(PeriodicForcing):
         _set(self, "amplitudes", checks.several("forcing.amplitudes", self.amplitudes, most=_MOST, at_least=0.0))
         _set(self, "phases", checks.several("forcing.phases", self.phases, most=_MOST))
         if len(self.phases) != len(self.amplitudes):
-            accepted = f"as many as forcing.amplitudes, {len(self.amplitudes)}"
+            accepted = f"{len(self.amplitudes)} phases, as many as forcing.amplitudes"
             raise ValueError(checks.refusal("forcing.phases", self.phases, accepted))
         if not any(self.amplitudes):
             raise ValueError(checks.refusal("forcing.amplitudes", self.amplitudes, "at least one above 0"))

@@ -28,21 +28,21 @@ _EVEN = 0.02
 class Record(TransientForcing):
     """Recorded acceleration of the base, linear between equally spaced samples and 0 after the last one.
 
-    A scene has the nondimensional forcing a p-th of which depends on the block: it needs ``block.dimensions``, in whose
-    time τ = pt and force a/(g θ_cr) all properties of a scene's forcing are. τ = 0 is the first sample.
+    A scene with a record needs ``block.dimensions``, from which its time τ = pt and force a/(g θ_cr) follow. The first
+    sample is at τ = 0.
 
     Parameters
     ----------
     interval : float
         Time between samples, seconds.
     samples : sequence of float
-        Accelerations, 2 to 2^20 of them. Positive accelerates the base towards negative angles.
-    units : str
-        Of the samples, "g" (9.80665 m/s²) or "m/s2".
+        Accelerations, 2 to 2^20 of them. A positive value accelerates the base towards negative angles.
+    units : {"g", "m/s2"}
+        Unit of the samples; g is 9.80665 m/s².
     scale : float
         Factor of the samples.
     source : str
-        Where it is from, a file's name say. Records that differ in it alone are equal.
+        Where the record is from, such as the name of a file. It does not count when records are compared.
     """
 
     kind: ClassVar[str] = "record"
@@ -72,10 +72,10 @@ class Record(TransientForcing):
         Parameters
         ----------
         path : str or pathlib.Path
-            A PEER file (.AT2, in g, with ``NPTS= , DT=`` or ``n dt NPTS, DT`` in its fourth line), or text of two
-            columns, time in seconds and acceleration, with lines that begin with # left out.
-        units : str, optional
-            "g" or "m/s2"; has to be given for columns. An .AT2 file is in g.
+            A PEER file (.AT2, in g), whose fourth line has ``NPTS= n, DT= seconds`` or ``n seconds NPTS, DT``; or a
+            text file of two columns, time in seconds and acceleration. Lines that begin with # are comments.
+        units : {"g", "m/s2"}, optional
+            Unit of the accelerations. Required for columns; an .AT2 file is in g.
         scale : float
             Factor of the samples.
 
@@ -88,13 +88,13 @@ class Record(TransientForcing):
         FileNotFoundError
             There is no such file.
         TypeError, ValueError
-            A parameter is refused, or the file is no such text, is cut, or has other than finite numbers at equally
-            spaced times; the message names it.
+            A parameter is refused, or the file has another format, is truncated, or has values that are not finite or
+            times that are not equally spaced; the message says what and where.
         """
         path = checks.path("forcing.file", path)
         peer = path.suffix.lower() == ".at2"
         if peer and units not in (None, "g"):
-            raise ValueError(checks.refusal("forcing.units", units, "'g' or nothing: an .AT2 file is in g"))
+            raise ValueError(checks.refusal("forcing.units", units, "'g', the unit of an .AT2 file, or nothing"))
         if not peer and units is None:
             raise ValueError(f"forcing.units: missing, required for a file of two columns: {', '.join(UNITS)}")
         text = _text(path)

@@ -183,7 +183,7 @@ class TransientForcing:
 def refuse_transient(forcing, what):
     """Refuse a forcing that does not repeat, where something is not defined for it."""
     if isinstance(forcing, TransientForcing):
-        accepted = f"a forcing that repeats ('harmonic' or 'harmonics'): {what} is not defined for a {forcing.kind}"
+        accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"
         raise ValueError(checks.refusal("forcing.kind", forcing.kind, accepted))
 
 
@@ -236,25 +236,32 @@ SHAPES = ("one-sine", "one-cosine", "n-sine", "symmetric-ricker", "antisymmetric
 
 @dataclasses.dataclass(frozen=True)
 class Pulse(TransientForcing):
-    """Pulse of base acceleration from τ = 0 on, A ψ(Ωτ), and 0 after it.
+    """Pulse A ψ(Ωτ) of base acceleration from τ = 0 on, and 0 after it.
 
-    Shapes, with z = Ωτ: "one-sine" sin z and "one-cosine" cos z for 0 ≤ z ≤ 2π; "n-sine" sin z for 0 ≤ z ≤ 2πn (N.
-    Makris, Y. Roussos, Géotechnique 50, 243-262, 2000; J. Zhang, N. Makris, J. Eng. Mech. 127, 473-483, 2001);
-    "symmetric-ricker" (1 - y²) exp(-y²/2), y = (z - z_0)/√2, and "antisymmetric-ricker" (y³ - 3y) exp(-y²/2)/1.3801, y
-    = (z - z_0)/√3 (M. F. Vassiliou, N. Makris, Bull. Seism. Soc. Am. 101, 596-618, 2011). Ricker pulses are cut at |y|
-    = 6.5, so z_0 is √2 or √3 times 6.5.
+    The shapes ψ are, with z = Ωτ,
+
+    * "one-sine": sin z for 0 ≤ z ≤ 2π,
+    * "one-cosine": cos z for 0 ≤ z ≤ 2π,
+    * "n-sine": sin z for 0 ≤ z ≤ 2πn,
+    * "symmetric-ricker": (1 - y²) exp(-y²/2) with y = z/√2 - 6.5, for |y| ≤ 6.5,
+    * "antisymmetric-ricker": (y³ - 3y) exp(-y²/2)/1.3801 with y = z/√3 - 6.5, for |y| ≤ 6.5.
 
     Parameters
     ----------
     shape : str
-        One of `SHAPES`.
+        One of the names above.
     amplitude : float
-        A, the peak, nondimensional, at least 0. Positive accelerates the base towards negative angles, and the block,
-        seen from the base, towards positive ones.
+        Peak A, nondimensional, at least 0. Where ψ is positive the base accelerates towards negative angles, which
+        pushes the block, as seen from its base, towards positive ones.
     frequency : float
-        Ω, above 0.
+        Angular frequency Ω, nondimensional, above 0.
     cycles : int, optional
-        n, up to 1000; for "n-sine" alone.
+        n, from 1 to 1000. Required for "n-sine", refused for other shapes.
+
+    References
+    ----------
+    Sine and cosine: N. Makris, Y. Roussos, Géotechnique 50, 243-262, 2000; J. Zhang, N. Makris, J. Eng. Mech. 127,
+    473-483, 2001. Ricker: M. F. Vassiliou, N. Makris, Bull. Seism. Soc. Am. 101, 596-618, 2011.
     """
 
     kind: ClassVar[str] = "pulse"
@@ -274,9 +281,13 @@ class Pulse(TransientForcing):
         if self.shape == "n-sine":
             _set(self, "cycles", checks.count("forcing.cycles", self.cycles))
             if self.cycles > _MOST_CYCLES:
-                raise ValueError(checks.refusal("forcing.cycles", self.cycles, f"up to {_MOST_CYCLES}"))
+                raise ValueError(
+                    checks.refusal("forcing.cycles", self.cycles, f"a whole number from 1 to {_MOST_CYCLES}")
+                )
         elif self.cycles is not None:
-            raise ValueError(checks.refusal("forcing.cycles", self.cycles, "nothing: shape 'n-sine' alone has cycles"))
+            raise ValueError(
+                checks.refusal("forcing.cycles", self.cycles, "nothing; only the shape 'n-sine' has cycles")
+            )
 
     @functools.cached_property
     def _wave(self):
