@@ -220,10 +220,12 @@ def _peer(text):
     if not 0.0 < interval < math.inf:
         raise ValueError(f"got DT = {found[2]}, accepted: a number above 0")
     _accept_count(count)
-    samples = _numbers(" ".join(lines[4:]).split())
-    if len(samples) != count:
-        raise ValueError(f"got {len(samples)} samples, accepted: the {count} that its fourth line states")
-    return float(interval), samples
+    words = " ".join(lines[4:]).split()
+    if len(words) != count:
+        # Numbers that are glued together make the count wrong, and tell more; the last one may be cut.
+        _numbers(words[:-1])
+        raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
+    return float(interval), _numbers(words)
 
 
 def _columns(text):
