@@ -7,7 +7,7 @@ equations under the same white noise with that envelope: paths, with 95 % interv
 its scales. Beside them stand paths under the band noise itself: where the forcing hardly lifts a block off, white noise
 overturns it too often. Below are the differences of the paths from the density.
 
-Run time: about six minutes on 2 cores, once the kernels are compiled; most of it is the density.
+Run time: about five minutes on 2 cores, once the kernels are compiled; most of it is the density.
 
     python cases/fragility_of_blocks.py --out results/fragility_of_blocks
 
@@ -124,7 +124,8 @@ def _draw(path, found, apart):
     """Draw a column for each block: curves, and below them the differences from the density."""
     shaken = f"The strong {END - BEGIN:g} s of the project's synthetic record (peak 0.35 g at scale 1)"
     noise = "noise of 0.8 m/s² from 0 to 8 Hz with an envelope"
-    notes = [f"{shaken} and {noise}, both times the scale. A block is followed until it rests or has overturned."]
+    followed = "A block is followed until it rests or has overturned. The density is solved at ×."
+    notes = [f"{shaken} and {noise}, both times the scale. {followed}"]
     for name, own in found.items():
         far, (low, high) = apart[name], apart[name]["interval"]
         notes.append(
@@ -133,7 +134,7 @@ def _draw(path, found, apart):
             f"{far['scale']:.3g}. {own['white'].describe(0)}"
         )
     notes.append("p: probability that counts drawn from the fitted lognormal curve depart from it as far.")
-    notes += dict.fromkeys(text for own in found.values() for text in own["white"].remarks)
+    notes += _remarks({name: own["white"].remarks for name, own in found.items()})
     with style.page(path, (16.0, 7.2 + 0.24 * len(notes)), "Fragility under a record plus noise", notes) as figure:
         panels = figure.subplots(2, len(found), sharex="col", sharey="row", height_ratios=(2.2, 1.0), squeeze=False)
         for (curves, rests), (name, own) in zip(panels.T, found.items(), strict=True):
@@ -142,16 +143,28 @@ def _draw(path, found, apart):
             width, height = BLOCKS[name]
             curves.set_title(f"{name}, {width:g} m × {height:g} m")
         panels[0, 0].set_ylabel("P(overturned)")
-        panels[1, 0].set_ylabel("difference from the density")
-        for first in panels[:, 0]:
-            first.legend(loc="best")
+        panels[1, 0].set_ylabel("difference from\nthe density")
+        # In the last column, where the curve leaves the lower right corner free.
+        panels[0, -1].legend(loc="lower right")
+        panels[1, -1].legend(loc="upper right")
+
+
+def _remarks(told):
+    """Return the remarks on the blocks, each kind once: of the first block that it is for, with the names of others."""
+    kinds = {}
+    for name, remarks in told.items():
+        for text in remarks:
+            kinds.setdefault(text.partition(":")[0], {})[name] = text
+    for (first, *others), texts in ((tuple(own), tuple(own.values())) for own in kinds.values()):
+        alike = len(set(texts)) == 1 and len(texts) == len(told)
+        yield texts[0] if alike else f"{first}: {texts[0]}" + f" ({', '.join(others)}: likewise.)" * bool(others)
 
 
 def _curves(axes, own):
     density, colours = own["density"], style.COLOURS
     fine = np.geomspace(density.scale[0], density.scale[-1], 200)
     line = PchipInterpolator(np.log(density.scale), density.overturned[0])(np.log(fine))
-    axes.plot(fine, line, color=colours[1], label="density, white noise (interpolated between ×)")
+    axes.plot(fine, line, color=colours[1], label="density, white noise")
     axes.plot(density.scale, density.overturned[0], "x", color=colours[1])
     looks = {"white": ("o", colours[0], "paths, the same white noise"), "exact": ("s", "0.5", "paths, band noise")}
     for engine, (marker, colour, label) in looks.items():

@@ -148,6 +148,11 @@ def test_rest_is_judged_at_the_scales_that_were_asked():
         found, scenes=(BLOCK, BLOCK), place=np.arange(2.0), probability=np.array([[[0.0, 0.2, 0.9]]] * 2)
     )
     assert any(text.endswith("(At scale 0.8.)") for text in twice.remarks)
+    # In a motion that does not repeat blocks rest up to a higher peak, and its densities have no filtered noise.
+    pulse = dataclasses.replace(BLOCK, forcing=Pulse("one-sine", 1.5, 3.0))
+    once = fragility(pulse, scale=(1.0, 1.2), times=[3.0], engine="white", realizations=20)
+    once = dataclasses.replace(once, probability=np.array([[[0.2, 0.3]]]))
+    assert any(text.endswith("mostly too low. Take Monte Carlo. (At scale 1.)") for text in once.remarks)
     # What holds at all scales alike has no scale.
     few = fragility(BLOCK.varied(noise={"harmonics": 5}), scale=(0.5, 2.0), cycles=1, engine="white", realizations=20)
     assert any(text.startswith("Few harmonics: ") and "scale" not in text for text in few.remarks)

@@ -138,12 +138,13 @@ def _closure_doubts(scene, survival, averaged, filtered):
         return
     low, high = noise.band
     spread = equivalence.realized_spread(noise, scene.block.restitution)
-    if scene.forcing.largest <= equivalence.LIFTED and survival[-1] < equivalence.STANDING and not filtered:
+    lifted = equivalence.LIFTED if scene.period is not None else equivalence.LIFTED_ONCE
+    if scene.forcing.largest <= lifted and survival[-1] < equivalence.STANDING and not filtered:
         sentence = (
             f"Not to be trusted where blocks rest: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts the "
             "block off, so under band noise it rests now and then; under white noise it never does, and survival was "
-            f"found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Take Monte Carlo, or solve_fpk with "
-            'closure="filtered".'
+            f"found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Take Monte Carlo"
+            + (', or solve_fpk with closure="filtered".' if scene.repeats else ".")
         )
         yield Doubt(UNUSABLE, sentence)
     if part < equivalence.TRUSTED_COVER and filtered:
