@@ -73,7 +73,7 @@ def refused(call, *names):
         message = str(error)
         assert type(error) in {TypeError, ValueError}, message
         known = "|".join(re.escape(name) + (r"\w*" if name.endswith(".") else "") for name in names)
-        named = re.match(rf"({known})(\[\d\])*[:, ]", message)
+        named = re.match(rf"({known})(\[(\d|'.*')\])*[:, ]", message)
         assert named, f"{message!r} does not begin with one of {names}"
         assert re.search(r": got |: missing|: unknown|, accepted: ", message), message
         return True

@@ -121,7 +121,7 @@ GIVEN = {
     "--times": ODD,
     "--seed": ODD,
     "--tol": ODD,
-    "--workers": st.sampled_from(["0", "-1", "1", "1.0", "two"]),
+    "--workers": st.sampled_from(["0", "-1", "1", "1.0", "two", "1e400"]),
     "--store": st.sampled_from(["", ".", "scene.toml", "no\nline", "a/b.jsonl", "/dev/full", "/proc/none"]),
     "--keep-noise": st.none(),
     "--out": st.sampled_from(["scene.toml", "out", "/proc/none", ""]),
