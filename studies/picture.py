@@ -13,7 +13,7 @@ from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 from studies.lognormal import P_VALUE
 
-__all__ = ["curves_figure", "draw_map", "draw_surface", "small_figure", "surface_figure"]
+__all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "small_figure", "surface_figure"]
 
 NAMES = {
     "size": "half diagonal R, m",
@@ -111,8 +111,8 @@ def draw_map(axes, across, up, probability):
     lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
     axes.clabel(lines, fmt="%g")
     axes.grid(visible=False)
-    _logarithmic(axes.set_xscale, axes.xaxis)
-    _logarithmic(axes.set_yscale, axes.yaxis)
+    logarithmic(axes.set_xscale, axes.xaxis)
+    logarithmic(axes.set_yscale, axes.yaxis)
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
     return filled
 
@@ -142,7 +142,7 @@ def _curves(axes, result, m, shown):
         _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
     # Set, for there may be no answer at all, and nothing that a logarithmic axis could begin with.
     axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03), xlabel="scale of the shaking")
-    _logarithmic(axes.set_xscale, axes.xaxis)
+    logarithmic(axes.set_xscale, axes.xaxis)
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
@@ -155,7 +155,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
-def _logarithmic(set_scale, axis):
+def logarithmic(set_scale, axis):
     """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten."""
     from matplotlib.ticker import LogLocator, NullLocator
 

@@ -13,7 +13,7 @@ import numpy as np
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
-from fpk_rocking.results.remarks import doubts, remarks
+from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
@@ -21,6 +21,7 @@ from montecarlo.results.sample import certain
 from montecarlo.results.statistics import wilson_interval
 from studies.lognormal import LognormalFit, fit_lognormal
 from studies.measures import Intensities, intensities
+from studies.scenes import scaled
 
 _LAYOUT = Layout(
     {
@@ -187,18 +188,36 @@ class Fragility(Shown):
     @property
     def remarks(self) -> list[str]:
         """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
-        of = [sentence for told in self._told for sentence in remarks(told)]
+        of = [getattr(scene.noise, "remark", "") for scene in self.scenes]
+        of += [self.closure, *(doubt.sentence for found in self._doubts for doubt in found)]
         kinds = {}
-        for sentence in dict.fromkeys(of):
-            kinds.setdefault(sentence.partition(":")[0], []).append(sentence)
+        for sentence in filter(None, dict.fromkeys(of)):
+            kinds.setdefault(_kind(sentence), []).append(sentence)
         found = [one + f" (Other scenes: {len(more)} likewise.)" * bool(more) for one, *more in kinds.values()]
         return found + [doubt.sentence for doubt in self._unanswered]
 
-    @property
-    def _told(self):
-        most = np.nan_to_num(self.overturned).max(axis=1)
-        rests = self.engine == "filtered"
-        return [_Told(scene, self.closure, (1.0 - part,), rests) for scene, part in zip(self.scenes, most, strict=True)]
+    @functools.cached_property
+    def _doubts(self):
+        """What speaks against the curves of each scene, a list (m) of lists: each kind once, with its scale."""
+        return [self._doubts_of(*place) for place in enumerate(self.scenes)]
+
+    def _doubts_of(self, m, scene):
+        # Survival is judged by the lowest cut-off, and a kind is told as of the scale that overturns most of its own.
+        reached, rests = np.nan_to_num(self.probability[m]).max(axis=0), self.engine == "filtered"
+        kinds = {}
+        for n in np.argsort(-reached, kind="stable"):
+            shaken = scaled(scene, self.scale[n], noise=self.noise_scaled)
+            for doubt in doubts(_Told(shaken, self.closure, (1.0 - reached[n],), rests)):
+                kinds.setdefault(_kind(doubt.sentence), []).append((self.scale[n], doubt))
+        return [self._with_scale(found) for found in kinds.values()]
+
+    def _with_scale(self, found):
+        """Return the first of the doubts of a kind; it says at which scale, unless it is the same at all."""
+        (scale, first), *others = found
+        if len(found) == len(self.scale) and len({doubt for _, doubt in found}) == 1:
+            return first
+        more = f", and at {len(others)} other scale{'s' * (len(others) > 1)}" * bool(others)
+        return first._replace(sentence=f"{first.sentence} (At scale {scale:.3g}{more}.)")
 
     @property
     def _unanswered(self):
@@ -221,8 +240,7 @@ class Fragility(Shown):
     @functools.cached_property
     def trust(self) -> Trust:
         """Verdict with its reasons: "ok", "caution" or "do not use"."""
-        found = [doubt for told in self._told for doubt in doubts(told)]
-        return trust_of(self.facts, self._unanswered + found)
+        return trust_of(self.facts, self._unanswered + [doubt for found in self._doubts for doubt in found])
 
     @property
     def headline(self) -> str:
@@ -375,7 +393,7 @@ class Fragility(Shown):
 
 
 class _Told(NamedTuple):
-    """A scene as `remarks` takes a result; its survival is that at the scale which overturns most."""
+    """A scene at one scale as `fpk_rocking.results.remarks.doubts` takes a result."""
 
     scene: Scene
     closure: str
@@ -383,6 +401,11 @@ class _Told(NamedTuple):
     atom: bool
     averaged: bool = False
     facts: Mapping = MappingProxyType({})
+
+
+def _kind(sentence):
+    """Return what sentences of one kind share: what stands before the first colon."""
+    return sentence.partition(":")[0]
 
 
 def _limits(interval):

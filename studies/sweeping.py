@@ -248,9 +248,7 @@ def sweep(
 def checked_scenes(name, scenes):
     """Return a tuple of scenes, at least one."""
     accepted = "one or more scenes"
-    if isinstance(scenes, str | bytes) or not hasattr(scenes, "__iter__"):
-        raise TypeError(checks.refusal(name, scenes, accepted))
-    scenes = tuple(scenes)
+    scenes = checks.sequence(name, scenes, accepted)
     if not scenes:
         raise ValueError(checks.refusal(name, scenes, accepted))
     return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))

@@ -14,15 +14,20 @@ from test_cases_montecarlo import written
 DOCUMENT = pathlib.Path(__file__).parents[1] / "docs" / "fragility.md"
 
 
-def test_blocks(case, tmp_path):
-    coarse = {"scales": (0.6, 1.2, 2.4), "density_scales": (1.2,), "realizations": 1500}
-    values = case("fragility_of_blocks").run(tmp_path, **coarse)
-    paths, density = np.array(values["paths"]["overturned"]), np.array(values["density"]["overturned"])
-    assert paths.shape == (3, 3)
-    assert np.all(paths[0] >= paths[2])  # a bookcase before a statue
-    # What white noise in place of 400 harmonics costs: at most .03 more (docs/paper.md), here with the estimate.
-    spread = 4.5 * np.sqrt(0.25 / 1500) + np.array(values["density"]["error_estimate"])[:, 0, 0] + 0.03
-    assert np.all(np.abs(paths[:, 1] - density[:, 0]) < spread)
+def test_blocks(case, tmp_path, monkeypatch):
+    """Paths and density under the same white noise, in the first three seconds of the motion."""
+    module = case("fragility_of_blocks")
+    monkeypatch.setattr(module, "END", module.BEGIN + 3.0)
+    scales = {"bookcase": (0.6, 0.7, 0.8)}
+    values = module.run(tmp_path, blocks=("bookcase",), scales=scales, realizations=2000, tol=5e-2)
+    block = values["blocks"]["bookcase"]
+    paths, density = (np.array(block[engine]["overturned"][0]) for engine in ("white", "density"))
+    assert (paths.shape, density.shape) == ((3,), (2,))
+    apart, estimate = paths[::2] - density, np.array(block["density"]["error_estimate"])[0, 0]
+    assert np.all(np.abs(apart) < 4.5 * np.sqrt(density * (1.0 - density) / 2000) + estimate)
+    told = block["largest_difference"]
+    assert abs(told["difference"]) == np.abs(apart).max()
+    assert told["interval"][0] < told["difference"] < told["interval"][1]
     assert written(tmp_path, "blocks", values)
 
 
@@ -60,7 +65,7 @@ def test_command_lines_of_the_cases(case, name, monkeypatch):
     def run(out, **options):
         asked.update(out=str(out), **options)
         return {key: {"engine": "", "axis": "", "wall_s": 0.0, "fits": [], "place": []} for key in KEYS} | {
-            "blocks": []
+            "blocks": {}
         }
 
     monkeypatch.setattr(module, "run", run)

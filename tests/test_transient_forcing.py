@@ -249,6 +249,11 @@ BAD_PEER = {
     "one sample": (peer(NEW, SAMPLES[:1]), "got 1 samples, accepted: 2 to"),
     "many samples": (peer(NEW, SAMPLES, 10_000_000), f"got 10000000 samples, accepted: 2 to {MOST}"),
     "short": ("a\nb\n", "got 2 lines"),
+    "count of many digits": (peer(NEW, SAMPLES, "9" * 5000), "got the fourth line 'NPTS=   9*', accepted: 'NPTS= n"),
+    "interval of Fortran": (peer(NEW.replace(".0100", "1.0D-2"), SAMPLES), "got '1.0D-2', accepted: finite numbers"),
+    "samples of Fortran": (peer(NEW, SAMPLES).replace("E-", "D-"), r"got '-?[\d.]*D-\d\d', accepted: finite numbers"),
+    "glued": (NEW.format(n=3) + "0.1-0.2 0.3", "got '0.1-0.2', accepted: finite numbers"),
+    "underscore": (NEW.format(n=2) + "1_0 2", "got '1_0', accepted: finite numbers"),
 }
 BAD_COLUMNS = {
     "three columns": ("0 1 2\n1 1 2\n", "got a line of 3 columns"),
@@ -259,6 +264,10 @@ BAD_COLUMNS = {
     "nan": ("0.00 1\n0.01 nan\n", "got 'nan', accepted: finite numbers"),
     "words": ("time acc\n0.0 1\n", "got 'time', accepted: finite numbers"),
     "one line": ("0.0 1\n", "got 1 samples"),
+    "glued": ("0.0 1\n0.1-0.2\n", "got a line of 1 columns"),
+    "semicolons": ("0.0;1\n0.1;2\n", "got a line of 1 columns"),
+    "decimal commas": ("0,0 1,0\n0,1 2,0\n", "got a line of 4 columns"),
+    "Fortran": ("0.0 1.D-2\n0.1 1.D-3\n", r"got '1\.D-2', accepted: finite numbers"),
 }
 
 

@@ -86,7 +86,7 @@ def count(name, value, at_least=1):
 def several(name, value, *, most, **bounds):
     """Return a tuple of 1 to `most` finite floats, each within the bounds of `number`."""
     accepted = f"a list of 1 to {most} numbers"
-    items = _items(name, value, accepted)
+    items = sequence(name, value, accepted)
     if not 1 <= len(items) <= most:
         raise ValueError(refusal(name, value, accepted))
     return tuple(number(f"{name}[{i}]", item, **bounds) for i, item in enumerate(items))
@@ -94,13 +94,14 @@ def several(name, value, *, most, **bounds):
 
 def vector(name, value, accepted):
     """Return two finite floats from a sequence of two numbers; `accepted` completes the message."""
-    items = _items(name, value, accepted)
+    items = sequence(name, value, accepted)
     if len(items) != 2:
         raise ValueError(refusal(name, value, accepted))
     return number(f"{name}[0]", items[0]), number(f"{name}[1]", items[1])
 
 
-def _items(name, value, accepted):
+def sequence(name, value, accepted):
+    """Return a tuple of what a sequence holds, or raise TypeError where the value is none, or a text."""
     if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 1) == 0:
         raise TypeError(refusal(name, value, accepted))
     return tuple(value)

@@ -24,8 +24,9 @@ WORST = 0.26
 TRUSTED_SPREAD = 0.3
 EXCESS = 0.4
 # Where |f| of the forcing alone is at most LIFTED blocks rest under band noise between lift-offs; white noise lets none
-# rest, and survival differs by up to RESTLESS within 10 cycles, unless next to all stand either way.
-LIFTED = 1.1
+# rest, and survival differs by up to RESTLESS within 10 cycles, unless next to all stand either way. A motion that does
+# not repeat is for most of its time below its peak: blocks rest in it up to LIFTED_ONCE.
+LIFTED, LIFTED_ONCE = 1.1, 1.6
 STANDING = 0.99
 RESTLESS = 0.28
 

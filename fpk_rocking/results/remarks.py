@@ -139,12 +139,13 @@ def _closure_doubts(scene, survival, averaged, filtered):
         return
     low, high = noise.band
     spread = equivalence.realized_spread(noise, scene.block.restitution)
-    if scene.forcing.largest <= equivalence.LIFTED and survival[-1] < equivalence.STANDING and not filtered:
+    lifted = equivalence.LIFTED if scene.period is not None else equivalence.LIFTED_ONCE
+    if scene.forcing.largest <= lifted and survival[-1] < equivalence.STANDING and not filtered:
         sentence = (
             f"Not to be trusted, as the block rests: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts "
             "it off. Under band noise it rests now and then, under the white noise that was solved for never. In such "
-            f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo, or "
-            "the closure 'filtered'."
+            f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo"
+            + (", or the closure 'filtered'." if scene.repeats else ".")
         )
         yield Doubt(UNUSABLE, sentence)
     if part < equivalence.TRUSTED_COVER and filtered:

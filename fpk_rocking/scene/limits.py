@@ -22,6 +22,12 @@ _RANGES = {
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),
     "noise.frequency": (1e-3, 1e4),
+    "noise.envelope.rise": (1e-5, 1e5),
+    "noise.envelope.hold": (1e-5, 1e5),
+    "noise.envelope.decay": (1e-5, 1e5),
+    "noise.envelope.peak": (1e-5, 1e5),
+    "noise.envelope.times": (1e-5, 1e5),
+    "noise.envelope.values": (0.0, 1e4),
     "start.angle": (1e-30, 1e4),
     "start.velocity": (1e-30, 1e4),
     "overturning.angle": (1e-2, 1e4),
@@ -50,9 +56,10 @@ def check(scene):
         A value is out of the engines' range; the message names it.
     """
     for name, (low, high) in _RANGES.items():
-        part, _, field = name.partition(".")
-        values = getattr(getattr(scene, part), field, ())
-        none = low > 0.0 and part in {"noise", "start"}
+        values = scene
+        for field in name.split("."):
+            values = getattr(values, field, ())
+        none = low > 0.0 and name.startswith(("noise.", "start."))
         for value in values if isinstance(values, tuple) else (values,):
             if not (low <= abs(value) <= high or (none and value == 0.0)):
                 accepted = f"an absolute value from {low:g} to {high:g}" + (", or 0" if none else "") + _BY

@@ -18,7 +18,9 @@ from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoN
 from fpk_rocking.scene.text import read_part, table_of
 from fpk_rocking.scene.units import Dimensions
 
-_SHIPPED = pathlib.Path(__file__).parents[1] / "scenes"
+_PACKAGE = pathlib.Path(__file__).parents[1]
+_SHIPPED = _PACKAGE / "scenes" if (_PACKAGE / "scenes").is_dir() else _PACKAGE.parent / "cases" / "scenes"
+"""Scenes of the package: within it in a wheel, beside it in a checkout or a source distribution."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

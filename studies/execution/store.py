@@ -38,9 +38,11 @@ class Store:
     """
 
     def __init__(self, path, about, cells):
-        self.path, self.rows = path and checks.path("store", path), {}
+        self.path, self.rows = None if path is None else checks.path("store", path), {}
         if self.path is None:
             return
+        if self.path.exists() and not self.path.is_file():
+            raise ValueError(checks.refusal("store", str(self.path), "a file, made where it is missing"))
         header = _text({"format": _FORMAT} | about)
         if not self.path.exists():
             write_text(self.path, header)

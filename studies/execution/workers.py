@@ -74,7 +74,7 @@ def _pooled(verb, cells, options, count):
     while left:
         packs = _packs(list(left.values()))
         try:
-            with _pool(count) as pool:
+            with _pool(min(count, len(packs))) as pool:
                 for row in _handed(pool, verb, left.values(), options):
                     del left[row["cell"]]
                     yield row

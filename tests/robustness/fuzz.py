@@ -16,7 +16,21 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fpk_rocking import BandNoise, Block, Dimensions, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking import (
+    BandNoise,
+    Block,
+    Dimensions,
+    Forcing,
+    NoNoise,
+    Overturning,
+    Pulse,
+    Record,
+    Scene,
+    Start,
+    WhiteNoise,
+)
+from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
+from fpk_rocking.physics.forcing.transient import SHAPES
 
 LONGEST = 20.0
 """Seconds of all threads together; a machine that pauses does not count."""
@@ -59,7 +73,7 @@ def refused(call, *names):
         message = str(error)
         assert type(error) in {TypeError, ValueError}, message
         known = "|".join(re.escape(name) + (r"\w*" if name.endswith(".") else "") for name in names)
-        named = re.match(rf"({known})(\[\d\])*[:, ]", message)
+        named = re.match(rf"({known})(\[(\d|'.*')\])*[:, ]", message)
         assert named, f"{message!r} does not begin with one of {names}"
         assert re.search(r": got |: missing|: unknown|, accepted: ", message), message
         return True
@@ -111,6 +125,13 @@ def logarithmic(low, high):
     return st.floats(low, high).map(lambda power: 10.0**power)
 
 
+SEVERAL = st.lists(st.floats(0.0, 3.0) | NUMBERS, max_size=4)
+
+TABLES = {"band": "noise", "white": "noise", "pulse": "forcing", "record": "forcing"} | dict.fromkeys(
+    ("trapezoid", "exponential", "table"), "noise.envelope"
+)
+"""Tables of a scene file in which parts of these names stand, where they are not called so."""
+
 PARTS = {
     "block": (Block, {"restitution": ANYTHING, "dimensions": st.one_of(st.none(), ANYTHING)}),
     "block.dimensions": (Dimensions, {"width": ANYTHING, "height": ANYTHING, "gravity": ANYTHING}),
@@ -122,7 +143,19 @@ PARTS = {
         {"angle": ANYTHING, "velocity": ANYTHING, "covariance": st.one_of(ANYTHING, st.lists(ANYTHING, max_size=3))},
     ),
     "overturning": (Overturning, {"angle": ANYTHING}),
-}
+    "pulse": (
+        Pulse,
+        {"shape": ANYTHING | st.sampled_from(SHAPES), "amplitude": ANYTHING, "frequency": ANYTHING, "cycles": ANYTHING},
+    ),
+    "record": (
+        Record,
+        {"interval": ANYTHING, "samples": ANYTHING | st.lists(NUMBERS, max_size=4),
+         "units": ANYTHING | st.sampled_from(["g", "m/s2", "cm/s2"]), "scale": ANYTHING},
+    ),
+    "trapezoid": (Trapezoid, {"rise": ANYTHING, "hold": ANYTHING, "decay": ANYTHING}),
+    "exponential": (Exponential, {"peak": ANYTHING}),
+    "table": (Table, {"times": ANYTHING | SEVERAL, "values": ANYTHING | SEVERAL}),
+}  # fmt: skip
 """Class and strategies of the parameters of every part of a scene."""
 
 GOOD = {
@@ -133,7 +166,17 @@ GOOD = {
     "white": {"diffusion": 0.006},
     "start": {},
     "overturning": {},
+    "pulse": {"shape": "one-sine", "amplitude": 2.0, "frequency": 3.0},
+    "record": {"interval": 0.01, "samples": (0.1, -0.3, 0.2), "units": "g"},
+    "trapezoid": {"rise": 1.0, "hold": 2.0, "decay": 0.5},
+    "exponential": {"peak": 2.0},
+    "table": {"times": (0.0, 1.0), "values": (0.5, 1.0)},
 }
+
+
+def made(part):
+    """Return a part in which nothing is wrong."""
+    return PARTS[part][0](**GOOD[part])
 
 
 def scene(**parts):

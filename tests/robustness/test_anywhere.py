@@ -60,6 +60,11 @@ def test_the_wheel_of_the_sdist_runs_outside_the_checkout(tmp_path):
     with tarfile.open(archive) as packed:
         packed.extractall(tmp_path / "source", filter="data")
     (source,) = (tmp_path / "source").iterdir()
+    # What an installation that points to the unpacked sources (pip install -e) finds there.
+    found = run(
+        sys.executable, "-c", "import fpk_rocking as f; print(f.load_scene('record').period, f.__file__)", cwd=source
+    )
+    assert found.split() == ["None", str(source / "fpk_rocking" / "__init__.py")]
     run(*build, "-t", "wheel", "-d", tmp_path / "wheel", cwd=source)
     (wheel,) = (tmp_path / "wheel").iterdir()
 

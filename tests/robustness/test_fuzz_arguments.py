@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import Record, load_scene, solve_fpk
 from fpk_rocking.density import Evolution
 from fpk_rocking.density.space.space import Space
 from montecarlo import (
@@ -23,6 +23,7 @@ from montecarlo import (
     split,
     tally,
 )
+from studies import fragility, grid, sweep
 
 BAND = fuzz.scene(noise=fuzz.BandNoise(0.04, (0.0, 10.0), 3))
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
@@ -65,10 +66,24 @@ SOLVE = {
     "scene": WRONG_SCENES, "cycles": fuzz.NOT_COUNTS | TOO_MANY, "progress": WRONG_PROGRESS,
     "tol": st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(max_value=9e-5)),
 }  # fmt: skip
+STUDY = {
+    "workers": fuzz.NOT_COUNTS, "store": OTHER_PATHS, "progress": WRONG_PROGRESS,
+    "seed": WRONG_SEEDS.filter(lambda x: not isinstance(x, int) or x < 2**64),
+}  # fmt: skip
 BINS = {"cycle": WRONG_CYCLES, "angle_edges": WRONG_EDGES, "velocity_edges": WRONG_EDGES}
 BINNED = {"cycle": 1, "angle_edges": EDGES, "velocity_edges": EDGES}
 KEPT = {"cycle": 1, "angle_edges": TALLY.counts.angle_edges, "velocity_edges": TALLY.counts.velocity_edges}
 WRONG_ENSEMBLES = st.one_of(fuzz.NOT_NUMBERS, st.just(WHITE), st.just(EVOLUTION))
+
+NO_LISTS = GIVEN.filter(lambda x: not isinstance(x, list | tuple | np.ndarray))
+WRONG_HEIGHTS = st.one_of(
+    NO_LISTS, fuzz.NOT_FINITE, fuzz.NUMBERS, st.lists(st.floats(max_value=0.0) | st.just("1"), min_size=1, max_size=3)
+)
+WRONG_SCALES = WRONG_HEIGHTS | st.sampled_from([[], [1.0, 1.0], [math.nan], [1.0, math.inf]])
+WRONG_OVER = st.one_of(
+    GIVEN.filter(lambda x: x != {}), fuzz.NUMBERS, st.dictionaries(st.text(max_size=4), st.just([1.0]), min_size=1),
+    st.sampled_from([{}, {"size": [1.0]}, {"noise.kind": [1.0]}, {"forcing.phase": []}]),
+)  # fmt: skip
 
 SAMPLES = fuzz.NOT_COUNTS.filter(lambda value: value is not None) | TOO_MANY
 
@@ -117,11 +132,32 @@ ENTRIES = {
     "Evolution.at": (EVOLUTION.at, {"cycle": 1}, {"cycle": WRONG_CYCLES}),
     "solve_fpk": (solve_fpk, {"scene": WHITE, "cycles": 1, "tol": 1e-2}, SOLVE),
     "load_scene": (load_scene, {}, {"path": WRONG_PATHS}),
+    "Record.from_file": (Record.from_file, {"units": "g"}, {"path": WRONG_PATHS}),
+    "fragility": (
+        fragility,
+        {"scale": [0.5, 1.0]} | SMALL | {"scene": BAND},
+        STUDY | {"scene": WRONG_SCENES, "scale": WRONG_SCALES, "cycles": fuzz.NOT_COUNTS, "engine": WRONG_METHODS,
+         "realizations": fuzz.NOT_COUNTS, "levels": WRONG_HEIGHTS, "over": WRONG_OVER | st.just({"scale": [1.0]}),
+         "times": GIVEN | fuzz.NUMBERS},
+    ),
+    "sweep": (
+        sweep,
+        {"scenes": [BAND]} | SMALL,
+        STUDY | {"scenes": WRONG_SCENES, "verb": WRONG_METHODS.filter(lambda x: not callable(x))},
+    ),
+    "grid": (grid, {"scene": BAND, "axes": {"forcing.phase": [1.0]}}, {"scene": WRONG_SCENES, "axes": WRONG_OVER}),
 }  # fmt: skip
 for result in (EVOLUTION, ENSEMBLE, TALLY, HISTORIES):
     for method in (result.save, type(result).load):
         ENTRIES[f"{type(result).__name__}.{method.__name__}"] = (method, {}, {"path": WRONG_PATHS})
-ALSO = {"cycles": ("realizations", "walkers"), "samples_per_cycle": ("realizations",), "repeats": ("realizations",)}
+ALSO = {
+    "over": ("axes", "parameter", "forcing.", "noise."),
+    "axes": ("parameter", "forcing.", "noise."),
+    "path": ("forcing.file",),
+    "cycles": ("realizations", "walkers"),
+    "samples_per_cycle": ("realizations",),
+    "repeats": ("realizations",),
+}
 """Other names that a refusal may bear: a product of two is too large."""
 
 

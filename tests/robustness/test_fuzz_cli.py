@@ -19,6 +19,7 @@ from test_fuzz_scenes import spoiled_texts
 
 import fpk_rocking.density
 from fpk_rocking import cli
+from fpk_rocking.results.times import result_times
 
 SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006)).to_toml()
 FEW = {"mc": ["--cycles", "1", "--realizations", "3"], "fpk": ["--cycles", "1"]}
@@ -62,15 +63,18 @@ def check(status, out, err, as_json):
         assert err.startswith("fpk-rocking")
         assert len(err) > len("fpk-rocking mc: \n"), err
     elif as_json and not out.startswith("usage"):
-        assert 0.0 <= json.loads(out)["survival"][-1] <= 1.0
+        found = json.loads(out)
+        known = found["survival"][-1:] if "survival" in found else found["overturned"][0]
+        assert all(share is None or 0.0 <= share <= 1.0 for share in known)
 
 
-def solve_fpk(scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progress=None):  # noqa: ARG001
+def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closure="white", progress=None):  # noqa: ARG001
     """Refuse what the solver refuses, and return a result of a known law."""
     fpk_rocking.density.refusals.refuse_unsolvable(scene.white_equivalent())
-    if cycles > 50:
-        raise ValueError("cycles: got more than this stand-in takes, accepted: up to 50")
-    return fakes.FakeEvolution(scene, cycles=fpk_rocking.density.solver.checks.count("cycles", cycles))
+    rows = len(result_times(scene, cycles, times)) - 1 if cycles is None or cycles <= 50 else 51
+    if rows > 50 or scene.period is None:
+        raise ValueError("cycles: got what this stand-in does not take, accepted: up to 50 cycles")
+    return fakes.FakeEvolution(scene, cycles=rows)
 
 
 @pytest.fixture
@@ -95,13 +99,76 @@ def test_any_arguments(examples, folder):
     assert not list(folder.rglob(".*"))
 
 
+LISTS = st.one_of(
+    st.sampled_from(
+        ["1,2", "0.5:2:3", "1", "2:1:3", "1:2", "1:2:0", "1:2:99999", "0:1:3", "1e-320:1e308:3", ",", "1,,2", ":"]
+    ),
+    st.sampled_from(
+        ["1,1", "-1", "nan", "inf:1:2", "1:inf:2", "1:2:3:4", "1;2", "1 2", "1e400", "0x1", "1_0,2_0", "٣"]
+    ),
+    st.lists(st.floats(), min_size=1, max_size=3).map(lambda values: ",".join(map(str, values))),
+    ODD,
+)
+NAMES = ["size", "scale", "width", "forcing.amplitude", "forcing.kind", "noise", "noise.", "noise.kind"]
+NAMES += ["start.covariance", "noise.harmonics", "noise.envelope", "noise.variance", "block.dimensions", ".", "", "σ"]
+OVER = st.tuples(st.sampled_from(NAMES), LISTS).map("=".join) | LISTS | st.sampled_from(NAMES)
+GIVEN = {
+    "--scales": LISTS,
+    "--levels": LISTS,
+    "--over": OVER,
+    "--engine": st.sampled_from(["exact", "rk4", "white", "filtered", "density", "Exact"]) | ODD,
+    "--cycles": ODD,
+    "--times": ODD,
+    "--seed": ODD,
+    "--tol": ODD,
+    "--workers": st.sampled_from(["0", "-1", "1", "1.0", "two", "1e400"]),
+    "--store": st.sampled_from(["", ".", "scene.toml", "no\nline", "a/b.jsonl", "/dev/full", "/proc/none"]),
+    "--keep-noise": st.none(),
+    "--out": st.sampled_from(["scene.toml", "out", "/proc/none", ""]),
+}
+"""Options of ``fragility`` with what is given for them."""
+
+
+@fuzz.sizes(100, 2000)
+def test_any_arguments_of_fragility(examples, folder):
+    """Of scenes whose forcing repeats and of a pulse."""
+    (folder / "pulse.toml").write_text(fuzz.scene(forcing=fuzz.made("pulse")).to_toml(), encoding="utf-8")
+    few = {"scene.toml": ["--cycles", "1"], "pulse.toml": []}
+
+    def claim(scene, options):
+        given = ["fragility", scene, "--scales", "0.5,2", "--realizations", "3", "--json", *few[scene]]
+        for name, value in options:
+            given += [name] + [value] * (value is not None)
+        check(*run(*given), as_json=True)
+
+    pairs = st.sampled_from(sorted(GIVEN)).flatmap(lambda name: st.tuples(st.just(name), GIVEN[name]))
+    small = pairs.filter(lambda pair: pair[0] != "--cycles" or not pair[1].isdigit() or len(pair[1]) > 30)
+    options = st.lists(small, min_size=1, max_size=3)
+    fuzz.hold(examples, claim, scene=st.sampled_from(sorted(few)), options=options)
+
+
+@fuzz.sizes(60, 1000)
+def test_any_times(examples, folder):
+    scenes = {"periodic.toml": fuzz.scene(), "pulse.toml": fuzz.scene(forcing=fuzz.made("pulse"))}
+    for name, scene in scenes.items():
+        (folder / name).write_text(scene.to_toml(), encoding="utf-8")
+
+    def claim(scene, times, more):
+        check(*run("mc", scene, "--realizations", "3", "--json", "--times", *times, *more), as_json=True)
+
+    times = st.lists(ODD | st.floats(0.0, 20.0).map(str), max_size=3) | st.sampled_from([["1", "1"], ["2", "1"], ["0"]])
+    more = st.sampled_from([[], [], ["--cycles", "2"]])
+    fuzz.hold(examples, claim, scene=st.sampled_from(sorted(scenes)), times=times, more=more)
+
+
 @fuzz.sizes(100, 1500)
 def test_any_scene_file(examples, folder):
     path = folder / "any.toml"
 
     def claim(text, command, as_json):
         path.write_bytes(text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text)
-        status, out, err = run(command, path, *FEW[command], *as_json)
+        lasting = ["--realizations", "3"] * (command == "mc") if b"pulse" in path.read_bytes() else FEW[command]
+        status, out, err = run(command, path, *lasting, *as_json)
         check(status, out, err, as_json)
         assert status == 0 or err.startswith(f"fpk-rocking {command}: ")
 

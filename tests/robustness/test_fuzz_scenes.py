@@ -10,11 +10,17 @@ from hypothesis import strategies as st
 
 from fpk_rocking import Scene, Start
 
-NAMES = ("block", "block.dimensions", "forcing", "noise", "start", "overturning")
+NAMES = ("block", "block.dimensions", "forcing", "noise", "noise.envelope", "start", "overturning")
 TEXTS = [
     fuzz.scene().to_toml(),
     fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.002), (0.002, 0.02)))).to_toml(),
     fuzz.scene(block=fuzz.Block(0.7, fuzz.Dimensions(0.4, 1.7)), noise=fuzz.BandNoise(0.04, (0.0, 10.0), 9)).to_toml(),
+    fuzz.scene(forcing=fuzz.made("pulse"), noise=fuzz.WhiteNoise(0.01, fuzz.made("trapezoid"))).to_toml(),
+    fuzz.scene(
+        block=fuzz.Block(dimensions=fuzz.Dimensions(0.4, 1.7)),
+        forcing=fuzz.made("record"),
+        noise=fuzz.BandNoise(0.04, (0.0, 10.0), 9, envelope=fuzz.made("table")),
+    ).to_toml(),
 ]
 VALUES = st.one_of(
     st.sampled_from(
@@ -87,11 +93,12 @@ def test_any_text(examples):
 def test_parts_take_or_name_any_value(examples, part):
     """One parameter after another, and all at once: refused by its own name, or finite in the end."""
     cls, strategies = fuzz.PARTS[part]
-    table = {"band": "noise", "white": "noise"}.get(part, part)
+    table = fuzz.TABLES.get(part, part)
 
     def claim(values):
         made = []
-        names = [f"{table}.{name}" for name in values]
+        # What an envelope refuses of all its times together bears the envelope's name.
+        names = [f"{table}.{name}" for name in values] + [table] * (part == "trapezoid")
         if not fuzz.refused(lambda: made.append(cls(**fuzz.GOOD[part] | values)), *names):
             assert repr(made[0]).count("nan") == repr(made[0]).count("inf") == 0
 

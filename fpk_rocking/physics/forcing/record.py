@@ -1,5 +1,6 @@
 """Forcing by a recorded motion of the base, linear between samples, and the files that such records come in."""
 
+import codecs
 import dataclasses
 import functools
 import math
@@ -116,8 +117,9 @@ class Record(TransientForcing):
 
     @functools.cached_property
     def forces(self) -> Array:
-        """Nondimensional force at the samples, shape (n,)."""
-        return self._size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
+        """Nondimensional force at the samples, shape (n,); what overflows is refused with all that is too strong."""
+        with np.errstate(over="ignore"):
+            return self._size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
 
     @functools.cached_property
     def unit(self) -> float:
@@ -177,6 +179,9 @@ def _text(path):
     """Read a text file of a size that a record can have."""
     try:
         size = path.stat().st_size
+        # A device or a pipe may never end.
+        if not path.is_file():
+            raise OSError("it is no file")
         if size > _MOST_BYTES:
             accepted = f"at most {_MOST_BYTES} bytes, and {MOST} samples"
             raise ValueError(f"forcing.file: {str(path)!r}: got {size} bytes, accepted: {accepted}")
@@ -189,12 +194,13 @@ def _text(path):
         raise ValueError(f"forcing.file: {str(path)!r}: got an empty file, accepted: a record")
     if b"\0" in data:
         raise ValueError(f"forcing.file: {str(path)!r}: got binary data, accepted: a text file")
-    return data.decode("latin-1")
+    return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 
+# The letter of an exponent may be Fortran's D here, so that what is refused is the number and not a part of it.
 _HEADERS = (
-    re.compile(r"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*([-+.\deE]+)", re.IGNORECASE),
-    re.compile(r"^\s*(\d+)\s+([-+.\deE]+)\s+NPTS\s*,\s*DT", re.IGNORECASE),
+    re.compile(r"NPTS\s*=\s*(\d{1,9})\s*,?\s*DT\s*=\s*([-+.\dDE]+)", re.IGNORECASE),
+    re.compile(r"^\s*(\d{1,9})\s+([-+.\dDE]+)\s+NPTS\s*,\s*DT", re.IGNORECASE),
 )
 
 
@@ -216,6 +222,8 @@ def _peer(text):
     _accept_count(count)
     words = " ".join(lines[4:]).split()
     if len(words) != count:
+        # Numbers that are glued together make the count wrong, and tell more; the last one may be cut.
+        _numbers(words[:-1])
         raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
     return float(interval), _numbers(words)
 
@@ -229,6 +237,13 @@ def _columns(text):
     if wrong is not None:
         raise ValueError(f"got a line of {len(wrong)} columns, accepted: time in seconds and acceleration")
     times, samples = _numbers([entry for row in rows for entry in row]).reshape(-1, 2).T
+    # Times at the ends of double precision may be further apart than that reaches, and the interval is then refused.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _interval(times), samples
+
+
+def _interval(times):
+    """Return the interval of times (n,), or refuse them where it is not one."""
     steps = np.diff(times)
     if not (steps > 0.0).all():
         place = int(np.argmax(~(steps > 0.0)))
@@ -239,7 +254,7 @@ def _columns(text):
     if abs(late[place]) > _EVEN * interval:
         expected = times[place] - late[place]
         raise ValueError(f"got the time {times[place]:g} for {expected:g}, accepted: equally spaced times")
-    return float(interval), samples
+    return float(interval)
 
 
 def _accept_count(count):
@@ -253,7 +268,8 @@ def _numbers(words):
         values = np.array(words, dtype=float)
     except ValueError:
         values = np.array([_number(word) for word in words])
-    wild = np.flatnonzero(~np.isfinite(values))
+    # Python reads 1_0 as 10.
+    wild = np.flatnonzero(~np.isfinite(values) | np.array(["_" in word for word in words], dtype=bool))
     if wild.size:
         raise ValueError(f"got {words[wild[0]][:40]!r}, accepted: finite numbers")
     return values
