@@ -157,7 +157,7 @@ class Passage:
         place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1])
         now, gone = departure.land(after[place], self.space)
         time, held, row = self.origin + after[place], 0.0, 1
-        resolved &= times >= time * (1.0 - 1e-12)
+        resolved &= times >= (time if self.origin == 0.0 else max(time, self._lift_off)) * (1.0 - 1e-12)
         edges = edges[edges > time * (1.0 + 1e-12)]
         while row < count:
             if times[row] <= time * (1.0 + 1e-12):
@@ -178,6 +178,13 @@ class Passage:
                 gone = gone + sinks
             time, edges = edges[skipped], edges[skipped + 1 :]
         return Solution(inside, out, coefficients, resolved=resolved)
+
+    @property
+    def _lift_off(self):
+        """Time at which the forcing first lifts a block off, or inf."""
+        looks, _ = self._looks
+        lifting = np.abs(self.dynamics.forcing.values(looks)) > 1.0
+        return float(looks[np.argmax(lifting)]) if lifting.any() else math.inf
 
     @property
     def _twice(self):
