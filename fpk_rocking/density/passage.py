@@ -33,8 +33,9 @@ _LOOK = 0.02
 _LAST = 1e4
 """Moving mass over that of `Propagator` below which all is held at rest: a hundredth of the tolerance."""
 
-_LAYERS = 8.0
-"""Scales of the layer at rest that have to be within `REST` for a block to be held there."""
+_LAYERS, _SAFE = 8.0, 25.0
+"""Scales of the layer at rest that have to be within `REST` for a block to be held there, and within the least speed
+that takes a block over, 1 - `STIRRING`, for noise alone not to do so."""
 
 
 class _Later:
@@ -106,13 +107,18 @@ class Passage:
 
     @functools.cached_property
     def origin(self):
-        """Time from which the density is followed: a block at rest is left there until |f| passes `STIRRING`, or ever."""
+        """Time from which the density is followed.
+
+        A block at rest is left there until |f| passes `STIRRING`; for ever, where it never does and noise alone cannot
+        overturn the block.
+        """
         start, forcing = self.scene.start, self.dynamics.forcing
         if start.angle or start.velocity or start.covariance or forcing.period is not None:
             return 0.0
         looks, stirring = self._looks
         if not stirring.any():
-            return math.inf
+            thin = _SAFE * self._layer(self._strength(looks).max()) <= 1.0 - STIRRING
+            return math.inf if thin else 0.0
         return float(looks[max(int(np.argmax(stirring)) - 1, 0)])
 
     @functools.cached_property
@@ -128,19 +134,24 @@ class Passage:
         looks, stirring = self._looks
         return looks[stirring]
 
-    def _holds(self, time):
-        """Whether a block that comes to rest at a time is left there: its layer is thin, and forgotten before |f| rises.
+    def _layer(self, strength):
+        """Scale of the speeds at rest under |f| = `STIRRING` and a part of the diffusion (docs/theory, section 5)."""
+        return 4.0 * self.dynamics.diffusion * strength / (3.0 * self._loss)
 
-        The speeds of the layer and the time in which it forgets are those at |f| = `STIRRING` (docs/theory, section 5).
-        """
+    @property
+    def _loss(self):
+        """Part of the energy that an impact takes, times 1 - f² at |f| = `STIRRING`."""
+        return (1.0 - self.dynamics.restitution**2) * (1.0 - STIRRING**2)
+
+    def _holds(self, time):
+        """Whether a block that rests at a time is held there: its layer is thin, and forgotten before |f| rises."""
         if self.dynamics.forcing.period is not None:
             return False
-        loss, hold = 1.0 - self.dynamics.restitution**2, 1.0 - STIRRING**2
-        diffusion = self.dynamics.diffusion * float(self._strength(np.array([time]))[0])
-        if _LAYERS * 4.0 * diffusion > 3.0 * loss * hold * REST[1]:
+        strength = float(self._strength(np.array([time]))[0])
+        if _LAYERS * self._layer(strength) > REST[1]:
             return False
         later = self._stirs[np.searchsorted(self._stirs, time) :]
-        return not later.size or later[0] - time > 64.0 * diffusion / (3.0 * (loss * hold) ** 2)
+        return not later.size or later[0] - time > 64.0 * self.dynamics.diffusion * strength / (3.0 * self._loss**2)
 
     def evolve(self, times, departure: Departure, progress=None):
         """Evolve over times from 0 on, from where the mesh takes over from the windows of a start."""
@@ -152,7 +163,7 @@ class Passage:
         resolved = (times > 0.0) & (self._strength(times) > FADED)
         if self.origin >= times[-1]:
             coefficients[1:] = resting(self.space)
-            return Solution(inside, out, coefficients, resolved=resolved)
+            return Solution(inside, out, coefficients, resolved=np.zeros(count, dtype=bool))
         after = np.append(self.origin, edges[edges > self.origin * (1.0 + 1e-9)]) - self.origin
         place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1])
         now, gone = departure.land(after[place], self.space)
@@ -196,10 +207,16 @@ class Passage:
         if not self._holds(time):
             return (now + held * resting(self.space) if held else now), 0.0
         masses = self.space.masses(now)
-        slow = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in self.space.lines)) | resting(self.space)[..., 0, 0].astype(bool)
+        slow = self._slow
         if np.abs(masses[~slow]).sum() < _LAST * self._negligible:
             return np.zeros_like(now), held + masses.sum()
         return np.where(slow[..., None, None], 0.0, now), held + masses[slow].sum()
+
+    @functools.cached_property
+    def _slow(self):
+        """Cells (angle cells, velocity cells) of which the mass counts as rest."""
+        middles = (0.5 * (line[1:] + line[:-1]) for line in self.space.lines)
+        return in_rest(*middles) | (resting(self.space)[..., 0, 0] > 0.0)
 
     def _strength(self, times):
         """Diffusion at times over that at g = 1."""
