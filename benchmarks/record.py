@@ -74,12 +74,11 @@ def row_of(scene, scale, paths, bins_tol):
     error = np.sqrt(np.maximum(sampled * (1.0 - sampled), 1.0 / count) / count)
     apart = np.abs(density.survival[:ROWS] - sampled)
     worst, inside = int(np.argmax(apart)), bool((apart <= TOL + SIGMAS * error).all())
-    entries = [
+    return [
         f"{scale:g}", f"{scene.forcing.largest:.2f}", f"{density.survival[ROWS - 1]:.4f}", f"{sampled[-1]:.4f}",
         f"{apart[worst]:.4f}", f"{error[worst]:.4f}", f"{density.error_estimate:.4f}", f"{seconds:.1f}",
         f"{taken:.0f} for {count:,}", ("inside" if inside else "**outside**") + (f"; {said}" if said else ""),
     ]  # fmt: skip
-    return entries
 
 
 def main():
