@@ -19,7 +19,10 @@ from fpk_rocking import (
 )
 from fpk_rocking.density.passage import STIRRING, Passage
 from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.solver import _grids
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.step.step import FAINTEST, Dynamics
 from montecarlo import simulate
 
@@ -109,3 +112,11 @@ def test_a_block_is_not_held_in_a_thick_layer_nor_just_before_it_is_stirred():
     assert run._holds(after)
     assert not passage(WhiteNoise(0.02))._holds(after)
     assert not run._holds(after - first - 0.05)
+
+
+def test_a_start_is_carried_on_windows_past_the_time_within_which_a_mesh_should_take_over():
+    # A record that overturns a block at once leaves no step at which the mesh resolves the density.
+    dynamics, target = Dynamics.of(PULSED), Space(np.linspace(-1.57, 1.57, 9), np.linspace(-4.0, 4.0, 9), 2)
+    departure = Departure(dynamics, PULSED.start, RESOLUTIONS[0].windows, 0.1)
+    coefficients, gone = departure.land(0.2, target)
+    assert target.masses(coefficients).sum() + gone.sum() == pytest.approx(1.0, abs=1e-12)
