@@ -77,6 +77,12 @@ def test_bounds_hold_and_are_near(forcing):
     assert forcing.unit / spacing == pytest.approx(round(forcing.unit / spacing), abs=1e-9)
 
 
+@pytest.mark.parametrize("start", [0.0, SHAKEN.forcing.unit, 0.4 * SHAKEN.forcing.duration])
+def test_a_piece_over_next_to_no_time_is_the_force_there(start):
+    piece = np.polynomial.Polynomial(SHAKEN.forcing.over(start, 1e-9))
+    assert piece.deriv(2)(0.0) - piece(0.0) == pytest.approx(SHAKEN.forcing.value(start), abs=1e-11)
+
+
 def test_one_sine_is_an_n_sine_of_one_cycle_and_two_are_longer():
     one, many = Pulse("one-sine", 2.0, 3.0), Pulse("n-sine", 2.0, 3.0, 1)
     times = np.linspace(0.0, 3.0, 31)

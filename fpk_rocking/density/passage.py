@@ -2,20 +2,22 @@
 
 import dataclasses
 import functools
+import math
 
 import numpy as np
 
-from fpk_rocking.density.resolution import cycle_of
+from fpk_rocking.density.pilot import REST, in_rest
+from fpk_rocking.density.resolution import FEWEST, cycle_of
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
-from fpk_rocking.density.step.occupied import occupy, with_neighbours
+from fpk_rocking.density.step.occupied import occupy
 from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
 
 _NEAR = 0.3
 """Part of a step by which a time that is wanted, or the end of the motion, takes the place of a step's end."""
 
-FAINT = 0.01
+FAINT = 0.1
 """Mass over that of `Propagator` that a cell must hold to be active: here it is lost in every step anew."""
 
 
@@ -23,9 +25,17 @@ FADED = 0.05
 """Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
 
 STIRRING = 0.5
-"""Size of the force from which on a block at rest is followed."""
+"""Size of the force from which on a block at rest is followed, and up to which one may be held there."""
 
-_LOOKS = 4001
+_LOOK = 0.02
+"""Time between two looks at the forcing for when it passes `STIRRING`."""
+
+_LAST = 1e4
+"""Moving mass over that of `Propagator` below which all is held at rest: a hundredth of the tolerance."""
+
+_LAYERS, _SAFE = 8.0, 25.0
+"""Scales of the layer at rest that have to be within `REST` for a block to be held there, and within the least speed
+that takes a block over, 1 - `STIRRING`, for noise alone not to do so."""
 
 
 class _Later:
@@ -71,7 +81,7 @@ class Passage:
 
     def __init__(self, white, grid, negligible):
         self.scene, self.dynamics, self.grid = white, Dynamics.of(white), grid
-        self.negligible = FAINT * negligible
+        self._negligible = negligible
         self.space = Space(grid.angle_lines, grid.velocity_lines, grid.degree)
         self.duration = cycle_of(white) / grid.steps
         self._buffers = deposit_buffers(self.space)
@@ -82,7 +92,9 @@ class Passage:
         return 2 * self._buffers.nbytes
 
     def departure(self, windows):
-        """Return the `Departure` of the scene's start: from τ = 0, or from when a block at rest may begin to move."""
+        """Return the `Departure` of the scene's start, from `origin` on; None for one that stays at rest."""
+        if self.origin == math.inf:
+            return None
         return Departure(self._dynamics_from(self.origin), self.scene.start, windows, cycle_of(self.scene))
 
     def _dynamics_from(self, origin):
@@ -97,36 +109,71 @@ class Passage:
     def origin(self):
         """Time from which the density is followed.
 
-        A block at rest is left there until the forcing first reaches `STIRRING`, if it is lifted off later.
+        A block at rest is left there until |f| passes `STIRRING`; for ever, where it never does and noise alone cannot
+        overturn the block.
         """
         start, forcing = self.scene.start, self.dynamics.forcing
         if start.angle or start.velocity or start.covariance or forcing.period is not None:
             return 0.0
-        looks = np.linspace(0.0, forcing.duration, _LOOKS)
-        stirring = np.abs(forcing.values(looks)) > STIRRING
-        lifting = np.abs(forcing.values(looks)) > 1.0
-        if not lifting.any() or stirring[0]:
-            return 0.0
-        return float(looks[int(np.argmax(stirring)) - 1])
+        looks, stirring = self._looks
+        if not stirring.any():
+            thin = _SAFE * self._layer(self._strength(looks).max()) <= 1.0 - STIRRING
+            return math.inf if thin else 0.0
+        return float(looks[max(int(np.argmax(stirring)) - 1, 0)])
+
+    @functools.cached_property
+    def _looks(self):
+        """Times (n,) over the motion, and whether |f| is above `STIRRING` at them."""
+        forcing = self.dynamics.forcing
+        looks = np.linspace(0.0, forcing.duration, math.ceil(forcing.duration / _LOOK) + 1)
+        return looks, np.abs(forcing.values(looks)) > STIRRING
+
+    @functools.cached_property
+    def _stirs(self):
+        """Times (n,) over the motion at which |f| is above `STIRRING`, ascending."""
+        looks, stirring = self._looks
+        return looks[stirring]
+
+    def _layer(self, strength):
+        """Scale of the speeds at rest under |f| = `STIRRING` and a part of the diffusion (docs/theory, section 5)."""
+        return 4.0 * self.dynamics.diffusion * strength / (3.0 * self._loss)
+
+    @property
+    def _loss(self):
+        """Part of the energy that an impact takes, times 1 - f² at |f| = `STIRRING`."""
+        return (1.0 - self.dynamics.restitution**2) * (1.0 - STIRRING**2)
+
+    def _holds(self, time):
+        """Whether a block that rests at a time is held there: its layer is thin, and forgotten before |f| rises."""
+        if self.dynamics.forcing.period is not None:
+            return False
+        strength = float(self._strength(np.array([time]))[0])
+        if _LAYERS * self._layer(strength) > REST[1]:
+            return False
+        later = self._stirs[np.searchsorted(self._stirs, time) :]
+        return not later.size or later[0] - time > 64.0 * self.dynamics.diffusion * strength / (3.0 * self._loss**2)
 
     def evolve(self, times, departure: Departure, progress=None):
         """Evolve over times from 0 on, from where the mesh takes over from the windows of a start."""
         count, edges = len(times), _edges(self.scene, self.duration, times)
         inside, out = np.ones(count), np.zeros((count, 3))
         coefficients = np.zeros((count, *self.space.shape))
-        coefficients[0], out[0, :2] = initial_density(departure.start, self.space, self.scene.overturning.angle)
+        coefficients[0], out[0, :2] = initial_density(self.scene.start, self.space, self.scene.overturning.angle)
         inside[0] -= out[0].sum()
+        resolved = (times > 0.0) & (self._strength(times) > FADED)
+        if self.origin >= times[-1]:
+            coefficients[1:] = resting(self.space)
+            return Solution(inside, out, coefficients, resolved=np.zeros(count, dtype=bool))
         after = np.append(self.origin, edges[edges > self.origin * (1.0 + 1e-9)]) - self.origin
         place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1])
         now, gone = departure.land(after[place], self.space)
-        time, row = self.origin + after[place], 1
-        resolved = (times >= time * (1.0 - 1e-12)) & (self._strength(times) > FADED)
-        resolved[0] = False
+        time, held, row = self.origin + after[place], 0.0, 1
+        resolved &= times >= (time if self.origin == 0.0 else max(time, self._lift_off)) * (1.0 - 1e-12)
         edges = edges[edges > time * (1.0 + 1e-12)]
         while row < count:
             if times[row] <= time * (1.0 + 1e-12):
                 # What comes before the mesh takes over is looked at from the windows.
-                here = now, gone
+                here = now + held * resting(self.space), gone
                 if times[row] < time * (1.0 - 1e-12):
                     here = self._early(times[row] - self.origin, departure)
                 coefficients[row], out[row] = here
@@ -135,9 +182,41 @@ class Passage:
                 if progress:
                     progress()
                 continue
-            now, sinks = self._step(time, edges[0], now).apply(now)
-            gone, time, edges = gone + sinks, edges[0], edges[1:]
+            now, held = self._rested(time, now, held)
+            skipped = int(held > 0.0 and edges[0] < times[row] and self._twice)
+            if now.any():
+                now, sinks = self._step(time, edges[skipped], now).apply(now)
+                gone = gone + sinks
+            time, edges = edges[skipped], edges[skipped + 1 :]
         return Solution(inside, out, coefficients, resolved=resolved)
+
+    @property
+    def _lift_off(self):
+        """Time at which the forcing first lifts a block off, or inf."""
+        looks, _ = self._looks
+        lifting = np.abs(self.dynamics.forcing.values(looks)) > 1.0
+        return float(looks[np.argmax(lifting)]) if lifting.any() else math.inf
+
+    @property
+    def _twice(self):
+        """Whether steps may be twice as long while what is slow, and asks for short steps, is held at rest."""
+        return 2.0 * FEWEST * self.duration <= self.dynamics.forcing.shortest_period
+
+    def _rested(self, time, now, held):
+        """Exchange mass between the density and what is held at rest: (coefficients, mass held) at a time."""
+        if not self._holds(time):
+            return (now + held * resting(self.space) if held else now), 0.0
+        masses = self.space.masses(now)
+        slow = self._slow
+        if np.abs(masses[~slow]).sum() < _LAST * self._negligible:
+            return np.zeros_like(now), held + masses.sum()
+        return np.where(slow[..., None, None], 0.0, now), held + masses[slow].sum()
+
+    @functools.cached_property
+    def _slow(self):
+        """Cells (angle cells, velocity cells) of which the mass counts as rest."""
+        middles = (0.5 * (line[1:] + line[:-1]) for line in self.space.lines)
+        return in_rest(*middles) | (resting(self.space)[..., 0, 0] > 0.0)
 
     def _strength(self, times):
         """Diffusion at times over that at g = 1."""
@@ -154,11 +233,10 @@ class Passage:
         return coefficients, gone
 
     def _step(self, start, end, now):
-        """Make the step from one time to another, for the cells that hold something and those beside them."""
+        """Make the step from one time to another, for the cells that hold something."""
         occupied = np.zeros(self.space.shape[:2], dtype=bool)
-        occupy(now, self.space.areas, self.negligible, occupied, occupied)
-        cells = with_neighbours(occupied)
-        trace = Trace(self.space, start, end - start, self.dynamics, self.grid.quadrature, cells)
+        occupy(now, self.space.areas, FAINT * self._negligible, occupied, occupied)
+        trace = Trace(self.space, start, end - start, self.dynamics, self.grid.quadrature, occupied)
         return Step(trace, self.space, self._buffers)
 
 

@@ -163,7 +163,7 @@ class Departure:
         duration = min(self.windows.growth * (now.time + self._gathered), longest)
         if self._rattles(now, duration):
             duration = min(duration, self._longest(now.time))
-        free = self._free_time(now, self.period - now.time)
+        free = self._free_time(now, self.period - now.time) if now.time < self.period else 0.0
         quiet = free >= duration
         duration, dynamics = max(free, duration), self.dynamics
         trace = self._trace(now, duration, quiet)

@@ -10,13 +10,14 @@ A density in flight is held by its values at the Gauss points of the cells; its 
 interval of the velocity, one row for each side of x = 0, or an interval of the angle.
 """
 
+import functools
 import math
 
 import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.space import Space, gauss, shapes
+from fpk_rocking.density.space.space import Space, gauss, gauss_shapes, shapes
 from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
 from fpk_rocking.density.step.shifts import hermite, landing_range, prepare_shift
 
@@ -24,6 +25,12 @@ _FINE_NODES = 3
 """Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
 
 _FASTMATH = {"contract", "reassoc", "nsz"}
+
+
+@functools.cache
+def _ends(degree):
+    """Shape functions at the ends of a cell, (2, degree + 1); not to be written to."""
+    return shapes(np.array([0.0, 1.0]), degree)
 
 
 def blur_variances(diffusion, duration):
@@ -62,9 +69,9 @@ class FreeFlight:
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
         points, weights = gauss(space.degree + 1)
-        table = shapes(points, space.degree)
+        table = gauss_shapes(space.degree + 1, space.degree)
         self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
-        self.edges = shapes(np.array([0.0, 1.0]), space.degree) @ table.T
+        self.edges = _ends(space.degree) @ table.T
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
         (blur, blur_weights), (still, one) = hermite(nodes), hermite(1)
         blur = math.sqrt(blur_variances(diffusion, duration)[0]) * blur

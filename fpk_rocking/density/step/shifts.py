@@ -11,8 +11,8 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.space import gauss, shapes
-from fpk_rocking.density.step.deposit import legendre
+from fpk_rocking.density.space.space import gauss, gauss_shapes
+from fpk_rocking.density.step.deposit import CHUNKS, legendre
 
 
 class Shift(NamedTuple):
@@ -80,10 +80,11 @@ def prepare_shift(lines, bounds, shifts, nodes, weights, degree, source):
     blocks = np.zeros((int(count.sum()), degree + 1, degree + 1))
     ends = np.zeros((int(beyond.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
     shift = Shift(origin, first, count, start, blocks, beyond, ends)
-    fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, (1.0,) * (degree + 1))
-    values = shapes(points, degree)
+    basis = (1.0,) * (degree + 1)
+    fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis)
+    values = gauss_shapes(degree + 1, degree)
     moments = values * point_weights[:, None]
-    to_values(moments, values, blocks)
+    to_values(moments, values, blocks, basis)
     return shift._replace(ends=np.einsum("rlck,mk->rlcm", ends, moments))
 
 
@@ -204,8 +205,8 @@ def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, so
 
 
 @kernel(borrows=True, tuned=True)
-def _block_to_values(b, moments, values, blocks, half):
-    modes = len(values)
+def _block_to_values(b, moments, values, blocks, half, basis):
+    modes = len(basis)
     for k in range(modes):
         for i in range(modes):
             total = 0.0
@@ -221,7 +222,9 @@ def _block_to_values(b, moments, values, blocks, half):
 
 
 @kernel(parallel=True)
-def to_values(moments, values, blocks):
+def to_values(moments, values, blocks, basis):
     """Turn blocks between moments into blocks between values at Gauss points, in place."""
-    for b in prange(len(blocks)):
-        _block_to_values(np.int64(b), moments, values, blocks, np.empty(values.shape))
+    for chunk in prange(CHUNKS):
+        half = np.empty(values.shape)
+        for b in range(chunk * len(blocks) // CHUNKS, (chunk + 1) * len(blocks) // CHUNKS):
+            _block_to_values(np.int64(b), moments, values, blocks, half, basis)

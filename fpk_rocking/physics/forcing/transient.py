@@ -90,7 +90,7 @@ class TransientForcing:
         first, last = (
             int(np.floor(time / self.unit + shift)) for time, shift in ((start, 1e-6), (start + duration, -1e-6))
         )
-        if first == last or start >= self.duration:
+        if last <= first or start >= self.duration:
             return self.pieces([start])[0]
         (p0, q0), (p1, q1) = self.particular(start), self.particular(start + duration)
         cosh, sinh = math.cosh(duration), math.sinh(duration)
@@ -118,9 +118,16 @@ class TransientForcing:
         return spacing, np.stack([-0.5 * (left + right), 0.5 * (left - right)], axis=-1)
 
     def particular(self, time):
-        """Particular solution P and its derivative at a time."""
-        ((value, slope, *_),) = self.pieces([time])
-        return float(value), float(slope)
+        """Particular solution P and its derivative at a time; kept, as the steps on both sides of it ask for them."""
+        if time not in self._known:
+            ((value, slope, *_),) = self.pieces([time])
+            self._known[time] = float(value), float(slope)
+        return self._known[time]
+
+    @functools.cached_property
+    def _known(self):
+        """What `particular` has found, by its time."""
+        return {}
 
     def values(self, times):
         """Force f at times (n,), that after a jump where there is one."""
