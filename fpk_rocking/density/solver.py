@@ -43,9 +43,9 @@ SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
 _FINER = 1.4
 """Steps of a solution over those of the one before."""
 
-_FIRST_ORDER = 1.0 / (_FINER - 1.0)
-"""Error of the last solution over its difference from the one before, where it is of first order: so it is where blocks
-rest, under noise held over a step."""
+_RESTING = 4.0
+"""Error of the last solution over its difference from the one before, where blocks rest under noise held over a step: 2.5
+would be an error of first order, and with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
@@ -208,7 +208,7 @@ class Solved:
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
         at_rest = self.solution.at_rest
         if at_rest is not None and at_rest[1:].max() > difference:
-            difference *= _FIRST_ORDER
+            difference *= _RESTING
         return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 
     def release(self):
