@@ -1,6 +1,5 @@
 """`fragility`: the probability of overturning as a function of the scale of the shaking."""
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -180,7 +179,7 @@ def _engine(engine, scenes):
 def _options(engine, scenes, lasting, realizations, tol):
     """Return the options of the verb, and the realizations of a sample, 0 of a density."""
     if engine == "density":
-        return lasting | {"tol": tol, "bins_tol": math.inf}, 0
+        return lasting | {"tol": tol}, 0
     realizations = checks.count("realizations", realizations)
     realizations = 1 if all(map(certain, scenes)) else realizations
     return lasting | {"realizations": realizations, "method": engine}, realizations

@@ -1,5 +1,7 @@
 """What a cell of a sweep does by name: the engines' verbs, with results reduced to a row."""
 
+import math
+
 import numpy as np
 
 from fpk_rocking.density import solve_fpk
@@ -20,8 +22,8 @@ def mc(scene, *, seed, **options):
 
 
 def fpk(scene, *, seed, **options):  # noqa: ARG001  (a verb has a seed; a density has no use for it)
-    """Survival after each cycle of `fpk_rocking.solve_fpk`, with its errors and the verdict."""
-    result = solve_fpk(scene, **options)
+    """Survival after each cycle of `fpk_rocking.solve_fpk`, its errors and the verdict; not refined for bins."""
+    result = solve_fpk(scene, **{"bins_tol": math.inf} | options)
     return {
         "survival": np.asarray(result.survival).tolist(),
         "error_estimate": result.error_estimate,

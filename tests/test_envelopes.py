@@ -182,10 +182,10 @@ def test_what_changes_with_time_is_refused_where_it_has_no_meaning():
 def test_envelopes_that_no_engine_carries_are_refused_by_name():
     """Values that overflow, and times that leave nothing of each other: under filtered noise such a run did not end."""
     for envelope, says in (
-        (Table((0.0, 1.0), (0.5, 1e308)), "values: got 1e.308, accepted: for an engine a size from 0 to 10000"),
+        (Table((0.0, 1.0), (0.5, 1e308)), "values: got 1e.308, accepted: an absolute value from 0 to 10000"),
         (
             Table((0.0, 1e-300), (0.5, 1.0)),
-            "times: got 1e-300, accepted: for an engine a size from 1e-05 to 100000, or 0",
+            "times: got 1e-300, accepted: an absolute value from 1e-05 to 100000, or 0",
         ),
         (Exponential(1e300), "peak: got 1e.300"),
         (Trapezoid(0.0, 0.0, 1e-300), "decay: got 1e-300"),

@@ -264,7 +264,7 @@ def test_results_name_their_noise():
     scene = scene_of(FilteredNoise("exponential", 0.04, 1.0))
     sampled = [simulate(one, cycles=1, realizations=2) for one in (scene, scene.white_equivalent())]
     assert remarks(sampled[0]) == ()
-    assert "covers 0.75 of the Melnikov variance" in " ".join(remarks(*sampled))
+    assert "covers 75 % of the Melnikov variance" in " ".join(remarks(*sampled))
 
 
 @pytest.mark.slow

@@ -140,7 +140,7 @@ def test_rest_is_judged_at_the_scales_that_were_asked():
         ([0.0, 0.0, 0.9], None),
     ):
         one = dataclasses.replace(found, probability=np.array([[overturned]]))
-        rests = [text for text in one.remarks if text.startswith("Not to be trusted where blocks rest: ")]
+        rests = [text for text in one.remarks if text.startswith("Not to be trusted, as the block rests: ")]
         assert len(rests) == (told is not None)
         assert all("at most 0.999," in text and text.endswith(told) for text in rests)
         assert set(rests) <= set(one.trust.reasons)
@@ -152,7 +152,7 @@ def test_rest_is_judged_at_the_scales_that_were_asked():
     pulse = dataclasses.replace(BLOCK, forcing=Pulse("one-sine", 1.5, 3.0))
     once = fragility(pulse, scale=(1.0, 1.2), times=[3.0], engine="white", realizations=20)
     once = dataclasses.replace(once, probability=np.array([[[0.2, 0.3]]]))
-    assert any(text.endswith("mostly too low. Take Monte Carlo. (At scale 1.)") for text in once.remarks)
+    assert any(text.endswith("mostly too low. Use Monte Carlo. (At scale 1.)") for text in once.remarks)
     # What holds at all scales alike has no scale.
     few = fragility(BLOCK.varied(noise={"harmonics": 5}), scale=(0.5, 2.0), cycles=1, engine="white", realizations=20)
     assert any(text.startswith("Few harmonics: ") and "scale" not in text for text in few.remarks)

@@ -44,8 +44,8 @@ _FINER = 1.4
 """Steps of a solution over those of the one before."""
 
 _RESTING = 4.0
-"""Error of the last solution over its difference from the one before, where blocks rest under noise held over a step: 2.5
-would be an error of first order, and with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
+"""Error of the last solution over its difference from the one before, where blocks rest under noise held over a step.
+2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
