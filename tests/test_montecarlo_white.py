@@ -170,9 +170,7 @@ def test_weak_order_is_one(monkeypatch):
 def test_refuses_what_white_noise_cannot_be():
     with pytest.raises(ValueError, match=r"block\.restitution: got 0\.16, accepted: above 0\.16303 under white"):
         simulate(scene_of(restitution=0.16), cycles=1, realizations=1)
-    with pytest.raises(
-        ValueError, match=r"noise\.diffusion: got 0\.0, accepted: a number > 0 .* noise.kind 'none'"
-    ):
+    with pytest.raises(ValueError, match=r"noise\.diffusion: got 0\.0, accepted: a number > 0 .* noise.kind 'none'"):
         simulate(scene_of(diffusion=0.0), cycles=1, realizations=1)
     assert simulate(scene_of(restitution=1.001 * CRITICAL_RESTITUTION), cycles=1, realizations=2).realizations == 2
 

@@ -24,6 +24,9 @@ _RESTING_NODES = {
 _RESTING_POINTS = 5
 """Gauss points of a cell, an axis, where the mesh is fine about rest."""
 
+_RESTING_PART = 0.5
+"""Part of the cells that hold something, about, where blocks may rest: the others are for the few that do not."""
+
 _MAY_REST = 4.0
 """A block may rest where |f| without noise is below 1 and so many standard deviations of the noise."""
 
@@ -56,12 +59,15 @@ class NodeGrid(NamedTuple):
     marks : ndarray
         Begins of the steps of a leg and its end, as parts of a cycle; of the legs of a cycle, see `density.propagator`,
         the steps of one are kept.
+    part : float
+        Part of the cells that hold something, about.
     """
 
     plane: object
     nodes: tuple[int, ...]
     points: int
     marks: np.ndarray
+    part: float = 1.0
 
     @property
     def legs(self):
@@ -78,7 +84,7 @@ class NodeGrid(NamedTuple):
         """Bytes that a run takes, about, densities after all cycles left out."""
         modes, cells = self.plane.degree + 1, math.prod(self.plane.cells)
         unknowns = cells * modes**2
-        step = cells * (20 * _EVENTS * self.points**2 + 8 * 2.2 * modes**3)
+        step = self.part * cells * (20 * _EVENTS * self.points**2 + 8 * 2.2 * modes**3)
         return 8 * unknowns * (8 + 3 * math.prod(self.nodes)) + self.steps / self.legs * (self.nodes[0] + 1) * step
 
     def stored(self, cycles):
@@ -104,7 +110,8 @@ def node_grid(scene, plane, number):
         return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, marks)
     last = 1.0 / _LAST[number]
     marks = graded_marks(1.0 / legs, 1.0 / (legs * steps), last)
-    return NodeGrid(_fine_about_rest(plane, scene, last), _RESTING_NODES[states][number], _RESTING_POINTS, marks)
+    fine = _fine_about_rest(plane, scene, last)
+    return NodeGrid(fine, _RESTING_NODES[states][number], _RESTING_POINTS, marks, _RESTING_PART)
 
 
 def may_rest(scene):
