@@ -14,6 +14,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.element import ElementQuadLegendre
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.landing import LOST, locate
 from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
@@ -282,3 +283,19 @@ def test_a_density_goes_into_functionals_of_scikit_fem():
         inside = density.integral(lambda x, v, low=low, high=high: (x > low) & (x < high) & (v < np.inf))
         assert inside == pytest.approx(density.bin_probabilities([low, high], [-2.0, 2.0]).item(), rel=1e-12)
     assert density.moment(3, 2) == pytest.approx(np.sum(w * p * x**3 * v**2), rel=1e-12)
+
+
+def test_cells_are_found_on_lines_of_any_sizes():
+    """Sizes from 1e-9 on: the table stays small, and every point is in the cell that a search finds."""
+    positive = np.append(np.geomspace(1e-9, 1.0, 40), 1.5)
+    space = Space(np.concatenate([-positive[::-1], [0.0], positive]), np.linspace(-1.0, 1.0, 9), 1)
+    for table in space.tables:
+        lines = table[0]
+        points = np.random.default_rng(1).choice([-1.0, 1.0], 500) * np.geomspace(1e-10, 0.999, 500)
+        found = [locate(table, point) for point in points]
+        cells = np.searchsorted(lines, points, side="right") - 1
+        assert [cell for cell, _ in found] == cells.tolist()
+        middles, halves = 0.5 * (lines[1:] + lines[:-1])[cells], 0.5 * np.diff(lines)[cells]
+        assert [place for _, place in found] == pytest.approx((points - middles) / halves, abs=1e-9)
+        assert table[2].nbytes < 1e6
+        assert locate(table, lines[-1])[0] == LOST

@@ -32,6 +32,10 @@ def gauss_shapes(count, degree):
     return shapes(gauss(count)[0], degree)
 
 
+_ENTRIES = 2**16
+"""Most entries of a table of mesh lines."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Space:
     """Mesh of rectangles in the phase plane with a polynomial on each of them (discontinuous Galerkin).
@@ -74,6 +78,11 @@ class Space:
     def first_positive(self):
         """Index of the first angle cell on the side x > 0."""
         return int(np.searchsorted(self.angle_lines, 0.0, side="left"))
+
+    @functools.cached_property
+    def tables(self):
+        """What finds the cell of an angle, and of a velocity, see `density.step.landing.locate`."""
+        return tuple(map(_table_of, self.lines))
 
     def basis(self, order=None):
         """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector.
@@ -187,3 +196,12 @@ def _interval_integrals(lines, edges, degree):
     high = np.clip((edges[1:, None] - lines[:-1]) / sizes, 0.0, 1.0)
     values = shapes(low[..., None] + (high - low)[..., None] * nodes, degree)
     return np.einsum("mcq,mcqa->mca", (high - low)[..., None] * weights * sizes[:, None], values)
+
+
+def _table_of(lines):
+    """Return (lines, 2 / cell sizes, table, its density): cells of equidistant points, as near as the smallest cell."""
+    sizes = np.diff(lines)
+    count = int(min(np.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1, _ENTRIES))
+    density = count / (lines[-1] - lines[0])
+    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / density, side="right") - 1
+    return lines, 2.0 / sizes, np.clip(cells, 0, len(sizes) - 1).astype(np.int32), density

@@ -107,13 +107,14 @@ def locate(grid, point):
     """Cell that holds a point and its reference coordinate on [-1, 1]; (LOST, 0) outside the mesh.
 
     `grid` is (lines, 2 / cell sizes, table, density of the table): the table has the cells of equidistant points, with
-    at most one mesh line between neighbours.
+    few mesh lines between neighbours.
     """
     lines, scales, table, density = grid
     if not lines[0] <= point < lines[-1]:
         return LOST, 0.0
     i = table[int((point - lines[0]) * density)]
-    i += point >= lines[i + 1]
+    while point >= lines[i + 1]:
+        i += 1
     return i, (point - lines[i]) * scales[i] - 1.0
 
 

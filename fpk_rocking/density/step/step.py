@@ -171,7 +171,7 @@ class Step:
 
     def __init__(self, trace: Trace, target: Space, buffers=None, angle_shear=None):
         self.trace, self.target, self.angle_shear = trace, target, angle_shear
-        self._grids = grid_of(target.angle_lines), grid_of(target.velocity_lines)
+        self._grids = target.tables
         degree, modes = trace.source.degree, target.degree + 1
         self._weights = trace.angle_weights, trace.velocity_weights
         self._affine = (
@@ -304,12 +304,3 @@ def deposit_buffers(target: Space):
     """Make room for what the chunks of a step deposit."""
     angle, velocity, modes, _ = target.shape
     return np.empty((CHUNKS, angle * velocity, modes * modes))
-
-
-def grid_of(lines):
-    """Prepare mesh lines for `locate`: no two of them between neighbouring entries of its table."""
-    sizes = np.diff(lines)
-    count = math.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1
-    density = count / (lines[-1] - lines[0])
-    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / density, side="right") - 1
-    return lines, 2.0 / sizes, np.clip(cells, 0, len(sizes) - 1).astype(np.int32), density
