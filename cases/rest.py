@@ -10,7 +10,7 @@ second cycle, the probability of being at rest at every value of the noise, with
 
 Noise, block and forcing are this project's.
 
-Run time: about five minutes on 2 cores, once the kernels are compiled; most of it the density with low-pass noise.
+Run time: about six minutes on 2 cores, once the kernels are compiled; most of it the density with low-pass noise.
 
     python cases/rest.py --out results/rest
 
@@ -31,11 +31,11 @@ from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.output import style, summary
+from fpk_rocking.output import motion, style, summary
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "rest.toml"
-CYCLES, STEPS = 10, 128
+CYCLES, STEPS, SHOWN = 10, 128, 3.5  # steps in a cycle that is looked into; standard deviations of the noise in (c)
 ANGLE_EDGES = np.linspace(-0.3, 0.3, 61)
 
 
@@ -142,7 +142,7 @@ def draw(path, scene, values):
         rest.set(title="(b) Rest", ylabel="P(at rest)")
         rest.set_ylim(bottom=0.0)
         survival.legend(loc="lower left")
-        _over_cycle(figure, cycle, values["inside"])
+        _over_cycle(figure, cycle, values["inside"], SHOWN * math.sqrt(noise.variance))
         _by_noise(density, values["inside"])
 
 
@@ -156,12 +156,12 @@ def _by_cycle(axes, values, name):
     axes.xaxis.get_major_locator().set_params(integer=True)
 
 
-def _over_cycle(figure, axes, inside):
+def _over_cycle(figure, axes, inside, most):
     image = axes.pcolormesh(
         inside["times"], inside["noise"], np.array(inside["resting"]).T, vmin=0.0, vmax=1.0, cmap="GnBu"
     )
     figure.colorbar(image, ax=axes, label="P(at rest | η)")
-    axes.set(title="(c) Rest over a cycle", xlabel="time τ/T", ylabel="noise η")
+    axes.set(title="(c) Rest over a cycle", xlabel="time τ/T", ylabel="noise η", ylim=(-most, most))
     axes.grid(visible=False)
 
 
@@ -171,7 +171,7 @@ def _by_noise(axes, inside):
     for k, colour in zip(shown, style.shades(len(shown)), strict=True):
         label = f"η = {inside['noise'][k]:+.2f}"
         axes.plot(middles, np.array(inside["angles"][k]) / sizes, color=colour, label=label)
-    axes.set(title="(d) Blocks that move, by the noise", xlabel="angle Θ/θ_cr", ylabel="density of the angle, given η")
+    axes.set(title="(d) Blocks that move, by the noise", xlabel=motion.ANGLE, ylabel="density of the angle, given η")
     axes.set_yscale("log")
     axes.set_ylim(bottom=1e-2)
     axes.legend(fontsize=9)
