@@ -19,12 +19,12 @@ def test_blocks(case, tmp_path, monkeypatch):
     module = case("fragility_of_blocks")
     monkeypatch.setattr(module, "END", module.BEGIN + 3.0)
     scales = {"bookcase": (0.6, 0.7, 0.8)}
-    values = module.run(tmp_path, blocks=("bookcase",), scales=scales, realizations=2000, tol=5e-2)
+    values = module.run(tmp_path, blocks=("bookcase",), scales=scales, realizations=400, tol=5e-2)
     block = values["blocks"]["bookcase"]
     paths, density = (np.array(block[engine]["overturned"][0]) for engine in ("white", "density"))
     assert (paths.shape, density.shape) == ((3,), (2,))
     apart, estimate = paths[::2] - density, np.array(block["density"]["error_estimate"])[0, 0]
-    assert np.all(np.abs(apart) < 4.5 * np.sqrt(density * (1.0 - density) / 2000) + estimate)
+    assert np.all(np.abs(apart) < 4.5 * np.sqrt(density * (1.0 - density) / 400) + estimate)
     told = block["largest_difference"]
     assert abs(told["difference"]) == np.abs(apart).max()
     assert told["interval"][0] < told["difference"] < told["interval"][1]
