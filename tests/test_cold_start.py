@@ -116,6 +116,7 @@ def test_a_task_compiles_all_that_a_command_needs(task, asked, scene, tmp_path):
     assert done.stderr == "compiled []"
 
 
+@pytest.mark.slow
 def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     """Else a helper works in vain: what it has compiled must be what the solver calls."""
     code = "from fpk_rocking.base import ahead; ahead.perform('fpk_rocking.density.ahead:flight')"
