@@ -20,7 +20,6 @@ _NEAR = 0.3
 FAINT = 0.1
 """Mass over that of `Propagator` that a cell must hold to be active: here it is lost in every step anew."""
 
-
 FADED = 0.05
 """Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
 

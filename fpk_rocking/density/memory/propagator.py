@@ -155,7 +155,8 @@ class NodePropagator:
             return np.zeros((*shape, *self.space.shape)), self.nodes.weights.copy(), np.zeros(3), 0
         begins = np.unique(np.concatenate([self.begins + lap * self.begins[-1] for lap in range(self.grid.legs)]))
         first = flight.last_step(self.space, begins)
-        return *_swapped(flight.land(begins[first], self.space), np.zeros(shape)), first
+        density, gone = flight.land(begins[first], self.space)
+        return density, np.zeros(shape), gone, first
 
     def _move(self, k, density, rest):
         """Move densities and what is at rest by step k of the leg, in place; return the masses (3,) that are gone."""
@@ -188,11 +189,6 @@ class NodePropagator:
             cells = with_neighbours(self.occupied[k])
             for step in steps:
                 step.activate(cells)
-
-
-def _swapped(landed, rest):
-    density, gone = landed
-    return density, rest, gone
 
 
 @kernel
