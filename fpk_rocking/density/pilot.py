@@ -54,12 +54,15 @@ class Motion(NamedTuple):
         |x| and |v| that `USUAL_PART` of the states are below.
     angles, velocities : tuple of float
         Lowest and highest angle and velocity of `NEARLY_ALL` of the states.
+    fastest : float
+        Largest |v| of all states.
     """
 
     angle: float
     velocity: float
     angles: tuple[float, float]
     velocities: tuple[float, float]
+    fastest: float
 
     @property
     def edges(self):
@@ -99,9 +102,10 @@ def motion_of(white, extent):
         moving = (np.abs(seen) >= REST).any(axis=1)
         seen = seen[moving] if moving.any() else seen
     usual = np.quantile(np.abs(seen), USUAL_PART, axis=0)
+    fastest = float(np.abs(seen[:, 1]).max())
     ranges = np.quantile(seen, [0.5 - 0.5 * NEARLY_ALL, 0.5 + 0.5 * NEARLY_ALL], axis=0).T
     ranges += np.outer(np.maximum(LEAST_RANGE - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
-    return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()))
+    return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()), fastest)
 
 
 def _steps(white, dynamics, extent):

@@ -24,6 +24,7 @@ from fpk_rocking.density.refusals import (
     warn_unresolved,
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.rest import resting_cells
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics import filters
 from fpk_rocking.physics.equivalence import equivalent_diffusion
@@ -46,6 +47,9 @@ _FINER = 1.4
 _RESTING = 4.0
 """Error of the last solution over its difference from the one before, where blocks rest under noise held over a step.
 2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
+
+_FASTER = 1.1
+"""Velocity bound over the largest speed of the pilot's paths, at least, where the motion does not repeat."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
@@ -128,7 +132,10 @@ def solve_fpk(
             solution = run.evolve(extent, count.next())
             rests.append(solution.at_rest)
             return Solved(run, solution, motion.edges)
-        run = Propagator(white, grid, negligible, guide) if white.repeats else Passage(white, grid, negligible)
+        if not white.repeats:
+            run = Passage(white, grid, negligible, times[-1], guide)
+            return Solved(run, run.evolve(times, count.next()), motion.edges)
+        run = Propagator(white, grid, negligible, guide)
         if grid.windows not in departures:
             departures[grid.windows] = run.departure(grid.windows)
         return Solved(run, run.evolve(extent, departures[grid.windows], count.next()), motion.edges)
@@ -189,7 +196,7 @@ class Solved:
     def negative_mass(self):
         """Largest of those after a cycle or more, of blocks that are not at rest."""
         space, densities = self.run.space, self.solution.coefficients[self.solution.shown]
-        moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))
+        moving = ~resting_cells(space)
         parts = (space.negative_mass(np.where(moving[:, :, None, None], density, 0.0)) for density in densities)
         return max(parts, default=0.0)
 
@@ -223,6 +230,9 @@ def _checked(bins_tol):
 def _grids(scene, white, motion, tol):
     """Return the grids of all resolutions that fit a tolerance; `white` is the scene with equivalent white noise."""
     resolutions, bound = candidates_for(tol), velocity_bound(white, _spread(scene.noise))
+    if not scene.repeats:
+        # Blocks that are bound to overturn, but have not yet, may be faster.
+        bound = max(bound, _FASTER * motion.fastest)
     grids = [resolution.of(white, bound, motion) for resolution in resolutions]
     if scene.noise.kind == "white":
         return grids

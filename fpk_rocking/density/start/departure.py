@@ -38,6 +38,9 @@ BROKEN = 100.0
 _RATTLE, _SINCE = 0.25, 0.4
 """Longest step over `WindowSettings.growth`: in units of the time of the lift-off, and of the time since."""
 
+_AHEAD = 0.1
+"""Longest step over `WindowSettings.growth`, in units of the time until the forcing lifts the block off."""
+
 _MOST_STEPS, _LEAST_STEPS = 320, 16
 """A step of a block that rattles is no shorter than a cycle over the first, one of a window no longer than the
 forcing's shortest period over the second."""
@@ -107,11 +110,14 @@ class Departure:
     windows : WindowSettings
         Their fineness.
     period : float
-        Of the forcing: nothing is carried further.
+        Of the forcing: nothing is carried further, but for `patience`.
+    patience : float
+        Time until which the forcing is known not to lift a block off that is at rest.
     """
 
-    def __init__(self, dynamics: Dynamics, start, windows: WindowSettings, period):
-        self.dynamics, self.start, self.windows, self.period = dynamics, start, windows, period
+    def __init__(self, dynamics: Dynamics, start, windows: WindowSettings, period, patience=0.0):
+        self.dynamics, self.start, self.windows, self._cycle = dynamics, start, windows, period
+        self._patience, self.period = patience, period + patience
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
@@ -135,6 +141,15 @@ class Departure:
         if self.rests and forcing.since_lift_off(time)[0] > time:
             gaussian.mean = np.zeros(2)
         return gaussian
+
+    def resolution(self, time, space):
+        """Least conditional standard deviation of the density at a time over the size of a cell of a mesh."""
+        if not self._patience:
+            return _resolution(self.spread(time), space)
+        window = self._before(time).window
+        sizes = [np.diff(lines).min() * self.windows.cells / (2.0 * self.windows.reach) for lines in window.lines]
+        mean = self.flight(time).mean if self.dynamics.forcing.since_lift_off(time)[0] <= time else np.zeros(2)
+        return min(size / _cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
     def undisturbed(self, gaussian):
         """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
@@ -196,7 +211,7 @@ class Departure:
 
     def _quiet_time(self):
         """Last time until which the density is a Gaussian that nothing has disturbed."""
-        initial, least = self._initial, 1e-9 * self.period
+        initial, least = self._initial, 1e-9 * self._cycle
         if not initial.mean.any() and not initial.covariance.any():
             return self.windows.early * _drift_time(self.dynamics)
         quiet = 0.0 if initial.covariance.any() else least
@@ -213,11 +228,11 @@ class Departure:
         Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
-        dynamics, growth = self.dynamics.during(time, 1e-6 * self.period), self.windows.growth
+        dynamics, growth = self.dynamics.during(time, 1e-6 * self._cycle), self.windows.growth
         gap, change = 1.0 - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
-            return growth * max(_RATTLE * lifting, self.period / _MOST_STEPS)
+            return growth * max(_RATTLE * lifting, self._cycle / _MOST_STEPS, _AHEAD * (self._patience - time))
         since, change = dynamics.forcing.since_lift_off(time)
         if since > time:
             return math.inf
@@ -254,7 +269,7 @@ def first_resolved(departure: Departure, space: Space, edges):
     before, last = None, len(edges) - 1
     for step in range(1, last):
         gaussian = departure.flight(edges[step])
-        resolved = _resolution(departure.spread(edges[step]), space)
+        resolved = departure.resolution(edges[step], space)
         if resolved >= RESOLVED:
             return step
         if departure.undisturbed(gaussian):

@@ -34,6 +34,8 @@ class Dynamics:
         D, e and the angle of overturning.
     envelope : Trapezoid, Exponential or Table, optional
         g, where the diffusion is D g².
+    faintest : float
+        Least g² of a step.
     """
 
     forcing: PeriodicForcing
@@ -41,6 +43,7 @@ class Dynamics:
     restitution: float
     cutoff: float
     envelope: Trapezoid | Exponential | Table | None = None
+    faintest: float = FAINTEST
 
     @classmethod
     def of(cls, scene):
@@ -49,11 +52,11 @@ class Dynamics:
         return cls(scene.forcing, noise.diffusion, scene.block.restitution, scene.overturning.angle, noise.envelope)
 
     def during(self, start, duration):
-        """Return the dynamics with a constant diffusion, its mean over a step, and at least `FAINTEST` of D."""
+        """Return the dynamics with a constant diffusion, its mean over a step, and at least `faintest` of D."""
         if self.envelope is None:
             return self
         begin, end = self.envelope.squared(np.array([start, start + duration]))
-        mean = max((end - begin) / duration, FAINTEST)
+        mean = max((end - begin) / duration, self.faintest)
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
     def covariance(self, start, duration):
@@ -62,7 +65,7 @@ class Dynamics:
             return flight_covariance(self.diffusion, duration)
         nodes, weights = _NODES
         late = 0.5 * duration * (1.0 - nodes)
-        strength = np.maximum(self.envelope.value(start + duration - late) ** 2, FAINTEST)
+        strength = np.maximum(self.envelope.value(start + duration - late) ** 2, self.faintest)
         weights = self.diffusion * duration * weights * strength
         sinh, cosh = np.sinh(late), np.cosh(late)
         return tuple(float(weights @ part) for part in (sinh**2, sinh * cosh, cosh**2))

@@ -1,0 +1,108 @@
+"""When a block at rest under white noise may be held there exactly, and what that changes.
+
+Under a force |f| < 1 and white noise of diffusion D a block at rest rattles in a thin layer about x = v = 0. Its speeds
+at impact have the scale w = 4D / (3 (1 - e²)(1 - f²)). It forgets its state at the rate 9 (1 - e²)² (1 - f²)² / (256 D)
+of the slowest mode of its energy (docs/theory.md, section 5). Let M be the integral of this rate from the end of a hold
+to the next lift-off. Of what the layer would have been without the hold, the part exp(-M) is left at the lift-off, so
+survival changes by less than that.
+"""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.density.pilot import REST, in_rest
+from fpk_rocking.density.step.step import Dynamics
+
+_LOOK = 0.02
+"""Longest interval in which force and diffusion are taken as constant."""
+
+_INSIDE, _SAFE = 8.0, 25.0
+"""Scales w of the layer that have to be within the speed of `REST`, so that all of the layer is held, and within
+1 - |f|, the least speed that takes a block over the saddle, so that noise alone does not overturn it: exp(-25)."""
+
+
+class Hold:
+    """Times at which a block at rest may be held there.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        With white noise.
+    end : float
+        Last time that matters.
+    memory : float
+        The least M, the logarithm of the part of a block's state that the layer may remember.
+    """
+
+    def __init__(self, dynamics: Dynamics, end, memory):
+        self._edges = np.linspace(0.0, end, max(math.ceil(end / _LOOK), 1) + 1)
+        forces = np.abs([dynamics.forcing.value(time) for time in self._edges])
+        most = np.minimum(np.maximum(forces[1:], forces[:-1]), 1.0)
+        noise = dynamics.diffusion * np.ones(len(most))
+        if dynamics.envelope is not None:
+            noise *= np.diff(dynamics.envelope.squared(self._edges)) / np.diff(self._edges)
+        restitution = dynamics.restitution
+        lost, gap = 1.0 - restitution**2, 1.0 - most**2
+        pull = 3.0 * lost * gap
+        inside, safe = (4.0 * noise <= pull * size for size in (REST[1] / _INSIDE, (1.0 - most) / _SAFE))
+        forgetting = np.full(len(most), math.inf)
+        np.divide(9.0 * (lost * gap) ** 2, 256.0 * noise, out=forgetting, where=noise > 0.0)
+        self._lifting = most >= 1.0
+        left = self._until_lift_off(forgetting)
+        self._held = ~self._lifting & inside & safe & (left >= memory)
+        self._stopping = 0.5 * (1.0 - restitution) * self._until_lift_off(gap)
+
+    def _until_lift_off(self, rate):
+        """Integral of a rate (n,) from the end of each interval to the next lift-off; inf where there is none."""
+        found, sum_ = np.empty(len(rate)), math.inf
+        for k in range(len(rate) - 1, -1, -1):
+            sum_ = 0.0 if self._lifting[k] else sum_
+            found[k] = sum_
+            sum_ += 0.0 if self._lifting[k] else rate[k] * (self._edges[k + 1] - self._edges[k])
+        return found
+
+    def _interval(self, time):
+        """Return the number of the interval that begins at a time or goes on there, the last one after the end."""
+        return min(
+            max(int(np.searchsorted(self._edges, time * (1.0 + 1e-12), side="right")) - 1, 0), len(self._held) - 1
+        )
+
+    def until(self, time):
+        """Time until which a block at rest may be held from a time on; the time itself where it may not."""
+        first = self._interval(time)
+        later = self._held[first:]
+        return math.inf if later.all() else max(float(self._edges[first + np.argmin(later)]), time)
+
+    def lift_off(self, time):
+        """Time at which the forcing next lifts a block off, the time itself where it never does."""
+        later = self._edges[:-1][self._lifting]
+        later = later[later >= time]
+        return float(later[0]) if later.size else time
+
+    def stopped(self, time, space):
+        """Cells (angle cells, velocity cells) from which a block comes to rest before the next lift-off without noise.
+
+        A block of the speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both sides.
+        """
+        angles, velocities = (0.5 * np.abs(lines[1:] + lines[:-1]) for lines in space.lines)
+        speeds = np.sqrt(2.0 * angles[:, None] + velocities**2)
+        return resting_cells(space) & (speeds <= self._stopping[self._interval(time)]) | around_origin(space)
+
+
+def resting_cells(space):
+    """Cells (angle cells, velocity cells) of which the mass counts as rest: those in `REST`, and around the origin."""
+    return in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines)) | around_origin(space)
+
+
+def around_origin(space):
+    """Mark the cells (angle cells, velocity cells) that touch the origin."""
+    angle, velocity = ((lines[:-1] <= 0.0) & (lines[1:] >= 0.0) for lines in space.lines)
+    return np.outer(angle, velocity)
+
+
+def resting(space):
+    """Coefficients of a block at rest: its mass is spread evenly over the cells around the origin."""
+    cells, coefficients = around_origin(space), np.zeros(space.shape)
+    coefficients[cells, 0, 0] = 1.0 / (cells.sum() * space.areas[cells])
+    return coefficients
