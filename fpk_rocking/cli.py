@@ -353,7 +353,7 @@ def _simulated(options, scene):
         return (tally if options.tally else simulate)(
             scene,
             **_rows(options, scene),
-            realizations=_or(options.realizations, _REALIZATIONS),
+            realizations=_or(options.realizations, None if scene.deterministic else _REALIZATIONS),
             seed=_or(options.seed, _SEED),
             method=options.method,
             progress=progress,
