@@ -88,7 +88,7 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
         "the distance that sampling noise alone gives."
     )
     said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
-    for compared in comparisons:
+    for compared in reversed(comparisons):
         verdict, *said = told(compared.trust, *said)
         label = f"{compared.names[0]} against {compared.names[1]}, " if len(comparisons) > 1 else ""
         said = f"{label}{verdict}", *said
