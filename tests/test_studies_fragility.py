@@ -89,6 +89,7 @@ def test_a_surface_over_size(main_scene):
     found = fragility(BLOCK, scale=(1.0, 2.0, 4.0), over={"size": (0.6, 1.2)}, cycles=4, realizations=1000)
     assert (found.axis, found.place.tolist()) == ("size", [0.6, 1.2])
     assert np.all(np.diff(found.overturned, axis=0) <= 0.0)  # the larger block stands better
+    assert found.pooled.realizations == 1000  # the values share random numbers
     with pytest.raises(ValueError, match="parameter: got 'size', accepted: only where the scene has"):
         fragility(main_scene, scale=(1.0,), over={"size": (0.6, 1.2)}, cycles=4)
 
