@@ -180,7 +180,8 @@ def _add_density(parser):
 
 
 def _add_ensemble(parser):
-    parser.add_argument("--realizations", type=int, metavar="N", help=f"number of paths (default {_REALIZATIONS:,})")
+    paths = f"number of paths (default {_REALIZATIONS:,}, or 1 where nothing is random)"
+    parser.add_argument("--realizations", type=int, metavar="N", help=paths)
     parser.add_argument("--seed", type=int, metavar="N", help=f"seed of the random numbers (default {_SEED})")
     parser.add_argument(
         "--method",
@@ -353,7 +354,7 @@ def _simulated(options, scene):
         return (tally if options.tally else simulate)(
             scene,
             **_rows(options, scene),
-            realizations=_or(options.realizations, _REALIZATIONS),
+            realizations=_or(options.realizations, None if scene.deterministic else _REALIZATIONS),
             seed=_or(options.seed, _SEED),
             method=options.method,
             progress=progress,

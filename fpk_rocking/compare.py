@@ -17,14 +17,13 @@ from fpk_rocking.base.types import Array
 from fpk_rocking.results import distances
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import Result
+from fpk_rocking.results.result import Result, interval_of
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Doubt, Trust, verdict
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
 _SHOWN_CYCLES = (1, 2, 4, 10, 20, 40, 60, 100, 200)
-_LEVEL = 0.95
 _DEVIATIONS = 4.0
 _DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
 
@@ -40,7 +39,7 @@ class Comparison(Shown):
     names : tuple of str
         Engines of the results.
     realizations : tuple of (int or None)
-        Number of realizations of a sample, None for a density.
+        Number of realizations of a sample, None for a density and for the one path of a deterministic scene.
     cycles : ndarray, shape (n+1,)
         0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
     times : ndarray, shape (n+1,)
@@ -48,15 +47,15 @@ class Comparison(Shown):
     survival : ndarray, shape (n+1, 2)
         Probability of not having overturned.
     interval : ndarray, shape (n+1, 2, 2)
-        Lower and upper 95 % confidence limits, indexed [cycle, result, limit]; nan for a density.
+        Lower and upper 95 % confidence limits, indexed [cycle, result, limit]; nan for what is no sample.
     error_estimate : ndarray, shape (2,)
         Estimated error of survival of a density; nan for a sample.
     difference : ndarray, shape (n+1,)
         Survival of the first result minus that of the second.
     standard_error : ndarray, shape (n+1,)
-        Standard error of the difference if both results had the same distribution; 0 for two densities.
+        Standard error of the difference if both results had the same distribution; 0 where neither is a sample.
     z : ndarray, shape (n+1,)
-        The difference in standard errors; nan for two densities.
+        The difference in standard errors; nan where neither is a sample.
     leakage : ndarray, shape (n, 2, 2)
         Probability of overturning during the cycle, indexed [cycle, result, side], sides (left, right).
     joint_cycles : ndarray, shape (m,)
@@ -76,7 +75,8 @@ class Comparison(Shown):
     wall_s : tuple of float
         Seconds that each result took.
     trust : Trust
-        Verdict on both results with its reasons; one is a difference larger than the stated errors.
+        Verdict on both results with its reasons. One is a difference of survival of more than 4 standard errors and
+        the estimated errors of the densities together.
     remarks : tuple of str
         Sentences that a reader needs to judge the figures.
     """
@@ -202,7 +202,8 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     _same_times(first.times, second.times)
     joint_cycles = _joint_cycles(joint_cycles, cycles)
     both, kept = (first, second), slice(0, cycles + 1)
-    sizes = [float(result.realizations or math.inf) for result in both]
+    counts = tuple(None if result.deterministic else result.realizations for result in both)
+    sizes = [float(count or math.inf) for count in counts]
     survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = distances.pooled(survival[:, 0], survival[:, 1], *sizes)
@@ -213,7 +214,7 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
         names=(first.engine, second.engine),
-        realizations=tuple(result.realizations for result in both),
+        realizations=counts,
         cycles=np.arange(cycles + 1),
         times=np.asarray(first.times)[kept],
         survival=survival,
@@ -303,7 +304,7 @@ def _melnikov(both) -> dict:
 
 
 def _interval(result) -> np.ndarray:
-    interval = result.survival_interval(_LEVEL)
+    interval = interval_of(result)
     return np.full((len(result.times), 2), math.nan) if interval is None else np.asarray(interval)
 
 
@@ -322,15 +323,23 @@ def _trust(both, difference, standard_error):
         for reason in result.trust.reasons
         if result.trust.verdict != VERDICTS[0]
     ]
-    found += [Doubt(CAUTION, sentence) for sentence in _shared_seed(both)]
+    found += [Doubt(CAUTION, sentence, "shared seed") for sentence in _shared_seed(both)]
     stated = sum(result.facts.get("error_estimate", 0.0) for result in both)
-    beyond = float((np.abs(difference) - _DEVIATIONS * standard_error - stated).max())
+    apart, accepted = np.abs(difference), _DEVIATIONS * standard_error + stated
+    # Where most of what is accepted is used up: both may be 0, as at the start.
+    row = int(np.argmax(np.divide(apart, accepted, out=np.where(apart > 0.0, np.inf, 0.0), where=accepted > 0.0)))
+    what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(standard_error.any())
+    what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
+    rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
+    when = f"at τ = {both[0].times[row]:.4g}" if both[0].cycles is None else f"after {row} cycle{'s' * (row != 1)}"
+    sentence = f"Survival differs by {apart[row]:.2g} {when}"
+    if standard_error[row] > 0.0:
+        sentence += f" ({apart[row] / standard_error[row]:.1f} standard errors)"
+    beyond = float((apart - accepted).max())
     if beyond > 0.0:
-        sentence = (
-            f"Survival differs by up to {np.abs(difference).max():.2g}, more than the stated errors of both explain."
-        )
-        found.append(Doubt(CAUTION if beyond <= USELESS else UNUSABLE, sentence))
-    return verdict(found, "Neither result is in doubt, and survival differs by no more than their stated errors.")
+        doubt = f"{sentence}, more than the {rule}."
+        found.append(Doubt(CAUTION if beyond <= USELESS else UNUSABLE, doubt, "difference"))
+    return verdict(found, f"Neither result is in doubt. {sentence}, within the {rule}.")
 
 
 def _remarks(first, second) -> tuple[str, ...]:
@@ -343,7 +352,7 @@ def _remarks(first, second) -> tuple[str, ...]:
 
 def _shared_seed(both) -> list[str]:
     seeds = [(result.facts.get("seed"), result.engine) for result in both]
-    if seeds[0] != seeds[1] or seeds[0][0] is None:
+    if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in both):
         return []
     return [f"Both samples use seed {seeds[0][0]} and share random numbers, so z and the floors do not apply."]
 

@@ -33,7 +33,7 @@ class MeanMap(NamedTuple):
     points : ndarray, shape (cycles + 1, 2)
         Mean angle and velocity; nan where no realization counts.
     standard_error : ndarray, shape (cycles + 1, 2)
-        Sampling error of each mean; nan where fewer than two realizations count.
+        Sampling error of each mean; nan where fewer than two realizations count, 0 where nothing is random.
     counted : ndarray of int, shape (cycles + 1,)
         Number of realizations that count.
     overturned_after : int or None
@@ -72,14 +72,14 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     cutoff = ensemble.scene.overturning.angle
     columns = zip(ensemble.angle.T, ensemble.velocity.T, strict=True)
     rows = [_mean(angle, velocity, ensemble.overturn_side, cutoff, overturned) for angle, velocity in columns]
-    return _mapped(rows, cutoff)
+    return _mapped(rows, cutoff, ensemble.deterministic)
 
 
 def restarted_poincare_map(
     scene: Scene,
     *,
     cycles: int,
-    realizations: int,
+    realizations: int | None = None,
     seed: int = 1,
     method: str | None = None,
     steps_per_cycle: int = 200,
@@ -132,7 +132,7 @@ def restarted_poincare_map(
             rows += (cycles - cycle - 1) * rows[-1:]
             break
         place = Start(float(mean[0]), float(mean[1]))
-    return _mapped(rows, cutoff)
+    return _mapped(rows, cutoff, scene.deterministic)
 
 
 def correlation_dimension(points: ArrayLike, shortest: float, longest: float) -> float:
@@ -199,7 +199,9 @@ def _mean(angle, velocity, side, cutoff, overturned):
     return mean, np.sqrt(np.square(states - mean[:, None]).sum(axis=1) / (counted - 1) / counted), counted
 
 
-def _mapped(rows, cutoff):
+def _mapped(rows, cutoff, deterministic):
     points, errors, counted = map(np.array, zip(*rows, strict=True))
+    if deterministic:
+        errors[counted > 0] = 0.0
     beyond = ~(np.abs(points[:, 0]) < cutoff)
     return MeanMap(points, errors, counted, int(np.argmax(beyond)) if beyond.any() else None)

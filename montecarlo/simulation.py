@@ -15,7 +15,7 @@ def simulate(
     *,
     cycles: int | None = None,
     times: ArrayLike | None = None,
-    realizations: int,
+    realizations: int | None = None,
     seed: int = 1,
     method: str | None = None,
     steps_per_cycle: int = 200,
@@ -35,9 +35,10 @@ def simulate(
     times : array_like, optional
         For a pulse or a record: ascending nondimensional times at which results are wanted. By default 21 times over
         its duration, and 10 units of time after its end.
-    realizations : int
+    realizations : int, optional
         Number of realizations, at least 1. Their states may take up to 4 GiB; `tally`, which keeps counts alone, has no
-        such limit.
+        such limit. A deterministic scene (`Scene.deterministic`) has one path and needs no number; with a larger one
+        the path is computed once and stands in every row.
     seed : int
         Seed of the random numbers, from 0 to 2**64 - 1.
     method : {"exact", "rk4", "white", "filtered"}, optional

@@ -22,7 +22,7 @@ def tally(
     *,
     cycles: int | None = None,
     times: ArrayLike | None = None,
-    realizations: int,
+    realizations: int | None = None,
     seed: int = 1,
     method: str | None = None,
     steps_per_cycle: int = 200,
@@ -41,8 +41,8 @@ def tally(
     ----------
     scene, cycles, times, seed, method, steps_per_cycle, progress
         As for `simulate`.
-    realizations : int
-        Number of realizations, 1 to 2**31 - 1.
+    realizations : int, optional
+        Number of realizations, 1 to 2**31 - 1. A deterministic scene needs no number, as for `simulate`.
     angle_edges, velocity_edges : array_like, optional
         Ascending edges of the bins that are counted, nondimensional. The default bins, 0.05 wide, are those that
         comparisons and pictures need.

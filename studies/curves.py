@@ -10,7 +10,6 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
-from montecarlo.results.sample import certain
 from studies.execution.cells import Cell, seed_of
 from studies.result import Fragility
 from studies.scenes import grid, scaled
@@ -72,7 +71,7 @@ def fragility(
     scale_noise : bool
         Whether the noise is scaled with the forcing.
     realizations : int
-        Number of realizations of each sample; a scene without noise needs only one.
+        Number of realizations of each sample. Deterministic scenes have one path each whatever the number.
     tol : float
         Wanted error of the engine "density".
     seed : int
@@ -181,7 +180,7 @@ def _options(engine, scenes, lasting, realizations, tol):
     if engine == "density":
         return lasting | {"tol": tol}, 0
     realizations = checks.count("realizations", realizations)
-    realizations = 1 if all(map(certain, scenes)) else realizations
+    realizations = 1 if all(scene.deterministic for scene in scenes) else realizations
     return lasting | {"realizations": realizations, "method": engine}, realizations
 
 

@@ -19,6 +19,9 @@ from fpk_rocking.base.types import ArrayLike, Number
 P_VALUE = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
 """What stands below fits with a p-value."""
 
+REJECTED, MISFIT = 0.01, 0.05
+"""The p-value below which a fit is rejected; for probabilities that are no counts, the misfit above which it is."""
+
 _ROUNDS, _SMALL = 100, 1e-9
 _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 _STEEPEST = 1e6
@@ -57,6 +60,13 @@ class LognormalFit(NamedTuple):
     p_value: float
     level: float
     reason: str
+
+    @property
+    def rejected(self) -> bool:
+        """Whether there is a fit and the data reject it: p below 0.01; without counts, a misfit above 0.05."""
+        if self.reason:
+            return False
+        return self.misfit > MISFIT if math.isnan(self.p_value) else self.p_value < REJECTED
 
     def __call__(self, scale: Number) -> Number:
         """Evaluate the curve.
@@ -115,10 +125,10 @@ def fit_lognormal(
     count = share * trials if realizations is None else np.round(share * trials)
     reason = _undetermined(logs, count, trials)
     if reason:
-        return _without(level, reason)
+        return no_fit(level, reason)
     curve, information = _maximize(logs, count[None], trials)
     if not 0.0 < curve[0, 1] < _STEEPEST:
-        return _without(level, "the probability does not rise with the scale")
+        return no_fit(level, "the probability does not rise with the scale")
     intercept, slope = curve[0]
     fitted = special.ndtr(intercept + slope * logs)
     median, dispersion = math.exp(-intercept / slope), 1.0 / float(slope)
@@ -140,7 +150,8 @@ def fit_lognormal(
     return LognormalFit(median, dispersion, middles, spreads, misfit, deviance, p_value, level, "")
 
 
-def _without(level, reason):
+def no_fit(level, reason):
+    """Return a fit that there is not, with the reason."""
     nothing = math.nan, math.nan
     return LognormalFit(math.nan, math.nan, nothing, nothing, math.nan, math.nan, math.nan, level, reason)
 

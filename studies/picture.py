@@ -12,6 +12,7 @@ from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 from studies.lognormal import P_VALUE
+from studies.tables import size_of
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "small_figure", "surface_figure"]
 
@@ -24,6 +25,7 @@ NAMES = {
 """What the parameters of a block are called on an axis."""
 
 _MARKERS = "osD^"
+_PANELS = 3
 _SIZE, _ROW = 8.5, 4.6
 _WIDE, _LINE = 5.2, 0.22
 _ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
@@ -49,12 +51,12 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
         The file written.
     """
     first = results[0]
-    count = len(first.scenes)
+    count = len(first.place)
     columns = min(count, 3)
     rows = -(-count // columns)
     shown = range(len(first.names)) if which is None else [which]
     notes = [first.describe(m, one) for m in range(count) for one in shown]
-    notes += [P_VALUE, *_notes(results)]
+    notes += [P_VALUE] * first.tested + _notes(results)
     size = (_WIDE * columns if columns > 1 else _SIZE, _ROW * rows + _LINE * len(notes) + 0.8)
     with style.page(path, size, title, notes) as figure:
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
@@ -118,7 +120,7 @@ def draw_map(axes, across, up, probability):
 
 
 def small_figure(result):
-    """Return a figure of all probabilities of the first three scenes, or of overturning over a parameter."""
+    """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
 
     def surface(figure, axes):
         figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
@@ -126,12 +128,14 @@ def small_figure(result):
 
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
         return figure_of(surface)
-    shown = range(len(result.names))
-    panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(len(result.scenes), 3))]
+    shown, count = range(len(result.names)), len(result.place)
+    panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
     figure = figure_of(*panels)
     figure.axes[0].set_ylabel("probability")
+    if count > _PANELS:
+        figure.suptitle(f"The first {_PANELS} of {count} curves", fontsize=9)
     for m, axes in enumerate(figure.axes):
-        axes.set_title(result.label(m) if len(result.scenes) > 1 else "")
+        axes.set_title(result.label(m) if count > 1 else "")
         samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
         axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
     return figure
@@ -152,6 +156,10 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     if fit and not found.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
         axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
+    if result.deterministic[m]:
+        look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
+        axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
+        return
     error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
@@ -174,8 +182,8 @@ def _notes(results):
     shaken = "the forcing and of the noise" if first.noise_scaled else "the forcing alone"
     notes = [f"Scale: a factor of the acceleration of {shaken}. {_duration(first)}"]
     for one in results:
-        kind = f"{one.realizations:,} realizations a point, 95 % intervals" if one.realizations else "error estimates"
-        notes.append(f"{one.engine}: {kind}.")
+        sampled = one.realizations and not one.deterministic.all()
+        notes.append(f"{one.engine}: {size_of(one)}{', 95 % intervals' if sampled else ''}.")
     return [*notes, *dict.fromkeys(sentence for one in results for sentence in one.remarks)]
 
 

@@ -4,24 +4,25 @@ import csv
 import dataclasses
 import functools
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from collections.abc import Iterator
+from typing import Any, Self
 
 import numpy as np
 
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
-from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of
+from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.scene.scene import Scene
-from montecarlo.results.sample import certain
+from montecarlo.results.sample import EXACT_PATH
 from montecarlo.results.statistics import wilson_interval
-from studies.lognormal import LognormalFit, fit_lognormal
+from studies.doubts import doubts_of
+from studies.lognormal import LognormalFit, fit_lognormal, no_fit
 from studies.measures import Intensities, intensities
-from studies.scenes import scaled
+
+_LEVEL = 0.95
+"""Confidence of the intervals of the fits."""
 
 _LAYOUT = Layout(
     {
@@ -36,6 +37,7 @@ _LAYOUT = Layout(
         "axis": str,
         "realizations": int,
         "noise_scaled": bool,
+        "mixture": bool,
         "options": dict,
         "closure": str,
         "reasons": dict,
@@ -48,17 +50,17 @@ _LAYOUT = Layout(
 class Fragility(Shown):
     """Fragility curves: the probability of overturning, or of reaching an angle, against the scale of the shaking.
 
-    There are m scenes, n scales and l levels, which are angles below that of overturning.
+    There are m curves, one for each scene, n scales and l levels, which are angles below that of overturning.
 
     Parameters
     ----------
     scenes : tuple of Scene, (m,)
-        The scenes at scale 1.
+        The scenes at scale 1. Of a mixture all of its scenes, while m = 1.
     axis : str
         Name of the parameter in which the scenes differ, as `studies.scenes.varied` takes it; "scene" for scenes that
         were given one by one.
     place : ndarray, shape (m,)
-        Values of this parameter; numbers from 0 for "scene".
+        Values of this parameter; numbers from 0 for "scene", nan for a mixture.
     level : ndarray, shape (l,)
         Levels of the largest |Θ|, in units of θ_cr.
     scale : ndarray, shape (n,)
@@ -71,7 +73,7 @@ class Fragility(Shown):
     engine : str
         "exact", "rk4", "white", "filtered" or "density".
     realizations : int
-        Number of realizations of each sample; 0 for a density.
+        Number of realizations of each sample; 0 for a density. A deterministic scene has one path whatever the number.
     noise_scaled : bool
         Whether the scale multiplies the noise as well.
     options : dict
@@ -82,6 +84,8 @@ class Fragility(Shown):
         Why the engine gave no answer, by the indices "scene,level,scale" into `probability`.
     wall_s : float
         Seconds that the call took.
+    mixture : bool
+        Whether the one curve is for a motion drawn from the scenes with equal probability (`pooled`).
     """
 
     scenes: tuple[Scene, ...]
@@ -98,6 +102,7 @@ class Fragility(Shown):
     closure: str
     reasons: dict[str, str]
     wall_s: float
+    mixture: bool = False
 
     def __post_init__(self):
         for name in _LAYOUT.arrays:
@@ -113,6 +118,12 @@ class Fragility(Shown):
         """Probability that |Θ| reaches each level, shape (m, l, n)."""
         return self.probability[:, 1:]
 
+    @property
+    def deterministic(self) -> Array:
+        """Whether nothing is random behind a curve, so that each scale has one outcome of each scene, shape (m,)."""
+        found = [scene.deterministic and self.realizations > 0 for scene in self.scenes]
+        return np.array([all(found)] if self.mixture else found)
+
     def interval(self, level: float = 0.95) -> Array:
         """Return limits of the probabilities.
 
@@ -124,41 +135,68 @@ class Fragility(Shown):
         Returns
         -------
         ndarray, shape (m, l + 1, n, 2)
-            Wilson's confidence limits of a sample; for a density, its error estimate to either side within [0, 1].
+            Wilson's confidence limits of a sample; for a density, its error estimate to either side within [0, 1]; the
+            probability itself where nothing is random.
         """
         if self.realizations:
-            return wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
+            limits = wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
+            return np.where(self.deterministic[:, None, None, None], self.probability[..., None], limits)
         limits = np.stack([self.probability - self.error_estimate, self.probability + self.error_estimate], axis=-1)
         return np.clip(limits, 0.0, 1.0)
 
     @functools.cached_property
     def fits(self) -> list[list[LognormalFit]]:
-        """Lognormal fit of each curve with 95 % intervals: a list (m) of lists (l + 1) of `LognormalFit`."""
-        trials = self.realizations or None
-        return [[fit_lognormal(self.scale, curve, trials) for curve in curves] for curves in self.probability]
+        """Lognormal fit of each curve, with 95 % intervals of a sample: a list (m) of lists (l + 1) of `LognormalFit`.
+
+        The outcomes of one deterministic scene are not fitted. A mixture of such scenes is, without intervals: its
+        probabilities are no counts of independent samples.
+        """
+        return [[self._fit(curve, still) for curve in curves] for curves, still in self._curves]
+
+    @property
+    def tested(self) -> bool:
+        """Whether a fit has a p-value."""
+        return any(np.isfinite(fit.p_value) for fits in self.fits for fit in fits)
+
+    @property
+    def _curves(self):
+        return zip(self.probability, self.deterministic, strict=True)
+
+    def _fit(self, curve, deterministic):
+        if deterministic and not self.mixture:
+            return no_fit(_LEVEL, f"deterministic: {_outcomes(self.scale, curve)}")
+        return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None, level=_LEVEL)
 
     @functools.cached_property
     def intensities(self) -> list[Intensities]:
-        """Intensity measures of each scene at scale 1, a list (m); they are proportional to the scale."""
-        return [intensities(scene) for scene in self.scenes]
+        """Intensity measures of each scene at scale 1, a list (m); they are proportional to the scale.
+
+        Of a mixture those that its scenes have in common, and nan where they differ.
+        """
+        found = [intensities(scene) for scene in self.scenes]
+        return [Intensities(*map(_common, zip(*found, strict=True)))] if self.mixture else found
 
     @functools.cached_property
     def pooled(self) -> Self:
         """Fragility of a motion drawn from the scenes with equal probability: the mean over them, as one scene.
 
-        Its intervals and fits are for a motion drawn from these scenes, not for other motions of their kind.
+        Its intervals and fits are for a motion drawn from these scenes, not for other motions of their kind; the
+        verdict says how much less is known of those.
         """
+        if self.mixture:
+            return self
         mean = self.probability.mean(axis=0, keepdims=True)
         error = self.error_estimate.mean(axis=0, keepdims=True)
         return dataclasses.replace(
             self,
-            scenes=self.scenes[:1],
             axis="scene",
-            place=np.zeros(1),
+            place=np.full(1, np.nan),
             probability=mean,
             error_estimate=error,
-            realizations=self.realizations * len(self.scenes),
-            reasons={},
+            # Values of a parameter share random numbers, so together they are no larger sample.
+            realizations=self.realizations * (len(self.scenes) if self.axis == "scene" else 1),
+            reasons={",".join(["0", *place.split(",")[1:]]): reason for place, reason in self.reasons.items()},
+            mixture=True,
         )
 
     @property
@@ -178,6 +216,8 @@ class Fragility(Shown):
         -------
         str
         """
+        if self.mixture:
+            return f"mean of {len(self.scenes)} scenes"
         sizes = [one.block.dimensions for one in self.scenes]
         if self.axis != "scene":
             return f"{self.axis} {self.place[scene]:.4g}"
@@ -188,51 +228,19 @@ class Fragility(Shown):
     @property
     def remarks(self) -> list[str]:
         """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
-        of = [getattr(scene.noise, "remark", "") for scene in self.scenes]
-        of += [self.closure, *(doubt.sentence for found in self._doubts for doubt in found)]
-        kinds = {}
-        for sentence in filter(None, dict.fromkeys(of)):
-            kinds.setdefault(_kind(sentence), []).append(sentence)
-        found = [one + f" (Other scenes: {len(more)} likewise.)" * bool(more) for one, *more in kinds.values()]
-        return found + [doubt.sentence for doubt in self._unanswered]
+        of = [*(getattr(scene.noise, "remark", "") for scene in self.scenes), self.closure]
+        return [*dict.fromkeys(filter(None, of)), *(doubt.sentence for doubt in self._doubts)]
 
     @functools.cached_property
     def _doubts(self):
-        """What speaks against the curves of each scene, a list (m) of lists: each kind once, with its scale."""
-        return [self._doubts_of(*place) for place in enumerate(self.scenes)]
-
-    def _doubts_of(self, m, scene):
-        # Survival is judged by the lowest cut-off, and a kind is told as of the scale that overturns most of its own.
-        reached, rests = np.nan_to_num(self.probability[m]).max(axis=0), self.engine == "filtered"
-        kinds = {}
-        for n in np.argsort(-reached, kind="stable"):
-            shaken = scaled(scene, self.scale[n], noise=self.noise_scaled)
-            for doubt in doubts(_Told(shaken, self.closure, (1.0 - reached[n],), rests)):
-                kinds.setdefault(_kind(doubt.sentence), []).append((self.scale[n], doubt))
-        return [self._with_scale(found) for found in kinds.values()]
-
-    def _with_scale(self, found):
-        """Return the first of the doubts of a kind; it says at which scale, unless it is the same at all."""
-        (scale, first), *others = found
-        if len(found) == len(self.scale) and len({doubt for _, doubt in found}) == 1:
-            return first
-        more = f", and at {len(others)} other scale{'s' * (len(others) > 1)}" * bool(others)
-        return first._replace(sentence=f"{first.sentence} (At scale {scale:.3g}{more}.)")
-
-    @property
-    def _unanswered(self):
-        if not self.reasons:
-            return []
-        count, first = self.probability.size, next(iter(self.reasons.values()))
-        sentence = f"The engine gave no answer for {len(self.reasons)} of {count} probabilities: {first}"
-        return [Doubt(CAUTION if len(self.reasons) < count else UNUSABLE, sentence)]
+        return doubts_of(self)
 
     @property
     def facts(self) -> dict[str, Any]:
         """Engine, sizes, and the largest error over the probabilities that have an answer, as plain values by name."""
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
-        own = {} if all(map(certain, self.scenes)) else own
+        own = {} if self.deterministic.all() else own
         own = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
         tol = {"tol": self.options["tol"]} if "tol" in self.options else {}
         return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | own | tol
@@ -240,15 +248,15 @@ class Fragility(Shown):
     @functools.cached_property
     def trust(self) -> Trust:
         """Verdict with its reasons: "ok", "caution" or "do not use"."""
-        return trust_of(self.facts, self._unanswered + [doubt for found in self._doubts for doubt in found])
+        return trust_of(self.facts, self._doubts, EXACT_PATH if self.deterministic.all() else "")
 
     @property
     def headline(self) -> str:
         """Engine, scales and the median of the fit, as a line of text."""
-        count, (low, high) = len(self.scenes), self.scale[[0, -1]]
+        count, (low, high) = len(self.place), self.scale[[0, -1]]
         fit = self.fits[0][0]
         found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if count == 1 and not fit.reason else ""
-        scenes = f"{count} scene{'s' * (count > 1)}"
+        scenes = self.label(0) if self.mixture else f"{count} scene{'s' * (count > 1)}"
         return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
 
     def describe(self, scene: int, which: int = 0) -> str:
@@ -266,7 +274,7 @@ class Fragility(Shown):
         str
         """
         fit, name = self.fits[scene][which], self.names[which]
-        where = f"{name}, {self.label(scene)}" if len(self.scenes) > 1 else name
+        where = f"{name}, {self.label(scene)}" if len(self.place) > 1 else name
         if fit.reason:
             return f"Lognormal ({where}): no fit, {fit.reason}."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
@@ -293,10 +301,11 @@ class Fragility(Shown):
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of `to_csv`, a dict for each probability."""
-        limits = self.interval()
+        limits, angles = self.interval(), [scene.overturning.angle for scene in self.scenes]
+        angles = [_common(angles)] if self.mixture else angles
         for m, measure in enumerate(self.intensities):
             for n, scale in enumerate(self.scale):
-                for which, level in enumerate([self.scenes[m].overturning.angle, *self.level]):
+                for which, level in enumerate([angles[m], *self.level]):
                     low, high = limits[m, which, n]
                     yield {
                         self.axis: self.place[m],
@@ -330,9 +339,11 @@ class Fragility(Shown):
             "engine": self.engine,
             "realizations": self.realizations,
             "noise_scaled": self.noise_scaled,
+            "mixture": self.mixture,
+            "deterministic": self.deterministic.tolist(),
             "options": self.options,
             "axis": self.axis,
-            "place": self.place.tolist(),
+            "place": _plain(self.place),
             "scale": self.scale.tolist(),
             "level": self.level.tolist(),
             "overturned": _plain(self.overturned),
@@ -382,7 +393,7 @@ class Fragility(Shown):
         layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
         _, arrays, attributes = storage.read_result(path, "fragility", layout)
         scenes = attributes.pop("scenes")
-        if len(scenes) != len(arrays["place"]):
+        if len(arrays["place"]) != (1 if attributes["mixture"] else len(scenes)):
             told = f"{len(scenes)} scenes for {len(arrays['place'])} places"
             raise ValueError(f"{path}: not the content of a saved result: {told}")
         try:
@@ -392,20 +403,20 @@ class Fragility(Shown):
         return cls(scenes=scenes, **arrays, **attributes)
 
 
-class _Told(NamedTuple):
-    """A scene at one scale as `fpk_rocking.results.remarks.doubts` takes a result."""
+def _outcomes(scale, curve):
+    """Say at which scales one path overturns, or reaches a level: curve (n,) of 0, 1 and nan."""
+    over = curve == 1.0
+    if not over.any():
+        return f"happens at none of {over.size} scales"
+    always = np.flatnonzero(~over)
+    always = always[-1] + 1 if always.size else 0
+    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
+    return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
 
-    scene: Scene
-    closure: str
-    survival: Sequence
-    atom: bool
-    averaged: bool = False
-    facts: Mapping = MappingProxyType({})
 
-
-def _kind(sentence):
-    """Return what sentences of one kind share: what stands before the first colon."""
-    return sentence.partition(":")[0]
+def _common(values):
+    """Return what all values are, nan where they differ."""
+    return values[0] if all(value == values[0] for value in values) else np.nan
 
 
 def _limits(interval):

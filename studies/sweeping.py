@@ -118,15 +118,19 @@ class Sweep(Shown):
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """The worst verdict of its scenes; at least "caution" where one failed, "do not use" where all failed."""
+        """The worst verdict of its scenes; "caution" where one failed or has none, "do not use" where all failed."""
         found, count = [], len(self.rows)
         if self.failed:
             sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
-            found.append(Doubt(CAUTION if len(self.failed) < count else UNUSABLE, sentence))
+            found.append(Doubt(CAUTION if len(self.failed) < count else UNUSABLE, sentence, "failed"))
+        unjudged = count - len(self.failed) - sum(self.facts.get(name, 0) for name in VERDICTS)
+        if unjudged:
+            sentence = f'{unjudged} of {count} scenes have no verdict: their function returned none as "trust".'
+            found.append(Doubt(CAUTION, sentence, "unjudged"))
         for weight in (CAUTION, UNUSABLE):
             name = VERDICTS[weight]
             if name in self.facts:
-                found.append(Doubt(weight, f'{self.facts[name]} of {count} scenes have the verdict "{name}".'))
+                found.append(Doubt(weight, f'{self.facts[name]} of {count} scenes have the verdict "{name}".', name))
         judged = self.facts.get(VERDICTS[0], 0)
         return verdict(found, f'{judged} of {count} scenes have the verdict "{VERDICTS[0]}".')
 

@@ -88,6 +88,7 @@ class FakeEvolution(DensityResult):
     error_estimate: float = 1e-4
     mass_defect: float = 1e-15
     negative_mass: float = 0.0
+    moving_negative_mass: float = 0.0
     diffusion: float = 0.00628
     tol: float = 1e-3
     closure: str = "Band noise stands as white noise of equal Melnikov variance."
@@ -106,7 +107,7 @@ class FakeEvolution(DensityResult):
 
     @property
     def facts(self):
-        names = "error_estimate", "mass_defect", "negative_mass", "diffusion", "tol"
+        names = "error_estimate", "mass_defect", "negative_mass", "moving_negative_mass", "diffusion", "tol"
         own = {name: getattr(self, name) for name in names}
         return own | {"lost": self.lost.tolist()}
 
@@ -142,6 +143,7 @@ class FakeEnsemble(Sample):
     method: str = "rk4"
     steps_per_cycle: int = 200
     wall_s: float = 2.5
+    _overturning = None
 
     @property
     def times(self):

@@ -96,6 +96,9 @@ def test_a_block_that_stays_at_rest_is_answered():
     assert found.survival == pytest.approx(np.ones(4), abs=1e-3)
     assert found.at_rest == pytest.approx(np.ones(4), abs=1e-3)
     assert found.bins_error_estimate < 1e-2
+    assert found.negative_mass > 0.1
+    assert found.moving_negative_mass < 1e-3
+    assert found.trust.verdict == "ok"
     lifted = solve_fpk(SCENES["large motion"], cycles=1, tol=1e-2)
     assert lifted.at_rest[0] == 1.0
     assert lifted.at_rest[1] < 0.05

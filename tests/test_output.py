@@ -94,6 +94,16 @@ def test_survival_figure(tmp_path, drawn):
     assert [path.name for path in tmp_path.iterdir()] == ["survival.png"]
 
 
+def test_each_of_several_verdicts_says_what_it_is_on():
+    """With one comparison the title tells."""
+    white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=2_000, method="white", seed=2)
+    both = [compare(one, DENSITY, [2]) for one in (ENSEMBLE, white)]
+    sentences = tables.comparison_table(both)[2]
+    for sentence, name, compared in zip(sentences[:2], ("rk4", "white"), both, strict=True):
+        assert sentence == f"Monte Carlo {name} against Fokker-Planck density, {compared.trust}"
+    assert tables.comparison_table(both[:1])[2][0] == str(both[0].trust)
+
+
 def test_comparison_table_is_plain_in_a_pipe(capsys):
     tables.show(*tables.comparison_table([compare(ENSEMBLE, DENSITY, [2, 10])]))
     printed = capsys.readouterr().out

@@ -9,6 +9,7 @@ import sys
 import fakes
 import numpy as np
 import pytest
+from scipy import special
 
 from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare
@@ -46,15 +47,15 @@ def splitting(repeats=30, spread=0.1):
 
 
 def fragility(axis="scene", size=1):
-    values = np.linspace(0.05, 0.95, 12 * size).reshape(size, 2, 6)
-    values[:, 1] = np.minimum(1.0, 1.2 * values[:, 0])
+    scale, median = np.geomspace(0.5, 2.0, 6), (np.arange(size) + 3.0) / 3.0
+    values = special.ndtr(np.log(scale / np.multiply.outer(median, [[1.0], [0.8]])) / 0.4)
     return Fragility(
         scenes=(MAIN,) * size,
         axis=axis,
         place=np.arange(size) + 1.0,
         level=np.array([0.7]),
-        scale=np.geomspace(0.5, 2.0, 6),
-        probability=np.round(values, 2),
+        scale=scale,
+        probability=np.round(values, 3),
         error_estimate=np.full(values.shape, np.nan),
         engine="exact",
         realizations=1000,
@@ -229,12 +230,15 @@ def test_pictures_show_the_bins_that_hold_the_probability():
         ({"escape_error": 2.8e-3, "tol": 1e-3}, "caution", "rate is 0.0028, above 0.0027."),
         ({"relative_error": 0.3}, "caution", "The relative standard error of the probability is 0.3, above 0.2."),
         ({"bins_tol": 0.03, "bins_error_estimate": 0.04}, "caution", "binned density (L1) is 0.04, above 0.03."),
-        ({"bins_error_estimate": 0.04}, "ok", "No error is estimated."),
+        ({"bins_error_estimate": 0.04}, "caution", "No error is estimated."),
         ({"error_estimate": 0.0, "tol": 1e-2, "lost": [0.0, 0.02, 0.0]}, "caution", "of the mesh is 0.02, above 0.01."),
         ({"error_estimate": 0.0, "tol": 1e-2, "mass_defect": 1e-8}, "caution", "or lost) is 1e-08, above 1e-09."),
         ({"error_estimate": 0.0, "tol": 1e-2, "mass_defect": 0.011}, "do not use", "or lost) is 0.011, above 0.01."),
         ({"error_estimate": 0.0, "tol": 1e-2, "negative_mass": 0.02}, "caution", "below 0) is 0.02, above 0.01."),
-        ({}, "ok", "No error is estimated."),
+        ({"error_estimate": 0.0, "negative_mass": 0.5, "moving_negative_mass": 0.009}, "ok", "within 0.05."),
+        ({"error_estimate": 0.0, "negative_mass": 0.5, "moving_negative_mass": 0.02}, "caution",
+         "blocks at rest left out) is 0.02, above 0.01."),
+        ({}, "caution", "No error is estimated."),
     ],
 )  # fmt: skip
 def test_the_verdict_of_figures(facts, verdict, reason):
@@ -273,14 +277,18 @@ def test_doubts_about_the_noise_are_part_of_the_verdict_on_a_density(scene, verd
     assert fakes.FakeEnsemble(scene).trust.verdict == "ok"
 
 
-def test_one_path_without_noise_is_certain():
+def test_one_path_without_noise_is_certain_by_the_exact_engine():
     """Two realizations say no less than one; with noise, or from a spread start, they say nothing."""
     quiet = dataclasses.replace(MAIN, noise=NoNoise())
     spread = quiet.varied(start=Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01))))
-    found = [fakes.FakeEnsemble(scene, realizations=2).trust.verdict for scene in (quiet, MAIN, spread)]
-    assert found == ["ok", "do not use", "do not use"]
-    curves = [dataclasses.replace(fragility(), scenes=(scene,), realizations=1) for scene in (quiet, MAIN)]
-    assert [curve.trust.verdict for curve in curves] == ["ok", "do not use"]
+    for method, verdict in (("exact", "ok"), ("rk4", "caution")):
+        samples = [fakes.FakeEnsemble(scene, realizations=2, method=method) for scene in (quiet, MAIN, spread)]
+        assert [sample.trust.verdict for sample in samples] == [verdict, "do not use", "do not use"]
+        curves = [dataclasses.replace(fragility(), scenes=(scene,), realizations=1) for scene in (quiet, MAIN)]
+        curves = [dataclasses.replace(curve, engine=method) for curve in curves]
+        assert [curve.trust.verdict for curve in curves] == [verdict, "do not use"]
+        for found in (samples[0], curves[0]):
+            assert found.trust.reasons[0].startswith("Deterministic: one path, ")
 
 
 def test_a_density_for_a_band_is_doubted_where_the_forcing_hardly_lifts_blocks():
@@ -310,15 +318,27 @@ def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_dif
     class Other(fakes.FakeEvolution):
         @property
         def survival(self):
-            return super().survival - 0.06 * (np.arange(11) > 4)
+            return super().survival - 0.06 * (np.arange(11) == 5)
 
     differing = compare(Other(MAIN), density).trust
     assert differing.verdict == "caution"
-    assert differing.reasons == ("Survival differs by up to 0.06, more than the stated errors of both explain.",)
+    (reason,) = differing.reasons
+    assert reason == (
+        "Survival differs by 0.06 after 5 cycles, more than the 0.0002 accepted there: the estimated errors of the "
+        "densities, 0.0002."
+    )
     assert compare(ensemble, ensemble).trust.reasons[0].startswith("Both samples use seed 1")
     # Seven standard errors, and two.
     assert compare(ensemble, Other(MAIN)).trust.verdict == "caution"
-    assert compare(fakes.FakeEnsemble(MAIN, realizations=400), Other(MAIN)).trust.verdict == "ok"
+    within = compare(fakes.FakeEnsemble(MAIN, realizations=400), Other(MAIN))
+    assert within.trust.verdict == "ok"
+    worst = np.abs(within.difference / (4.0 * within.standard_error + 1e-4))[1:].argmax() + 1
+    accepted = 4.0 * within.standard_error[worst] + 1e-4
+    assert within.trust.reasons[0] == (
+        f"Neither result is in doubt. Survival differs by {abs(within.difference[worst]):.2g} after {worst} cycles "
+        f"({abs(within.z[worst]):.1f} standard errors), within the {accepted:.2g} accepted there: 4 standard errors of "
+        "the difference plus the estimated errors of the densities, 0.0001."
+    )
 
 
 def test_the_example_of_the_document(monkeypatch, capsys):
@@ -334,6 +354,12 @@ def test_the_example_of_the_document(monkeypatch, capsys):
 def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):
     whole = kinds["fragility"]
     assert whole.trust.verdict == "ok"
+    half = dataclasses.replace(whole, probability=np.round(0.5 * whole.probability, 3))
+    (reason,) = half.trust.reasons
+    assert reason == (
+        "The lognormal fit of 2 of 2 curves is rejected (p = 0.001, below 0.01): it is off by up to "
+        f"{max(fit.misfit for fit in half.fits[0]):.2g}. Use the probabilities themselves."
+    )
     one = dataclasses.replace(whole, reasons={"0,0,1": "ValueError: refused"})
     assert one.trust.reasons[0] == "The engine gave no answer for 1 of 12 probabilities: ValueError: refused"
     assert dataclasses.replace(whole, realizations=100).trust.verdict == "caution"
@@ -344,5 +370,8 @@ def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):
     unknown = {"0,0,0": "ValueError: refused"}
     nothing = dataclasses.replace(whole, probability=np.full((1, 2, 6), np.nan), reasons=unknown)
     assert "no answer for 1 of 12 probabilities" in nothing._repr_html_()
+    own = [row | {"values": {"angle": 1.0}} for row in rows("ok", "ok")]
+    (reason,) = Sweep((*own, *rows("ok")), {}, 1.0).trust.reasons
+    assert reason == '2 of 3 scenes have no verdict: their function returned none as "trust".'
     assert Sweep(tuple(rows("ok", "do not use")), {}, 1.0).trust.verdict == "do not use"
     assert Sweep(tuple(rows("ok")), {}, 1.0).trust.verdict == "ok"

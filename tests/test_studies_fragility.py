@@ -11,6 +11,7 @@ from rich.console import Console
 from scipy import stats
 
 from fpk_rocking import cli, load_scene
+from fpk_rocking.results.trust import CAUTION, Doubt
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
 from montecarlo import Ensemble, histories, simulate
 from studies import Fragility, fragility, scaled
@@ -88,6 +89,7 @@ def test_a_surface_over_size(main_scene):
     found = fragility(BLOCK, scale=(1.0, 2.0, 4.0), over={"size": (0.6, 1.2)}, cycles=4, realizations=1000)
     assert (found.axis, found.place.tolist()) == ("size", [0.6, 1.2])
     assert np.all(np.diff(found.overturned, axis=0) <= 0.0)  # the larger block stands better
+    assert found.pooled.realizations == 1000  # the values share random numbers
     with pytest.raises(ValueError, match="parameter: got 'size', accepted: only where the scene has"):
         fragility(main_scene, scale=(1.0,), over={"size": (0.6, 1.2)}, cycles=4)
 
@@ -100,13 +102,110 @@ def test_motions_that_end_and_their_mean():
     found = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12))
     assert found.realizations == 1
     assert set(np.unique(found.overturned)) == {0.0, 1.0}
-    pooled = found.pooled
-    assert pooled.realizations == 4
-    assert np.array_equal(pooled.overturned[0], found.overturned.mean(axis=0))
+    for one, outcomes in zip(found.fits, found.overturned, strict=True):
+        first = found.scale[outcomes.argmax()]
+        text = f"deterministic: happens at {outcomes.sum():.0f} of 12 scales, first at {first:.4g}"
+        assert one[0].reason.startswith(text)
     again = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12), times=[50.0])
     assert np.array_equal(again.overturned, found.overturned)
     with pytest.raises(ValueError, match="cycles: got 3, accepted: nothing, as a"):
         fragility(scenes, scale=(1.0,), cycles=3)
+
+
+PULSES = [
+    dataclasses.replace(BLOCK, noise=NoNoise(), forcing=Pulse("one-sine", 2.0, w)) for w in (1.0, 1.5, 2.0, 2.5, 4.0)
+]
+"""One after the other they overturn from higher scales on."""
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    return fragility(PULSES, scale=np.geomspace(0.4, 6.0, 12))
+
+
+def test_outcomes_have_no_bars_and_hidden_curves_are_told(tmp_path, outcomes):
+    assert np.array_equal(outcomes.interval(), np.stack([outcomes.probability] * 2, axis=-1))
+    assert outcomes.trust.verdict == "ok"
+    assert outcomes.trust.reasons[0].startswith("Deterministic: one path, exact to rounding")
+    assert fragility(PULSES[0], scale=(1.0, 2.0), engine="rk4").trust.verdict == "caution"
+    figure = outcomes.plot()
+    assert figure.get_suptitle() == "The first 3 of 5 curves"
+    assert not any(axes.containers for axes in figure.axes)
+    assert dataclasses.replace(outcomes, scenes=(*PULSES[:4], BLOCK)).deterministic.tolist() == [True] * 4 + [False]
+    mixed = fragility([BLOCK, BLOCK.varied(noise=NoNoise())], scale=(1.0, 2.0, 3.0), cycles=4, realizations=50)
+    assert [bool(axes.containers) for axes in mixed.plot().axes] == [True, False]
+    title, table, _ = fragility_table(mixed)
+    assert title == "Fragility by exact, 50 realizations a point"
+    assert list(table.columns[-1].cells)[3:] == ["exact"] * 3
+    title, table, sentences = fragility_table(outcomes)
+    assert title == "Fragility by exact, one path a point"
+    assert [column.header for column in table.columns] == ["scene", "scale", "p PGV / (g tan θ_cr)", "overturned"]
+    assert not any(sentence.startswith("p:") for sentence in sentences)
+    curves_figure(tmp_path / "curves.png", [outcomes], "Outcomes")
+
+
+def test_a_mixture_states_what_its_scenes_have_in_common(tmp_path, outcomes):
+    """Of one-sine pulses of one peak and several frequencies: the acceleration, not the velocity."""
+    pooled = outcomes.pooled
+    assert np.array_equal(pooled.overturned[0], outcomes.overturned.mean(axis=0))
+    assert pooled.scenes == tuple(PULSES)
+    assert (pooled.realizations, pooled.place.shape, pooled.label(0)) == (5, (1,), "mean of 5 scenes")
+    assert np.array_equal(pooled.interval(), np.stack([pooled.probability] * 2, axis=-1))
+    (measure,), own = pooled.intensities, outcomes.intensities
+    assert measure.acceleration == own[0].acceleration == own[4].acceleration
+    assert measure.pga == own[0].pga
+    assert np.isnan([measure.velocity, measure.pgv, measure.relative_velocity]).all()
+    row = next(pooled.rows())
+    assert row["pga"] == 0.4 * own[0].pga
+    assert np.isnan([row["scene"], row["pgv"]]).all()
+    other = [PULSES[0], PULSES[0].varied(overturning={"angle": 1.2}, forcing={"amplitude": 1.0})]
+    differing = fragility(other, scale=(1.0, 2.0)).pooled
+    assert np.isnan([next(differing.rows())[name] for name in ("level", "pga")]).all()
+    (fit,) = pooled.fits[0]
+    assert fit.median > 0.0
+    assert np.isnan([*fit.median_interval, fit.p_value]).all()
+    counts = {round(5 * share) for share in pooled.overturned[0]}
+    half = max(0.5 * np.diff(stats.binomtest(k, 5).proportion_ci(method="wilson"))[0] for k in counts)
+    assert pooled.trust.verdict == "caution"
+    assert any(f"over 5 motions alone: for others of their kind its probabilities are known to ±{half:.2g}" in text
+               for text in pooled.trust.reasons)  # fmt: skip
+    assert pooled.pooled is pooled
+    pooled.save(tmp_path / "pooled.npz")
+    again = Fragility.load(tmp_path / "pooled.npz")
+    assert again.scenes == pooled.scenes
+    assert again.trust == pooled.trust
+    assert json.dumps(pooled.summary(), allow_nan=False)
+    assert pooled.plot().get_suptitle() == ""
+    assert "mean of 5 scenes" in pooled.headline
+    assert fragility_table(pooled)[0] == "Fragility by exact, mean of 5 scenes, one path a point"
+
+
+def test_a_mixture_keeps_the_holes_of_its_curves(outcomes):
+    probability = outcomes.probability.copy()
+    probability[2, 0, 3] = np.nan
+    holed = dataclasses.replace(outcomes, probability=probability, reasons={"2,0,3": "ValueError: refused"}).pooled
+    assert np.isnan(holed.overturned[0]).tolist() == [n == 3 for n in range(12)]
+    assert "no answer for 1 of 12 probabilities: ValueError: refused" in " ".join(holed.trust.reasons)
+
+
+def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
+    """Remarks on two noises begin alike, and two doubts of one kind do not."""
+    noise = {"variance": 0.02, "remark": "Measured: here."}, {"variance": 0.02, "remark": "Measured: there."}
+    scenes = [BLOCK.varied(noise=one) for one in noise]
+    found = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
+    assert found.remarks[:2] == ["Measured: here.", "Measured: there."]
+
+    def told(result):
+        size = result.scene.noise.remark
+        return [Doubt(CAUTION, f"Wide: {size}", "wide"), Doubt(CAUTION, f"Wide: of {size}", "other"), Doubt(1, "Bare.")]
+
+    monkeypatch.setattr("studies.doubts.doubts", told)
+    told = [reason for reason in dataclasses.replace(found, wall_s=2.0).trust.reasons if "half width" not in reason]
+    assert [reason for reason in told if "fit" not in reason] == [
+        "Wide: Measured: here. (Other scenes: 1 likewise.)",
+        "Wide: of Measured: here. (Other scenes: 1 likewise.)",
+        "Bare.",
+    ]
 
 
 def test_what_an_engine_refuses_is_a_hole_with_its_reason(main_scene):

@@ -24,6 +24,21 @@ def test_a_lognormal_curve_is_found_to_rounding():
     assert np.isnan([*fit.median_interval, *fit.dispersion_interval, fit.deviance, fit.p_value]).all()
 
 
+def test_what_is_rejected():
+    """By p below .01; by a misfit above .05 where there are no counts; never where there is no fit."""
+    bent = np.where(SCALE > 1.2, 0.5, TRUE)
+    good = fit_lognormal(SCALE, TRUE, 1000)
+    sampled, plain = fit_lognormal(SCALE, bent, 1000), fit_lognormal(SCALE, bent)
+    assert not good.rejected
+    assert sampled.p_value == 0.001
+    assert sampled.rejected
+    assert plain.misfit > 0.05
+    assert plain.rejected
+    assert not plain._replace(misfit=0.049).rejected
+    assert not sampled._replace(p_value=0.01).rejected
+    assert not fit_lognormal(SCALE, np.zeros(12)).rejected
+
+
 def test_against_an_independent_maximum_and_its_curvature():
     shares, size = drawn(TRUE, 60, 3), 60
 

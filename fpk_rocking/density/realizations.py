@@ -82,9 +82,15 @@ class RealizationAverage(DensityResult):
         return float(self.weights @ [evolution.negative_mass for evolution in self.evolutions])
 
     @property
+    def moving_negative_mass(self) -> float:
+        """The same without the blocks at rest."""
+        return float(self.weights @ [evolution.moving_negative_mass for evolution in self.evolutions])
+
+    @property
     def facts(self) -> dict[str, Any]:
         """Error figures, diffusions and weights, as plain values by name."""
-        own = {name: float(getattr(self, name)) for name in ("error_estimate", "mass_defect", "negative_mass")}
+        names = "error_estimate", "mass_defect", "negative_mass", "moving_negative_mass"
+        own = {name: float(getattr(self, name)) for name in names}
         own |= {"tol": self.evolutions[0].tol}
         return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
 

@@ -161,6 +161,7 @@ def solve_fpk(
         rest_error_estimate=_rest_error(rests) if rests else 0.0,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
+        moving_negative_mass=found.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},

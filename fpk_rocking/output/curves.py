@@ -82,6 +82,9 @@ def _survival(axes, result, label, colour, marker):
         axes.plot(cycles, survival, color=colour, label=label)
         return
     look = {"color": colour, "label": label, "marker": marker, "markersize": _SMALL}
+    if result.deterministic:
+        axes.plot(cycles, survival, **_points(marker) | look)
+        return
     error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
 
 

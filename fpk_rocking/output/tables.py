@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import label_of
+from fpk_rocking.results.result import interval_of, label_of
 from fpk_rocking.results.times import shown_times
 
 __all__ = ["comparison_table", "result_table", "show", "told"]
@@ -31,7 +31,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     table = _table()
     table.add_column("τ" if result.cycles is None else "cycles", justify="right")
     table.add_column("survival", justify="right")
-    interval = result.survival_interval(0.95)
+    interval = interval_of(result)
     if interval is not None:
         table.add_column("95 % interval", justify="center")
     table.add_column("overturned left", justify="right")
@@ -41,7 +41,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
         limits = [] if interval is None else [_limits(interval[cycle], 5)]
         table.add_row(shown[cycle], f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
     return (
-        f"{label_of(result)}: {noise_text(result.scene.noise)}",
+        f"{label_of(result)}: {noise_text(result.scene.noise)}{', ' * result.deterministic}{result.outcome}",
         table,
         told(result.trust, result.account, *remarks(result)),
     )
@@ -88,8 +88,10 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
         "the distance that sampling noise alone gives."
     )
     said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
-    for compared in comparisons:
-        said = told(compared.trust, *said)
+    for compared in reversed(comparisons):
+        verdict, *said = told(compared.trust, *said)
+        label = f"{compared.names[0]} against {compared.names[1]}, " if len(comparisons) > 1 else ""
+        said = f"{label}{verdict}", *said
     return title, table, said
 
 

@@ -64,7 +64,7 @@ def survival_panel(axes, *results):
     """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands."""
     for result, colour in zip(results, COLOURS, strict=False):
         survival, interval = np.asarray(result.survival), result.survival_interval()
-        label = f"{result.engine}, 95 % interval"
+        label = f"{result.engine}, {'one path' if result.deterministic else '95 % interval'}"
         if interval is None:
             error = result.facts["error_estimate"]
             interval, label = np.stack([survival - error, survival + error], -1), f"{result.engine}, estimated error"

@@ -91,7 +91,7 @@ def doubts(result, beside=()) -> list[Doubt]:
     """Return what speaks against a result whatever its own errors: model and noise; `beside`: results shown with it."""
     found = _squat(result.scene.block.dimensions)
     if getattr(result, "unresolved", ""):
-        found.append(Doubt(CAUTION, result.unresolved))
+        found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
     if _stands_for((result, *beside), result):
         filtered = getattr(result, "atom", False)
         found += _closure_doubts(result.scene, result.survival, result.averaged, filtered)
@@ -107,7 +107,7 @@ def _squat(size):
         f"Squat block: {size.width:.3g} m by {size.height:.3g} m is treated as slender: the moment of gravity is then "
         f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
     )
-    return [Doubt(CAUTION, sentence)]
+    return [Doubt(CAUTION, sentence, "squat")]
 
 
 def _stands_for(results, result) -> bool:
@@ -135,7 +135,7 @@ def _closure_doubts(scene, survival, averaged, filtered):
                 f"variance of white noise as strong as its peak ({100 * equivalence.TRUSTED_COVER:g} % are needed), "
                 "too little for white noise to replace it. Solve for the filtered noise itself."
             )
-            yield Doubt(UNUSABLE, sentence)
+            yield Doubt(UNUSABLE, sentence, "cover")
         return
     low, high = noise.band
     spread = equivalence.realized_spread(noise, scene.block.restitution)
@@ -147,13 +147,13 @@ def _closure_doubts(scene, survival, averaged, filtered):
             f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo"
             + (", or the closure 'filtered'." if scene.repeats else ".")
         )
-        yield Doubt(UNUSABLE, sentence)
+        yield Doubt(UNUSABLE, sentence, "resting")
     if part < equivalence.TRUSTED_COVER and filtered:
         sentence = (
             f"Not tested: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of equally "
             "strong white noise; low-pass noise was tested for bands that cover all of it. Use Monte Carlo."
         )
-        yield Doubt(CAUTION, sentence)
+        yield Doubt(CAUTION, sentence, "cover")
     elif part < equivalence.TRUSTED_COVER:
         sentence = (
             f"Not to be trusted: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of "
@@ -161,7 +161,7 @@ def _closure_doubts(scene, survival, averaged, filtered):
             f"under the equivalent white noise was found wrong by up to {equivalence.WORST:g}, in either direction. "
             "Use Monte Carlo."
         )
-        yield Doubt(UNUSABLE, sentence)
+        yield Doubt(UNUSABLE, sentence, "cover")
     if spread > equivalence.TRUSTED_SPREAD and not averaged:
         excess = min(equivalence.EXCESS * spread**2, 1.0)
         sentence = (
@@ -169,4 +169,4 @@ def _closure_doubts(scene, survival, averaged, filtered):
             f"({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), so more blocks survive than under white noise, "
             f"by up to about {excess:.2g} within 40 cycles. Use Monte Carlo, or an average over realizations."
         )
-        yield Doubt(CAUTION, sentence)
+        yield Doubt(CAUTION, sentence, "harmonics")

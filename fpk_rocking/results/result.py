@@ -54,6 +54,14 @@ class Result(Protocol):
         """Number of realizations of a sample; None for a density."""
 
     @property
+    def deterministic(self) -> bool:
+        """Whether nothing is random, so that one path decides and there are no intervals."""
+
+    @property
+    def outcome(self) -> str:
+        """What the one path of a deterministic scene does, as a text; empty for any other result."""
+
+    @property
     def closure(self) -> str:
         """Which noise replaced that of the scene, as a sentence; empty where none did."""
 
@@ -124,6 +132,8 @@ class SurvivalResult(Shown):
     """
 
     averaged = False
+    deterministic = False
+    outcome = ""
     unresolved = ""
 
     @property
@@ -143,7 +153,9 @@ class SurvivalResult(Shown):
 
     @property
     def headline(self) -> str:
-        """The engine, and the last survival with its error, as a line of text."""
+        """The engine, and the last survival with its error or what the one path does, as a line of text."""
+        if self.deterministic:
+            return f"{label_of(self)}, {self.outcome}"
         interval, survival = self.survival_interval(), float(self.survival[-1])
         if interval is None:
             error = f"{survival:.4f} ± {self.facts['error_estimate']:.1g}"
@@ -156,7 +168,7 @@ class SurvivalResult(Shown):
         """Table of survival and overturned to either side, a row a time: arrays by column name."""
         found = {} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}
         found |= {"time": self.times, "survival": self.survival}
-        interval = self.survival_interval()
+        interval = interval_of(self)
         if interval is not None:
             found |= dict(zip(("survival_low", "survival_high"), np.asarray(interval).T, strict=True))
         return found | dict(zip(("overturned_left", "overturned_right"), np.asarray(self.overturned).T, strict=True))
@@ -174,7 +186,7 @@ class SurvivalResult(Shown):
         coordinates |= {
             name: 0.5 * (line[1:] + line[:-1]) for name, line in zip(("bin_angle", "bin_velocity"), edges, strict=True)
         }
-        interval = self.survival_interval()
+        interval = interval_of(self)
         if interval is not None:
             variables["survival_interval"] = ("time", "limit"), interval
             coordinates["limit"] = ["low", "high"]
@@ -186,8 +198,8 @@ class SurvivalResult(Shown):
         Parameters
         ----------
         what : str, optional
-            "survival", with its 95 % interval or estimated error; "bins", the probability in each bin divided by its
-            area; "density", the density itself where there is one. By default survival and bins.
+            "survival", with its 95 % interval or estimated error if it has one; "bins", the probability in each bin
+            divided by its area; "density", the density itself where there is one. By default survival and bins.
         cycle : int, optional
             Cycle of the bins or the density; by default the last one after which more than one block in 1,000 stands.
 
@@ -233,10 +245,18 @@ class DensityResult(SurvivalResult):
         return (
             f"Estimated error of survival {self.error_estimate:.1e}; mass defect (probability that the solver created "
             f"or lost) {self.mass_defect:.1e}; negative mass (integral of the density where it is below 0) "
-            f"{self.negative_mass:.1e}; {self.wall_s:.1f} s."
+            f"{self.negative_mass:.1e}, without the blocks at rest {self.moving_negative_mass:.1e}; "
+            f"{self.wall_s:.1f} s."
         )
+
+
+def interval_of(result) -> Array | None:
+    """Return the 95 % limits of survival that are shown; None for a density, and where nothing is random."""
+    return None if result.deterministic else result.survival_interval(0.95)
 
 
 def label_of(result) -> str:
     """Return the engine of a result and the size of a sample, as in ``"Monte Carlo rk4, 1,000 realizations"``."""
+    if result.deterministic:
+        return f"{result.engine}, one path"
     return result.engine if result.realizations is None else f"{result.engine}, {result.realizations:,} realizations"

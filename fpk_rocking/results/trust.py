@@ -22,10 +22,27 @@ _MASS, _NEGATIVE, _RESIDUAL = 1e-9, 1e-2, 1e-6
 
 
 class Doubt(NamedTuple):
-    """What speaks against a result: how much it weighs, `CAUTION` or `UNUSABLE`, and a sentence."""
+    """What speaks against a result.
+
+    Parameters
+    ----------
+    weight : int
+        `CAUTION` or `UNUSABLE`.
+    sentence : str
+        What it is, with the figure and the limit.
+    code : str
+        Name of its kind: where many results are shown together, one of each kind is told. Without a code a doubt is
+        told wherever its sentence is another.
+    """
 
     weight: int
     sentence: str
+    code: str = ""
+
+    @property
+    def kind(self):
+        """What doubts of one kind share: the code, or the sentence where there is none."""
+        return self.code or self.sentence
 
 
 class Trust(NamedTuple):
@@ -59,7 +76,7 @@ def verdict(doubts, otherwise) -> Trust:
     return Trust(VERDICTS[weight], tuple(doubt.sentence for doubt in doubts) or (otherwise,))
 
 
-def trust_of(facts, doubts=(), otherwise="No error is estimated.") -> Trust:
+def trust_of(facts, doubts=(), otherwise="") -> Trust:
     """Judge a result by its own figures, each against two limits, and by doubts that are known beside them.
 
     Parameters
@@ -70,31 +87,37 @@ def trust_of(facts, doubts=(), otherwise="No error is estimated.") -> Trust:
     doubts : iterable of Doubt
         What else speaks against it, such as `fpk_rocking.results.remarks.doubts`.
     otherwise : str
-        Reason where nothing speaks against it and no figure is judged.
+        Reason where nothing speaks against it and no figure is judged. Without one, a result that has no figure is
+        doubted: nothing says how large its error is.
 
     Returns
     -------
     Trust
     """
-    found, within = list(doubts), []
+    found, within, judged = list(doubts), [], bool(otherwise)
     for name, (what, caution, unusable) in _limits(facts.get("tol", UNASKED), facts).items():
         values = np.asarray(facts.get(name, ()), float)
         if values.size == 0 or math.isinf(caution):
             continue
-        value = float(values.max())
+        value, judged = float(values.max()), True
         # Written so that nan is not within a limit.
         if value <= caution:
             within.append(f"The {what} is {value:.2g}, within {caution:.2g}.")
         else:
             weight = CAUTION if value <= unusable else UNUSABLE
             limit = caution if weight == CAUTION else unusable
-            found.append(Doubt(weight, f"The {what} is {value:.2g}, above {limit:.2g}."))
+            found.append(Doubt(weight, f"The {what} is {value:.2g}, above {limit:.2g}.", name))
+    if not judged:
+        found.append(Doubt(CAUTION, "No error is estimated.", "unjudged"))
     return verdict(found, within[0] if within else otherwise)
 
 
 def _limits(tol, facts):
     """Return by the name of a figure what it is, and above which values there is caution and no use."""
     useless, bins_tol = max(USELESS, tol), facts.get("bins_tol", math.inf)
+    # Mass at rest rattles below the mesh and may be negative there; a solver that knows the rest is judged by that.
+    negative = "moving_negative_mass" if "moving_negative_mass" in facts else "negative_mass"
+    below = "integral of the density where it is below 0" + ", blocks at rest left out" * (negative != "negative_mass")
     return {
         "error_estimate": ("estimated error of the probabilities", tol, useless),
         "half_width": ("half width of the 95 % interval of the probabilities", tol, useless),
@@ -104,6 +127,6 @@ def _limits(tol, facts):
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
         "lost": ("probability lost beyond the largest velocity of the mesh", tol, useless),
         "mass_defect": ("mass defect (probability that the solver created or lost)", _MASS, tol),
-        "negative_mass": ("negative mass (integral of the density where it is below 0)", _NEGATIVE, useless),
+        negative: (f"negative mass ({below})", _NEGATIVE, useless),
         "residual": ("residual of the modes", _RESIDUAL, tol),
     }

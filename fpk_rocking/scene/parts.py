@@ -153,6 +153,7 @@ class NoNoise:
     """No noise: the motion is deterministic."""
 
     kind: ClassVar[str] = "none"
+    variance: ClassVar[float] = 0.0
     envelope: ClassVar = None
 
 

@@ -79,6 +79,12 @@ class Scene:
         """Whether one cycle is like another: the forcing repeats, and the noise has no envelope."""
         return self.period is not None and self.noise.envelope is None
 
+    @property
+    def deterministic(self) -> bool:
+        """Whether the block has one path: there is no noise, or noise of strength 0, and the start is a point."""
+        strength = self.noise.diffusion if self.noise.kind == "white" else self.noise.variance
+        return strength == 0.0 and self.start.covariance is None
+
     def varied(self, **parts: Any) -> Self:
         """Return a copy of the scene with some values changed.
 

@@ -64,7 +64,7 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress
     return Run(
         scene,
         result_times(scene, cycles, times),
-        checks.count("realizations", realizations),
+        checks.count("realizations", 1 if realizations is None and scene.deterministic else realizations),
         _whole("seed", seed, 0, 2**64 - 1),
         _method(method, scene.noise.kind),
         _whole("steps_per_cycle", steps_per_cycle, 8, 10**6),
@@ -88,7 +88,7 @@ def refuse_large(run, per_cycle=1, instead=""):
 
 
 def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
-    """Simulate the realizations of a run from `first` on, in parallel.
+    """Simulate the realizations of a run from `first` on, in parallel; those of a deterministic scene are one path.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     Batch
         Each of its own arrays.
     """
-    engine, period = engine_of(run), run.scene.period
+    engine, period, alike = engine_of(run), run.scene.period, run.scene.deterministic
     ahead.before(f"montecarlo.ahead:{engine.__name__.rpartition('.')[2]}")
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     lap = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
@@ -118,19 +118,25 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     size = max(_SMALLEST_BATCH, _FIRST_STATES // run.rows)
     while first < run.realizations:
         began = time.perf_counter()
-        count = min(size, run.realizations - first)
-        batch = _room(first, count, len(times), capacity)
-        engine.realize(keys, first, cycle, problem, *batch[1:])
+        count = run.realizations - first if alike else min(size, run.realizations - first)
+        batch = _room(0, 1, len(times), capacity) if alike else _room(first, count, len(times), capacity)
+        engine.realize(keys, batch.first, cycle, problem, *batch[1:])
         if not run.scene.repeats:
             _leave_out_later(batch, times[-1])
         _refuse_broken(batch, run, times)
-        yield batch
+        yield _copied(batch, first, count) if alike else batch
         first += count
         if progress is not None:
             progress(first, run.realizations)
         # Batches are short enough to be interrupted and long enough to keep all threads busy.
         wanted = size * _BATCH_S / (time.perf_counter() - began)
         size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
+
+
+def _copied(batch, first, count):
+    """Return realizations `first`, ... of a deterministic scene, `count` of them, from a batch of one."""
+    states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:-1], batch.impacts))
+    return Batch(first, *states, Impacts(*impacts))
 
 
 def _leave_out_later(batch, end):

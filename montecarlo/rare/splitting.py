@@ -151,13 +151,13 @@ class Splitting(Shown):
         found = doubts(self)
         if self.skewed:
             few = (
-                f"Few repeats dominate the mean ({self.effective_repeats[-1]:.1f} of {self.repeats} are effective), so "
-                "it is probably too small; take more walkers."
+                f"Few repeats dominate the mean: {self.effective_repeats[-1]:.1f} of {self.repeats} are effective, "
+                f"less than {_SKEWED:g} of them, so it is probably too small; take more walkers."
             )
-            found.append(Doubt(UNUSABLE, few))
+            found.append(Doubt(UNUSABLE, few, "skewed"))
         if self.repeats < _USUAL_REPEATS:
             few = f"{self.repeats} repeats are few for a standard error; take {_USUAL_REPEATS} or more."
-            found.append(Doubt(CAUTION, few))
+            found.append(Doubt(CAUTION, few, "few repeats"))
         return trust_of(self.facts, found)
 
     @property

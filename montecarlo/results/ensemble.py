@@ -73,6 +73,11 @@ class Ensemble(Sample):
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
         return np.stack(sides, axis=-1)
 
+    @property
+    def _overturning(self):
+        time, side = float(self.overturn_time[0]), int(self.overturn_side[0])
+        return (time, time, side) if side else None
+
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Estimate the probability of standing, with angle and velocity in each of some bins.
 

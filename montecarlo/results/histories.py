@@ -12,8 +12,9 @@ from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import Trust, trust_of
+from fpk_rocking.results.trust import Trust, verdict
 from fpk_rocking.scene.scene import Scene
+from montecarlo.results.sample import EXACT_PATH, path_doubts
 
 _LAYOUT = Layout(
     {
@@ -110,7 +111,9 @@ class Histories(Shown):
     @functools.cached_property
     def trust(self) -> Trust:
         """Verdict with its reasons, on the model alone: single paths have no sampling error."""
-        return trust_of({}, doubts(self), "These are single paths: nothing is estimated from them.")
+        if self.scene.deterministic:
+            return verdict(doubts(self) + path_doubts(self.method), EXACT_PATH)
+        return verdict(doubts(self), "These are single paths: nothing is estimated from them.")
 
     @property
     def headline(self) -> str:

@@ -34,7 +34,7 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     Parameters
     ----------
     ensemble : Ensemble
-        Under periodic forcing.
+        Under periodic forcing, of a scene that is not deterministic.
     after : int
         Number of forcing cycles at the beginning that do not count, fewer than the ensemble has.
     level : float
@@ -52,10 +52,13 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or no block stands after these cycles.
+        A parameter is refused, the scene is deterministic, or no block stands after these cycles.
     """
     checks.instance("ensemble", ensemble, Ensemble)
     refuse_transient(ensemble.scene.forcing, "a rate of overturning per cycle")
+    if ensemble.deterministic:
+        accepted = "a scene with noise or a start that is spread; one path has a time of overturning and no rate"
+        raise ValueError(checks.refusal("ensemble", "a deterministic scene", accepted))
     after, level = checks.count("after", after), checks.number("level", level, above=0.0)
     if level >= 1.0:
         raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))

@@ -1,25 +1,38 @@
 """Survival and leakage of a sample of realizations, from counts."""
 
+import functools
 from typing import Any
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
+from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.result import SurvivalResult
+from fpk_rocking.results.trust import CAUTION, Doubt, Trust, verdict
 from montecarlo.results.statistics import wilson_interval
 
+EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion amplifies."
+"""Reason of the verdict on the one path of a deterministic scene by the method "exact"."""
 
-def certain(scene):
-    """Whether all paths of a scene are one: there is no noise, and the start is a point."""
-    return scene.noise.kind == "none" and scene.start.covariance is None
+
+def path_doubts(method) -> list[Doubt]:
+    """Return what speaks against the one path of a deterministic scene, where only a method's own error is left."""
+    if method == "exact":
+        return []
+    sentence = (
+        f"Deterministic: one path, by the time steps of the method {method!r}, whose error is not estimated. Compare "
+        "with the method 'exact', or with another `steps_per_cycle`."
+    )
+    return [Doubt(CAUTION, sentence, "steps")]
 
 
 class Sample(SurvivalResult):
     """What an ensemble and a tally have in common.
 
     A subclass has ``realizations``, ``times``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
-    the count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2).
+    the count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2); and
+    ``_overturning``: earliest and latest time of overturning of its first realization and the side, None if it stands.
     """
 
     closure = ""
@@ -32,11 +45,13 @@ class Sample(SurvivalResult):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Confidence intervals, method, seed and sizes, as plain values by name."""
-        interval = self.survival_interval()
-        spread = {} if certain(self.scene) else {"half_width": float(0.5 * np.diff(interval).max())}
+        """Confidence intervals or what the one path does, method, seed and sizes, as plain values by name."""
+        if self.deterministic:
+            spread = {"outcome": self.outcome}
+        else:
+            interval = self.survival_interval()
+            spread = {"half_width": float(0.5 * np.diff(interval).max()), "interval": interval.tolist()}
         return spread | {
-            "interval": interval.tolist(),
             "method": self.method,
             "realizations": int(self.realizations),
             "seed": int(self.seed),
@@ -44,10 +59,40 @@ class Sample(SurvivalResult):
         }
 
     @property
+    def deterministic(self) -> bool:
+        """Whether nothing is random (`Scene.deterministic`): all realizations are one path."""
+        return self.scene.deterministic
+
+    @property
+    def outcome(self) -> str:
+        """What the one path of a deterministic scene does, with seconds where the size is known; empty for others.
+
+        As in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``.
+        """
+        if not self.deterministic:
+            return ""
+        if self._overturning is None:
+            return f"deterministic: stands until {self._when(self.times[-1])}"
+        low, high, side = self._overturning
+        when = f"at {self._when(high)}" if low == high else f"between {self._when(low)} and {self._when(high)}"
+        return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
+
+    def _when(self, time):
+        size = self.scene.block.dimensions
+        return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
+
+    @functools.cached_property
+    def trust(self) -> Trust:
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
+        return verdict(doubts(self) + path_doubts(self.method), EXACT_PATH) if self.deterministic else super().trust
+
+    @property
     def account(self) -> str:
-        """Seed, steps a cycle (none for the exact engine) and seconds, as a sentence."""
-        steps = "" if self.method == "exact" else f" {self.steps_per_cycle} steps a cycle,"
-        return f"Seed {self.seed},{steps} {self.wall_s:.1f} s."
+        """Seed if there is chance, steps a cycle (none for the exact engine) and seconds, as a sentence."""
+        parts = [] if self.deterministic else [f"seed {self.seed}"]
+        parts += [] if self.method == "exact" else [f"{self.steps_per_cycle} steps a cycle"]
+        said = ", ".join([*parts, f"{self.wall_s:.1f} s."])
+        return said[0].upper() + said[1:]
 
     def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
         """Return None: a sample has no density. Use `bin_probabilities`.
@@ -75,7 +120,7 @@ class Sample(SurvivalResult):
         return self._gone / self.realizations
 
     def survival_interval(self, level: float = 0.95) -> Array:
-        """Return Wilson's confidence limits of survival.
+        """Return Wilson's confidence limits of survival; of a deterministic scene survival itself, which is exact.
 
         Parameters
         ----------
@@ -86,7 +131,8 @@ class Sample(SurvivalResult):
         -------
         ndarray, shape (cycles + 1, 2)
         """
-        return wilson_interval(self.survivors, self.realizations, level)
+        limits = wilson_interval(self.survivors, self.realizations, level)
+        return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits
 
     def _checked_cycle(self, cycle):
         accepted = f"a whole number from 0 to {len(self.times) - 1}"

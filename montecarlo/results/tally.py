@@ -88,6 +88,14 @@ class Tally(Sample):
         return np.cumsum(self.counts.passages, axis=0)[::PARTS]
 
     @property
+    def _overturning(self):
+        rows, sides = np.nonzero(self.counts.passages)
+        if not rows.size:
+            return None
+        ends = np.interp(np.maximum([rows[0] - 1, rows[0]], 0) / PARTS, np.arange(self.times.size), self.times)
+        return *ends.tolist(), 2 * int(sides[0]) - 1
+
+    @property
     def first_passage(self) -> Array:
         """Probability of overturning in each 20th of a cycle, to the left and to the right, shape (20 cycles + 1, 2).
 

@@ -29,7 +29,7 @@ def evolution():
     """A small evolution that no solver made."""
     lines = np.linspace(-1.5, 1.5, 3)
     times, survival, gone = WHITE.period * np.arange(3), np.array([1.0, 0.9, 0.8]), np.full((3, 2), 0.05)
-    lost, at_rest, figures = np.zeros(3), np.full(3, 0.1), (1e-3, 1e-3, 0.0, 0.0, 0.0, 0.1)
+    lost, at_rest, figures = np.zeros(3), np.full(3, 0.1), (1e-3, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.1)
     coefficients = np.arange(48.0).reshape(3, 2, 2, 2, 2)
     space = Space(lines, lines, 1)
     return Evolution(
