@@ -4,24 +4,22 @@ import csv
 import dataclasses
 import functools
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import certain
-from montecarlo.results.statistics import wilson_interval
 from studies.lognormal import LognormalFit, fit_lognormal
 from studies.measures import Intensities, intensities
-from studies.scenes import scaled
 
 _LAYOUT = Layout(
     {
@@ -198,26 +196,8 @@ class Fragility(Shown):
 
     @functools.cached_property
     def _doubts(self):
-        """What speaks against the curves of each scene, a list (m) of lists: each kind once, with its scale."""
-        return [self._doubts_of(*place) for place in enumerate(self.scenes)]
-
-    def _doubts_of(self, m, scene):
-        # Survival is judged by the lowest cut-off, and a kind is told as of the scale that overturns most of its own.
-        reached, rests = np.nan_to_num(self.probability[m]).max(axis=0), self.engine == "filtered"
-        kinds = {}
-        for n in np.argsort(-reached, kind="stable"):
-            shaken = scaled(scene, self.scale[n], noise=self.noise_scaled)
-            for doubt in doubts(_Told(shaken, self.closure, (1.0 - reached[n],), rests)):
-                kinds.setdefault(_kind(doubt.sentence), []).append((self.scale[n], doubt))
-        return [self._with_scale(found) for found in kinds.values()]
-
-    def _with_scale(self, found):
-        """Return the first of the doubts of a kind; it says at which scale, unless it is the same at all."""
-        (scale, first), *others = found
-        if len(found) == len(self.scale) and len({doubt for _, doubt in found}) == 1:
-            return first
-        more = f", and at {len(others)} other scale{'s' * (len(others) > 1)}" * bool(others)
-        return first._replace(sentence=f"{first.sentence} (At scale {scale:.3g}{more}.)")
+        """What speaks against the curves of each scene, a list (m) of lists."""
+        return [doubts(_Told(scene, self.closure)) for scene in self.scenes]
 
     @property
     def _unanswered(self):
@@ -393,14 +373,10 @@ class Fragility(Shown):
 
 
 class _Told(NamedTuple):
-    """A scene at one scale as `fpk_rocking.results.remarks.doubts` takes a result."""
+    """A scene as `fpk_rocking.results.remarks.doubts` takes a result."""
 
     scene: Scene
     closure: str
-    survival: Sequence
-    atom: bool
-    averaged: bool = False
-    facts: Mapping = MappingProxyType({})
 
 
 def _kind(sentence):

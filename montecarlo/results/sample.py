@@ -6,8 +6,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.result import SurvivalResult
-from montecarlo.results.statistics import wilson_interval
 
 
 def certain(scene):
