@@ -101,7 +101,7 @@ def _limits(tol, facts):
     useless, bins_tol = max(USELESS, tol), facts.get("bins_tol", math.inf)
     return {
         "total_error": (
-            "largest total error, with the measured replacement of the noise,",
+            "largest total error, with the replacement of the noise,",
             max(REPLACED, tol),
             useless,
         ),
