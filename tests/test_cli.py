@@ -45,7 +45,6 @@ class Engines:
         self.calls[-1]["checkpoint"] = checkpoint
         return result
 
-
     def check(self, scene, *, cycles, realizations, seed, progress, **_):
         self.checks.append({"scene": scene, "cycles": cycles, "realizations": realizations, "seed": seed})
         progress(1, 1)
