@@ -1,28 +1,30 @@
-"""How often the printed total error holds where noise was replaced; writes its section of docs/benchmarks.md.
+"""How often the printed total error holds where noise was replaced; writes docs/benchmarks/replacement_*.json.
 
 Random blocks under band noise, in periodic shaking (those of `practical_blocks`) and in random records, are solved and
 checked by `studies.solve_checked`, and held against many more paths under the same band noise.
 
-    python benchmarks/replacement.py                   # about an hour, most of it densities and paths in records
-    python benchmarks/replacement.py --blocks 6 --records 0 --paths 100000
+    python benchmarks/replacement.py periodic                 # 24 scenes, some minutes
+    python benchmarks/replacement.py record --paths 100000    # 12 scenes, most of an hour
 """
 
 import argparse
+import itertools
+import json
 import math
 import statistics
 import warnings
 
 import numpy as np
 from practical_blocks import CYCLES, practical_blocks
-from report import table, write_section
+from report import ROOT
 
 from fpk_rocking import Record, Scene
+from fpk_rocking.results import storage
 from fpk_rocking.results.trust import REPLACED
 from montecarlo import simulate, tally
 from studies import solve_checked
 
 TOL = 1e-2
-TITLE = "Replacement of noise"
 COLUMNS = [
     "", "A or peak", "e", "S", "numerics", "replacement", "total", "S, many paths", "largest dS", "rows inside",
     "trust", "solve, s", "check, s",
@@ -95,58 +97,40 @@ def inside(row):
 
 
 def summary(rows):
-    """Lines that sum up the rows of one kind."""
+    """Figures that sum up the rows."""
     told = [row for row in rows if "found" in row]
     held = np.concatenate([inside(row) for row in told])
     said = [row for row in told if row["found"].trust.verdict == "ok"]
-    wrong = sum(np.abs(row["apart"]).max() > max(REPLACED, TOL) for row in said)
-    beyond = sum(not inside(row).all() for row in said)
-    solve, check = ([one(row["found"]) for row in told] for one in (lambda f: f.wall_s, lambda f: f.replacement.wall_s))
-    return (
-        f"{len(told)} of {len(rows)} answered; the total error holds in {held.sum()} of {held.size} rows "
-        f'({100.0 * held.mean():.1f} %); "ok" for {len(said)}, of which off by more than {max(REPLACED, TOL):g}: '
-        f"{wrong}, with a row outside: {beyond}; seconds to solve: median {statistics.median(solve):.1f}, worst "
-        f"{max(solve):.1f}; to check: median {statistics.median(check):.2f}, worst {max(check):.2f}"
-    )
+    seconds = {"solve": [row["found"].wall_s for row in told]}
+    seconds["check"] = [row["found"].replacement.wall_s for row in told]
+    return {
+        "answered": f"{len(told)} of {len(rows)}",
+        "rows inside the total error": f"{held.sum()} of {held.size}",
+        "ok": len(said),
+        f"ok, off by more than {max(REPLACED, TOL):g}": sum(
+            bool(np.abs(row["apart"]).max() > max(REPLACED, TOL)) for row in said
+        ),
+        "ok, with a row outside": sum(not inside(row).all() for row in said),
+    } | {f"seconds to {name}, median and worst": [statistics.median(one), max(one)] for name, one in seconds.items()}
 
 
 def main():
-    """Judge the scenes, print each as it comes, and write the section."""
+    """Judge the scenes, print each as it comes, and write the file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kind", choices=["periodic", "record"], help="of the shaking")
     parser.add_argument("--seed", type=int, default=241, help="of the scenes (default: %(default)s)")
-    parser.add_argument("--blocks", type=int, default=24, help="in periodic shaking (default: %(default)s)")
-    parser.add_argument("--records", type=int, default=12, help="in records (default: %(default)s)")
-    parser.add_argument("--paths", type=int, default=400_000, help="beside a block (default: %(default)s)")
+    parser.add_argument("--scenes", type=int, help="how many (default: 24, and 12 records)")
+    parser.add_argument("--paths", type=int, default=400_000, help="beside each (default: %(default)s)")
     options = parser.parse_args()
-    drawn = {
-        "periodic": practical_blocks(options.seed, options.blocks),
-        "record": records(options.seed, options.records),
-    }
-    many = {"periodic": options.paths, "record": options.paths // 4}
-    lines, sums = [], []
-    for kind, scenes in drawn.items():
-        rows = []
-        for scene in scenes:
-            rows.append(judged(scene, many[kind]))
-            lines.append(cells_of(f"{kind} {len(rows)}", rows[-1]))
-            print(*lines[-1], sep=" | ", flush=True)
-        if rows:
-            sums.append(f"* {kind}: {summary(rows)}.")
-            print(sums[-1], flush=True)
-    body = (
-        "**Result**, `studies.solve_checked` at tol "
-        + f"{TOL:g}:\n\n"
-        + "\n".join(sums)
-        + f"""
-
-Random blocks (seed {options.seed}) with band noise: those of *Practical blocks*, and blocks in random records of 8 to
-16 s. They are held against {options.paths:,} paths under the same noise, and a quarter as many in records. Replacement
-and total error are those of survival in the end, as printed; the largest dS is many paths less density, over all rows.
-
-"""
-        + table(COLUMNS, lines)
-    )
-    write_section(TITLE, body)
+    draw, usual = {"periodic": (practical_blocks, 24), "record": (records, 12)}[options.kind]
+    rows = []
+    for scene in draw(options.seed, options.scenes or usual):
+        rows.append(judged(scene, options.paths))
+        print(*cells_of(len(rows), rows[-1]), sep=" | ", flush=True)
+    values = {"seed": options.seed, "tol": TOL, "paths": options.paths} | summary(rows)
+    values |= {"columns": COLUMNS, "rows": list(itertools.starmap(cells_of, enumerate(rows, 1)))}
+    storage.write_text(ROOT / "docs" / "benchmarks" / f"replacement_{options.kind}.json", json.dumps(values, indent=1))
+    print(*(f"{name}: {value}" for name, value in values.items() if name not in {"columns", "rows"}), sep="\n")
 
 
 if __name__ == "__main__":
