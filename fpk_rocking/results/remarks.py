@@ -118,7 +118,7 @@ def _squat(size):
 
 
 def _explained(result):
-    """Yield what may explain that the replacement of noise is off, where the check says so."""
+    """Yield what helps where the check says that the replacement of noise is off, and what may explain it."""
     check = getattr(result, "replacement", None)
     if check is None or result.facts["total_error"] <= max(REPLACED, result.facts["tol"]):
         return
@@ -126,6 +126,10 @@ def _explained(result):
     if check.sampling_error[worst] > abs(check.difference[worst]):
         yield "Most of the total error is the sampling error of the check: more paths make it smaller."
         return
+    alone = 1.0 - result.survival[-1] - check.difference[-1, 0]
+    yield (
+        f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
+    )
     noise, restitution = result.scene.noise, result.scene.block.restitution
     part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, restitution)
     rest = (
