@@ -45,7 +45,7 @@ class Engines:
         self.calls[-1]["checkpoint"] = checkpoint
         return result
 
-    def check(self, scene, *, cycles, realizations, seed, progress, **_):
+    def check(self, scene, *, cycles, realizations, seed, progress):
         self.checks.append({"scene": scene, "cycles": cycles, "realizations": realizations, "seed": seed})
         progress(1, 1)
         return fakes.FakeEnsemble(scene, cycles=cycles, realizations=realizations, seed=seed, method="exact")
@@ -59,7 +59,7 @@ def engines(monkeypatch):
     package = types.SimpleNamespace(simulate=stands.simulate, tally=stands.tally)
     package.Ensemble = package.Tally = fakes.FakeEnsemble
     monkeypatch.setitem(sys.modules, "montecarlo", package)
-    monkeypatch.setattr(studies.checking, "tally", stands.check)
+    monkeypatch.setattr(studies.checking, "simulate", stands.check)
     return stands
 
 
