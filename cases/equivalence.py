@@ -16,7 +16,7 @@ All noises of a scene share densities: it is solved for nine diffusions, and sur
 (monotone cubics in log D, to a few 1e-4). Below D = 8e-5, where a thousandth overturns in 40 cycles, it is taken for 1.
 
 Cover is the part of the Melnikov variance of white noise that a band takes in, spread the relative standard deviation
-of the diffusions of single realizations. The bounds in `fpk_rocking.physics.equivalence` follow from this study.
+of the diffusions of single realizations.
 
 Source: the closure is eq. 15 of H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic
 excitations", J. Eng. Mech. 122(8), 719-727, 1996; the bands other than [0, 10] are this project's.
@@ -56,6 +56,9 @@ DIFFUSIONS = tuple(np.geomspace(5e-4, 0.04, 9).tolist())
 CYCLES = (4, 10, 20, 40)
 STILL = 8e-5
 BUDGETED = ((0.0, 10.0), 0.2)
+GOOD_COVER, SMALL_SPREAD, EXCESS = 0.85, 0.3, 0.4
+"""What was found in these scenes: with 1,000 harmonics errors of at most .03 from this cover on, and an excess of up to
+`EXCESS` spread², which is .04 at the small spread."""
 PARTS = ("whole", "finite N", "band", "discretization", "standard error of each")
 
 
@@ -171,7 +174,7 @@ def draw(path, values):
     cycles = ", ".join(map(str, CYCLES))
     points = (
         f"N: harmonics of the band noise. Each point: the difference that is largest after {cycles} cycles; {size}. "
-        "Grey: where white noise is trusted."
+        "Grey: where the errors are small."
     )
     closures = (
         "(a) D = σ_M²/2, half the Melnikov variance of the band, as in the density solver. (b) D from the band "
@@ -205,7 +208,7 @@ def _against_cover(axes, findings, name, title):
         errors = [worst(np.subtract(row["sampled"][-1], row[name])) for row in here]
         look = {"color": style.COLOURS[k], "markerfacecolor": "none", "markersize": 6}
         axes.plot([row["cover"] for row in here], errors, mark, label=f"e = {e:g}", **look)
-    axes.axvspan(equivalence.TRUSTED_COVER, 1.02, color="#dddddd", zorder=0)
+    axes.axvspan(GOOD_COVER, 1.02, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set(xlabel="cover of the band", xlim=(-0.02, 1.02), ylabel="survival, Monte Carlo less density", title=title)
     axes.legend(loc="lower center")
@@ -223,9 +226,9 @@ def _against_spread(axes, findings, name, title):
             left.append(worst(np.subtract(row["sampled"][k], held) - band_error))
         axes.plot(spreads, left, ".", color=colour, label=f"N = {count}")
     spread = np.linspace(0.0, 1.2, 121)
-    law = f"{equivalence.EXCESS:g} spread²"
-    axes.plot(spread, equivalence.EXCESS * spread**2, color="black", linewidth=1.0, label=law)
-    axes.axvspan(0.0, equivalence.TRUSTED_SPREAD, color="#dddddd", zorder=0)
+    law = f"{EXCESS:g} spread²"
+    axes.plot(spread, EXCESS * spread**2, color="black", linewidth=1.0, label=law)
+    axes.axvspan(0.0, SMALL_SPREAD, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set(title=title, xlabel="spread of the realizations' diffusions, relative", ylabel="difference in survival")
     axes.set_xlim(0.0, 1.25)

@@ -25,8 +25,8 @@ import numpy as np
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
+from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import histories, simulate
-from montecarlo.results.statistics import wilson_interval
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "fig05.toml"
 BANDS = (5.0, 10.0, 20.0)

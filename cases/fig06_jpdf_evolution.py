@@ -70,6 +70,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
         band = simulate(scene, method="rk4", progress=progress, **sampled)
     with reporting("Monte Carlo, white noise") as progress:
         white = simulate(scene.white_equivalent(), method="white", progress=progress, **sampled)
+    density = density.checked(band)
 
     after_start = [cycle for cycle in cycles if cycle > 0]
     against = [compare(result, density, joint_cycles=after_start) for result in (band, white)]

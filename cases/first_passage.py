@@ -31,8 +31,8 @@ from fpk_rocking import Scene, load_scene, solve_fpk
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import tally
-from montecarlo.results.statistics import wilson_interval
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCES = (0.01, 0.02, 0.04)

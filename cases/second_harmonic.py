@@ -40,8 +40,8 @@ from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import overturning_rate, simulate
-from montecarlo.results.statistics import wilson_interval
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "second_harmonic.toml"
 PHASES = {"0": 0.0, "π/2": 0.5 * math.pi, "π": math.pi, "3π/2": 1.5 * math.pi}

@@ -177,6 +177,8 @@ def _add_density(parser):
     parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
     stands = "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
     parser.add_argument("--closure", metavar="NAME", help=stands)
+    unchecked = "where the density solver replaces noise, do not sample the noise of the scene beside it"
+    parser.add_argument("--no-check", action="store_true", default=None, help=unchecked)
 
 
 def _add_ensemble(parser):
@@ -202,7 +204,7 @@ def _fpk(options):
     from fpk_rocking.compare import shown_cycles
     from fpk_rocking.output import summary, tables, vtk
 
-    result = _solved(options, _scene(options.scene))
+    result = _checked(options, _solved(options, _scene(options.scene)))
     values = summary.result_summary(result)
     if options.out:
         result.save(options.out / "result.npz")
@@ -231,6 +233,7 @@ def _compare(options):
     elif len(options.inputs) == 1:
         scene = _scene(options.inputs[0])
         second, first = _solved(options, scene), _simulated(options, scene)
+        second = _checked(options, second, beside=first)
     else:
         raise ValueError(f"inputs: got {len(options.inputs)} files, accepted: one scene file or two saved results")
     compared = compare(first, second)
@@ -333,6 +336,19 @@ def _solved(options, scene):
         )
 
 
+def _checked(options, density, beside=None):
+    """Measure what a replacement of noise changes, by an ensemble beside the density where it is large enough."""
+    if options.no_check or not density.closure:
+        return density
+    from fpk_rocking.output.progress import reporting
+    from studies import checking
+
+    if beside is not None and beside.scene == density.scene and beside.realizations >= checking.PATHS:
+        return density.checked(beside)
+    with reporting("check of the noise") as progress:
+        return checking.checked(density, progress=progress)
+
+
 def _rows(options, scene):
     """Return the cycles or the times that are asked for; without either, the default ones."""
     rows = {"times": options.times} if options.times is not None else {}
@@ -373,6 +389,7 @@ def _loaded(options) -> list:
         "tol",
         "bins_tol",
         "closure",
+        "no_check",
         "realizations",
         "seed",
         "method",

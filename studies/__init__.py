@@ -1,10 +1,12 @@
-"""Studies over many scenes, by either engine: sweeps, and fragility curves.
+"""Studies over many scenes, by either engine: sweeps, and fragility curves. And both engines on one scene.
 
 ``sweep`` runs Monte Carlo, the density solver or a function of your own on every scene of a list or a grid, on one
 machine or on a cluster. ``fragility`` computes the probability of overturning as a function of the scale of the
-shaking, with a lognormal fit. ``intensities`` are the usual measures of how strong a motion is.
+shaking, with a lognormal fit. ``intensities`` are the usual measures of how strong a motion is. ``solve_checked``
+solves for the density of a scene and measures by sampling what the replacement of its noise changes.
 """
 
+from studies.checking import checked, solve_checked
 from studies.curves import fragility
 from studies.measures import Intensities, intensities
 from studies.result import Fragility
@@ -16,10 +18,12 @@ __all__ = [
     "Grid",
     "Intensities",
     "Sweep",
+    "checked",
     "fragility",
     "grid",
     "intensities",
     "resized",
     "scaled",
+    "solve_checked",
     "sweep",
 ]

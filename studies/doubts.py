@@ -1,18 +1,15 @@
 """What speaks against fragility curves: the noise, missing answers, fits that the data reject, few motions."""
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import path_doubts
-from montecarlo.results.statistics import wilson_interval
 from studies.lognormal import MISFIT, REJECTED
-from studies.scenes import scaled
 
 __all__ = ["doubts_of"]
 
@@ -38,8 +35,8 @@ def _unanswered(result):
 def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
     kinds = {}
-    for m, scene in enumerate(result.scenes):
-        for doubt in _of_scene(result, 0 if result.mixture else m, scene):
+    for scene in result.scenes:
+        for doubt in doubts(_Told(scene, result.closure)):
             kinds.setdefault(doubt.kind, {})[doubt] = None
     found = []
     for kind in kinds.values():
@@ -47,27 +44,6 @@ def _noise(result):
         likewise = f" (Other scenes: {len(others)} likewise.)" * bool(others)
         found.append(first._replace(sentence=first.sentence + likewise))
     return found
-
-
-def _of_scene(result, m, scene):
-    """Return what speaks against the curves of a scene, each kind once, with its scale."""
-    # Survival is judged by the lowest cut-off, and a kind is told as of the scale that overturns most of its own.
-    reached, rests = np.nan_to_num(result.probability[m]).max(axis=0), result.engine == "filtered"
-    kinds = {}
-    for n in np.argsort(-reached, kind="stable"):
-        shaken = scaled(scene, result.scale[n], noise=result.noise_scaled)
-        for doubt in doubts(_Told(shaken, result.closure, (1.0 - reached[n],), rests)):
-            kinds.setdefault(doubt.kind, []).append((result.scale[n], doubt))
-    return [_with_scale(found, result.scale.size) for found in kinds.values()]
-
-
-def _with_scale(found, scales):
-    """Return the first of the doubts of a kind; it says at which scale, unless it is the same at all."""
-    (scale, first), *others = found
-    if len(found) == scales and len({doubt for _, doubt in found}) == 1:
-        return first
-    more = f", and at {len(others)} other scale{'s' * (len(others) > 1)}" * bool(others)
-    return first._replace(sentence=f"{first.sentence} (At scale {scale:.3g}{more}.)")
 
 
 def _rejected(result):
@@ -101,11 +77,7 @@ def _few_motions(result):
 
 
 class _Told(NamedTuple):
-    """A scene at one scale as `fpk_rocking.results.remarks.doubts` takes a result."""
+    """A scene as `fpk_rocking.results.remarks.doubts` takes a result."""
 
     scene: Scene
     closure: str
-    survival: Sequence
-    atom: bool
-    averaged: bool = False
-    facts: Mapping = MappingProxyType({})

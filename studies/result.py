@@ -11,12 +11,12 @@ import numpy as np
 
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import EXACT_PATH
-from montecarlo.results.statistics import wilson_interval
 from studies.doubts import doubts_of
 from studies.lognormal import LognormalFit, fit_lognormal, no_fit
 from studies.measures import Intensities, intensities

@@ -14,6 +14,7 @@ from scipy.special import ndtr, ndtri
 from fpk_rocking import Scene
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.replacement import ARRAYS, Replacement
 from fpk_rocking.results.result import DensityResult
 from montecarlo.results.sample import Sample
 
@@ -91,7 +92,13 @@ class FakeEvolution(DensityResult):
     moving_negative_mass: float = 0.0
     diffusion: float = 0.00628
     tol: float = 1e-3
-    closure: str = "Band noise stands as white noise of equal Melnikov variance."
+    closure: str | None = None
+    replacement: Replacement | None = None
+
+    def __post_init__(self):
+        if self.closure is None:
+            stands = "Band noise stands as white noise of equal Melnikov variance."
+            object.__setattr__(self, "closure", stands * (self.scene.noise.kind == "band"))
 
     @property
     def times(self):
@@ -109,7 +116,7 @@ class FakeEvolution(DensityResult):
     def facts(self):
         names = "error_estimate", "mass_defect", "negative_mass", "moving_negative_mass", "diffusion", "tol"
         own = {name: getattr(self, name) for name in names}
-        return own | {"lost": self.lost.tolist()}
+        return own | {"lost": self.lost.tolist()} | self.replacement_facts
 
     @property
     def lost(self):
@@ -126,12 +133,15 @@ class FakeEvolution(DensityResult):
         return self.at(cycle).bin_probabilities(angle_edges, velocity_edges)
 
     def save(self, path):
-        storage.write_result(path, "evolution", self.scene, {}, {"cycles": self.cycles})
+        values, said = self.replacement.stored() if self.replacement else ({}, {})
+        storage.write_result(path, "evolution", self.scene, values, {"cycles": self.cycles} | said)
 
     @classmethod
     def load(cls, path):
-        scene, _, attributes = storage.read_result(path, "evolution", Layout({}, {"cycles": int}))
-        return cls(scene, attributes["cycles"])
+        checked = Layout(ARRAYS, {"cycles": int, "check": dict})
+        scene, arrays, found = storage.read_result(path, "evolution", Layout({}, {"cycles": int}), checked)
+        check = Replacement.restored(arrays["replacement"], found["check"]) if arrays else None
+        return cls(scene, found["cycles"], replacement=check)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,6 +15,7 @@ import fakes
 import pytest
 
 import fpk_rocking.density
+import studies.checking
 from fpk_rocking import cli, load_scene
 from fpk_rocking.output import vtk
 
@@ -25,7 +26,7 @@ class Engines:
     """Stand-ins that keep what they were called with."""
 
     def __init__(self):
-        self.calls = []
+        self.calls, self.checks = [], []
 
     def solve_fpk(self, scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progress=None):
         self.calls.append({"scene": scene, "cycles": cycles, "tol": tol, "bins_tol": bins_tol, "closure": closure})
@@ -44,6 +45,11 @@ class Engines:
         self.calls[-1]["checkpoint"] = checkpoint
         return result
 
+    def check(self, scene, *, cycles, realizations, seed, progress):
+        self.checks.append({"scene": scene, "cycles": cycles, "realizations": realizations, "seed": seed})
+        progress(1, 1)
+        return fakes.FakeEnsemble(scene, cycles=cycles, realizations=realizations, seed=seed, method="exact")
+
 
 @pytest.fixture(autouse=True)
 def engines(monkeypatch):
@@ -53,6 +59,7 @@ def engines(monkeypatch):
     package = types.SimpleNamespace(simulate=stands.simulate, tally=stands.tally)
     package.Ensemble = package.Tally = fakes.FakeEnsemble
     monkeypatch.setitem(sys.modules, "montecarlo", package)
+    monkeypatch.setattr(studies.checking, "simulate", stands.check)
     return stands
 
 
@@ -75,6 +82,20 @@ def test_fpk_prints_one_json_object(engines):
     assert {"wall_s", "error_estimate", "mass_defect", "negative_mass"} <= set(values)
     asked = {"cycles": 3, "tol": 1e-2, "bins_tol": math.inf, "closure": "white"}
     assert engines.calls == [{"scene": load_scene(MAIN)} | asked]
+
+
+def test_noise_that_was_replaced_is_sampled_beside_the_density(engines):
+    """Also by `compare`, unless its own ensemble has the noise of the scene and enough paths."""
+    asked = {"scene": load_scene(MAIN), "cycles": 3, "realizations": 40_000, "seed": 2}
+    for given in (["fpk", MAIN], ["compare", MAIN], ["compare", MAIN, "--method", "white", "--realizations", 50_000]):
+        status, out, _ = run(*given, "--cycles", 3)
+        assert (status, engines.checks.pop()) == (0, asked)
+        assert "40,000 paths under the noise of the scene (exact, seed 2," in " ".join(out.split())
+    _, out, _ = run("compare", MAIN, "--realizations", 40_000, "--seed", 5, "--method", "exact", "--cycles", 3)
+    assert "40,000 paths under the noise of the scene (exact, seed 5," in " ".join(out.split())
+    _, out, _ = run("fpk", MAIN, "--no-check", "--cycles", 3)
+    assert "trust: caution. Replaced, not checked" in out
+    assert engines.checks == []
 
 
 def test_mc_prints_one_json_object(engines):
@@ -156,6 +177,7 @@ def test_two_saved_results_compare_as_the_live_ones(tmp_path):
         (["compare", MAIN, MAIN], "main.toml"),
         (["compare", "a.npz", "b.npz", "--tol", "1e-3"], "--tol"),
         (["compare", "a.npz", "b.npz", "--tally"], "--tally"),
+        (["compare", "a.npz", "b.npz", "--no-check"], "--no-check"),
         (["compare", "a.npz", "b.npz"], "a.npz"),
         (["mc", MAIN, "--checkpoint", "state.npz"], "--checkpoint: got 'state.npz', accepted: together with --tally"),
         (["fpk", MAIN, "--out", __file__], "--out"),

@@ -103,7 +103,7 @@ def test_every_engine_and_every_call_has_its_task():
 @pytest.mark.parametrize(
     ("task", "asked"),
     [
-        ("fpk_rocking.density.ahead:solve", ["fpk", "--cycles", "4"]),
+        ("fpk_rocking.density.ahead:solve", ["fpk", "--no-check", "--cycles", "4"]),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
         ("montecarlo.ahead:exact", ["mc", "--method", "exact", "--cycles", "2"]),
         ("montecarlo.ahead:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
@@ -121,7 +121,7 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     """Else a helper works in vain: what it has compiled must be what the solver calls."""
     code = "from fpk_rocking.base import ahead; ahead.perform('fpk_rocking.density.ahead:flight')"
     run([sys.executable, "-c", code], tmp_path)
-    done = run([sys.executable, "-c", COUNT, "fpk", scene, "--cycles", "1"], tmp_path)
+    done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
     compiled = done.stderr.rpartition("compiled ")[2]
     assert "deposit" in compiled
     for name in ("shear_angle", "shear_velocity", "finish_rows", "fill_blocks", "to_values", "landing_range"):

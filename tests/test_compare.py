@@ -11,7 +11,6 @@ from scipy.special import ndtr
 
 from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
-from fpk_rocking.output import summary, tables
 from fpk_rocking.results import distances
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import label_of
@@ -218,60 +217,3 @@ def test_labels():
     assert noise_text(NoNoise()) == "no noise"
     own = dataclasses.replace(MAIN, noise=BandNoise(0.04, (1.0, 6.0), 100))
     assert remarks(fakes.FakeEnsemble(own)) == ()
-
-
-def _with(band, harmonics):
-    return dataclasses.replace(MAIN, noise=BandNoise(0.04, band, harmonics))
-
-
-@pytest.mark.parametrize(
-    ("band", "harmonics", "expected"),
-    [
-        ((0.0, 10.0), 100, []),  # the main scene
-        ((0.0, 2.7), 30, []),
-        ((0.0, 10.0), 30, ["Few harmonics"]),
-        ((1.0, 6.0), 100, ["Not to be trusted"]),
-        ((1.0, 6.0), 10, ["Not to be trusted", "Few harmonics"]),
-    ],
-)
-def test_doubts_of_white_noise_for_band_noise(band, harmonics, expected):
-    """They stand beside a density, a comparison with one, and two ensembles of which one has the equivalent noise."""
-    scene = _with(band, harmonics)
-    ensemble, density = fakes.FakeEnsemble(scene), fakes.FakeEvolution(scene)
-    white = fakes.FakeEnsemble(scene.white_equivalent(), method="white", seed=2)
-    for shown in (remarks(density), compare(ensemble, density).remarks, compare(white, ensemble).remarks):
-        starts = [name for name in ("Not to be trusted", "Few harmonics") for one in shown if one.startswith(name)]
-        assert starts == expected
-
-
-def test_doubts_name_their_figures_and_the_remedy():
-    (few,) = (one for one in remarks(fakes.FakeEvolution(_with((0.0, 10.0), 30))) if "harmonics:" in one)
-    assert "of 30 harmonics differ in strength by 44 % (30 % are trusted)" in few
-    assert "by up to about 0.079 within 40 cycles" in few
-    assert "an average over realizations" in few
-    (low,) = (one for one in remarks(fakes.FakeEvolution(_with((1.0, 6.0), 100))) if "covers" in one)
-    assert "[1, 6] covers 18 % of the Melnikov variance of equally strong white noise (85 % are needed)" in low
-
-
-def test_a_block_that_the_forcing_hardly_lifts_off_is_doubted():
-    resting = MAIN.varied(forcing={"amplitude": 1.1})
-    (doubt,) = (one for one in remarks(fakes.FakeEvolution(resting)) if "the block rests" in one)
-    assert "the forcing, at most 1.1, hardly lifts it off" in doubt
-    lifted = MAIN.varied(forcing={"amplitude": 1.11})
-    standing = fakes.FakeEvolution(resting, cycles=0)  # survival 1
-    for result in (fakes.FakeEvolution(lifted), standing):
-        assert not any("the block rests" in one for one in remarks(result))
-
-
-def test_doubts_stand_in_tables_and_summaries_of_one_density():
-    density = fakes.FakeEvolution(_with((1.0, 6.0), 100))
-    (doubt,) = (one for one in remarks(density) if one.startswith("Not to be trusted"))
-    assert tables.result_table(density)[2][0].startswith(f"trust: do not use. {doubt}")
-    assert doubt in summary.result_summary(density)["remarks"]
-
-
-def test_no_doubts_where_no_white_noise_stands_for_the_band():
-    scene = _with((1.0, 6.0), 10)
-    other = dataclasses.replace(scene, noise=WhiteNoise(0.1))
-    for results in ((fakes.FakeEnsemble(scene),), (fakes.FakeEnsemble(scene), fakes.FakeEnsemble(other, seed=2))):
-        assert not any("trusted" in one for one in remarks(*results))

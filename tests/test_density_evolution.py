@@ -10,6 +10,7 @@ import pytest
 from fpk_rocking import Evolution, load_scene, solve_fpk
 from fpk_rocking.physics.equivalence import equivalent_diffusion
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
+from studies import checked
 
 SCENES = pathlib.Path(__file__).parents[1] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
@@ -155,6 +156,7 @@ def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
     facts = band.facts
     assert (facts["tol"], facts["bins_tol"]) == (1e-2, pytest.approx(0.1 / 3.0))
     assert facts["bins_error_estimate"] == band.bins_error_estimate
+    band = checked(band)
     assert band.trust.verdict == "ok"
     assert band.columns()["at_rest"].tolist() == band.at_rest.tolist()
     assert len(repr(band)) < 300
@@ -163,4 +165,20 @@ def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
     loose.save(tmp_path / "loose.npz")
     assert "bins_tol" not in Evolution.load(tmp_path / "loose.npz").facts
     assert dataclasses.replace(band, bins_error_estimate=0.9).trust.verdict == "caution"
+
+
+def test_a_replacement_that_was_checked_is_saved_and_tabulated(band, tmp_path):
+    found = checked(band, realizations=500)
+    found.save(tmp_path / "checked.npz")
+    loaded = Evolution.load(tmp_path / "checked.npz")
+    assert loaded.replacement.plain == found.replacement.plain
+    assert (loaded.trust, loaded.headline) == (found.trust, found.headline)
+    columns = loaded.columns()
+    assert columns["survival_total_error"].tolist() == found.total_error[:, 0].tolist()
+    assert columns["survival_replacement"].tolist() == found.replacement.difference[:, 0].tolist()
+    assert columns["survival_replacement_error"].tolist() == found.replacement.sampling_error[:, 0].tolist()
+    assert "survival_total_error" not in band.columns()
+
+
+def test_a_density_says_what_it_is(band):
     assert repr(band.at(2)).startswith(f"<Density: probability {band.survival[2]:.4f} on ")

@@ -11,6 +11,7 @@ from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
 from fpk_rocking.density.space.space import turn
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
+from fpk_rocking.results.remarks import UNCHECKED
 from fpk_rocking.scene import Block, Forcing, Scene
 from montecarlo import simulate, tally
 
@@ -352,7 +353,8 @@ def test_bad_arguments_are_named(operator):
 
 def test_it_shows_itself_with_a_verdict(operator, mean):
     assert repr(operator).startswith(f"<CycleOperator: escape rate {operator.escape_rate:.4g} per cycle")
-    assert operator.trust.verdict == "ok"
+    assert operator.trust.verdict == "caution"
+    assert operator.trust.reasons == (UNCHECKED,)
     assert len(operator._repr_html_()) < 150_000
     assert operator.columns()["modulus"][0] == pytest.approx(np.exp(-operator.escape_rate), rel=1e-9)
     variables, places = operator.grids()

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.scene.scene import load_scene
 from montecarlo import Ensemble, correlation_dimension, simulate
-from montecarlo.results.statistics import survival_test, wilson_interval
+from montecarlo.results.statistics import survival_test
 
 SCENE = load_scene(pathlib.Path(__file__).parents[1] / "cases" / "scenes" / "main.toml")
 

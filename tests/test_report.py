@@ -97,7 +97,7 @@ def test_numbers_are_those_of_the_result(report):
     survival = [float(row[2]) for row in page.rows[1:]]
     assert survival == pytest.approx(DENSITY.survival, rel=1e-5)
     assert page.texts.count(DENSITY.title) == 2
-    assert "trust: ok" in page.texts
+    assert "trust: caution" in page.texts
     assert any("restitution = 0.5" in text for text in page.texts)
     assert "One < two & more." in page.texts
 
@@ -217,12 +217,13 @@ def test_commands_write_it_and_tell_its_size(command, tmp_path, monkeypatch):
     scene, path = tmp_path / "scene.toml", tmp_path / "new" / "out.html"
     scene.write_text(MAIN.to_toml(), encoding="utf-8")
     monkeypatch.setattr(cli, "_solved", lambda *_: DENSITY)
+    monkeypatch.setattr(cli, "_checked", lambda _, density, **__: density)
     monkeypatch.setattr(cli, "_simulated", lambda *_: ENSEMBLE)
     status, out, err = run(command, scene, "--report", path, "--json")
     assert status == 0
     page = Page(path.read_text(encoding="utf-8"))
     assert page.json["summary"] == json.loads(out)
-    assert page.json["summary"]["trust"]["verdict"] == "ok"
+    assert page.json["summary"]["trust"]["verdict"] == ("ok" if command == "mc" else "caution")
     assert len(page.json["film"]["films"]) == 1 + (command == "compare")
     assert err == f"fpk-rocking {command}: {path}: {path.stat().st_size / 1000:,.0f} kB\n"
     assert [one.name for one in path.parent.iterdir()] == ["out.html"]

@@ -13,6 +13,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.replacement import ARRAYS, Replacement
 from fpk_rocking.results.result import DensityResult
 from fpk_rocking.results.storage import read_result, write_result
 from fpk_rocking.scene.scene import Scene
@@ -39,6 +40,7 @@ _LAYOUT = Layout(
     },
     {"closure": str, "settings": dict} | dict.fromkeys(_FLOATS, float),
 )
+_CHECKED = Layout(_LAYOUT.arrays | ARRAYS, _LAYOUT.attributes | {"check": dict})
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -93,6 +95,8 @@ class Evolution(DensityResult):
         Coefficients of the densities that `at` returns; zero in row 0 where the start is a point.
     space : Space
         Mesh and polynomials that the coefficients belong to.
+    replacement : Replacement, optional
+        What the replacement of the noise changes, as `checked` measured it; None where it did not.
     """
 
     scene: Scene
@@ -114,6 +118,7 @@ class Evolution(DensityResult):
     settings: dict
     coefficients: np.ndarray
     space: Space
+    replacement: Replacement | None = None
 
     @property
     def atom(self) -> bool:
@@ -151,11 +156,22 @@ class Evolution(DensityResult):
         own = {name: float(getattr(self, name)) for name in _OWN_ERRORS}
         lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
         wanted = {name: self.settings[name] for name in ["bins_tol"] if np.isfinite(self.settings.get(name, np.inf))}
-        return own | lists | {"diffusion": float(self.diffusion), "tol": float(self.tol)} | wanted
+        return (
+            own | lists | {"diffusion": float(self.diffusion), "tol": float(self.tol)} | wanted | self.replacement_facts
+        )
 
     def columns(self) -> dict[str, Array]:
-        """Table of survival, overturned to either side, lost and at rest, a row a time: arrays by column name."""
-        return super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
+        """Table of survival, overturned to either side, lost and at rest, a row a time: arrays by column name.
+
+        Where the replacement of the noise was checked: also what it changes in survival, the sampling error of that,
+        and the total error of survival.
+        """
+        found = super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
+        if (check := self.replacement) is None:
+            return found
+        added = check.difference, check.sampling_error, self.total_error
+        names = "survival_replacement", "survival_replacement_error", "survival_total_error"
+        return found | {name: values[:, 0] for name, values in zip(names, added, strict=True)}
 
     def at(self, cycle: int) -> Density:
         """Return the density after a number of cycles.
@@ -230,7 +246,11 @@ class Evolution(DensityResult):
         names = ("times", "survival", "overturned", "lost", "at_rest", "coefficients")
         arrays = {name: getattr(self, name) for name in names}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
-        write_result(path, _KIND, self.scene, arrays, {name: getattr(self, name) for name in _LAYOUT.attributes})
+        attributes = {name: getattr(self, name) for name in _LAYOUT.attributes}
+        if self.replacement is not None:
+            values, said = self.replacement.stored()
+            arrays, attributes = arrays | values, attributes | said
+        write_result(path, _KIND, self.scene, arrays, attributes)
 
     @classmethod
     def load(cls, path: File) -> Self:
@@ -252,10 +272,16 @@ class Evolution(DensityResult):
         ValueError
             The file is damaged, or holds something else.
         """
-        scene, arrays, attributes = read_result(path, _KIND, _LAYOUT)
+        scene, arrays, attributes = read_result(path, _KIND, _LAYOUT, _CHECKED)
+        check = None
+        if "replacement" in arrays:
+            try:
+                check = Replacement.restored(arrays.pop("replacement"), attributes.pop("check"))
+            except ValueError as error:
+                raise ValueError(f"{path}: not the content of a saved result: {error}") from None
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
-        return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)
+        return cls(scene=scene, coefficients=coefficients, space=space, replacement=check, **arrays, **attributes)
 
 
 def near_rest(space, coefficients, start):

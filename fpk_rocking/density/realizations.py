@@ -21,6 +21,7 @@ from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.results.result import DensityResult
 from fpk_rocking.scene import Scene, WhiteNoise
 
@@ -40,13 +41,15 @@ class RealizationAverage(DensityResult):
         Nodes and weights of the Gauss quadrature over the distribution of a realization's diffusion.
     evolutions : tuple of Evolution
         The solution for each of the diffusions.
+    replacement : Replacement, optional
+        As in `Evolution`.
     """
 
-    averaged = True
     scene: Scene
     diffusions: np.ndarray
     weights: np.ndarray
     evolutions: tuple[Evolution, ...]
+    replacement: Replacement | None = None
 
     @property
     def cycles(self) -> int:
@@ -92,7 +95,7 @@ class RealizationAverage(DensityResult):
         names = "error_estimate", "mass_defect", "negative_mass", "moving_negative_mass"
         own = {name: float(getattr(self, name)) for name in names}
         own |= {"tol": self.evolutions[0].tol}
-        return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()}
+        return own | {"diffusions": self.diffusions.tolist(), "weights": self.weights.tolist()} | self.replacement_facts
 
     def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of an evolution)
         """Return None, as the solutions have meshes of their own; use ``evolutions[i].at(cycle)``.

@@ -101,8 +101,6 @@ class CycleOperator(Shown, LinearOperator):
         or the finest mesh does not resolve the quasi-stationary density.
     """
 
-    averaged = False
-
     def __init__(self, scene: Scene, tol: float = 1e-3) -> None:
         checks.instance("scene", scene, Scene)
         refuse_transient(scene.forcing, "the operator of a cycle")

@@ -24,9 +24,10 @@ def result_summary(result) -> dict:
         ``noise``, ``cycles`` or, where there are none, ``times``, ``survival``, ``overturned`` [left, right],
         ``wall_s``, ``trust`` (``verdict`` and ``reasons``) and ``remarks``; of a density also ``error_estimate``,
         ``bins_error_estimate``, ``rest_error_estimate``, ``mass_defect``, ``negative_mass``, ``lost``, ``at_rest``,
-        ``moving_negative_mass``, ``diffusion``, ``tol`` and ``bins_tol`` where it is finite; of an ensemble also
-        ``interval`` (95 %) and its largest ``half_width``, or ``outcome`` where nothing is random, ``method``,
-        ``realizations``, ``seed`` and ``steps_per_cycle``.
+        ``moving_negative_mass``, ``diffusion``, ``tol``, ``bins_tol`` where it is finite, and where the replacement of
+        the noise was checked the largest ``total_error`` and ``replacement`` (see `fpk_rocking.results.replacement`);
+        of an ensemble also ``interval`` (95 %) and its largest ``half_width``, or ``outcome`` where nothing is random,
+        ``method``, ``realizations``, ``seed`` and ``steps_per_cycle``.
     """
     common = {
         "noise": noise_text(result.scene.noise),

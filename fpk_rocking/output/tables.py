@@ -34,11 +34,15 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     interval = interval_of(result)
     if interval is not None:
         table.add_column("95 % interval", justify="center")
+    total = result.total_error if getattr(result, "replacement", None) is not None else None
+    if total is not None:
+        table.add_column("total ±", justify="right")
     table.add_column("overturned left", justify="right")
     table.add_column("overturned right", justify="right")
     shown = [f"{time:g}" for time in shown_times(result)]
     for cycle, (left, right) in enumerate(result.overturned):
         limits = [] if interval is None else [_limits(interval[cycle], 5)]
+        limits += [] if total is None else [f"{total[cycle, 0]:.5f}"]
         table.add_row(shown[cycle], f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
     return (
         f"{label_of(result)}: {noise_text(result.scene.noise)}{', ' * result.deterministic}{result.outcome}",

@@ -4,9 +4,8 @@ The heteroclinic orbit of the undamped, unforced block has the velocity e^(-|τ|
 seen through it, M(τ₀) = ∫ e^(-|τ|) η(τ + τ₀) dτ, has the variance σ_M² = ∫ 4 G(ω)/(1+ω²)² dω, with G the one-sided
 spectral density of η (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
 
-Where this can be trusted is told by `cover`, the part of the orbit's frequencies that the band takes in, and by
-`realized_spread`, by how much the realizations of finitely many harmonics differ. The bounds are those of the study
-``cases/equivalence.py`` (two restitutions, 33 noises, N from 10 to 1000, 4 to 40 cycles; table in docs/paper.md).
+What the replacement changes has to be measured. What may explain it is `cover`, the part of the orbit's frequencies
+that the band takes in, and `realized_spread`, by how much the realizations of finitely many harmonics differ.
 """
 
 import math
@@ -15,20 +14,6 @@ import numpy as np
 
 from fpk_rocking.base.types import Noise
 from fpk_rocking.physics import filters
-
-# From here on up, 1000 harmonics and the equivalent white noise agree to 0.03 in survival; below, they differ by up to
-# WORST either way.
-TRUSTED_COVER = 0.85
-WORST = 0.26
-# Under finitely many harmonics survival is higher, by up to about EXCESS spread² within 40 cycles: 0.04 at this spread.
-TRUSTED_SPREAD = 0.3
-EXCESS = 0.4
-# Where |f| of the forcing alone is at most LIFTED blocks rest under band noise between lift-offs; white noise lets none
-# rest, and survival differs by up to RESTLESS within 10 cycles, unless next to all stand either way. A motion that does
-# not repeat is for most of its time below its peak: blocks rest in it up to LIFTED_ONCE.
-LIFTED, LIFTED_ONCE = 1.1, 1.6
-STANDING = 0.99
-RESTLESS = 0.28
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
@@ -72,9 +57,8 @@ def noise_variance(noise: Noise) -> float:
 def equivalent_diffusion(noise: Noise) -> float:
     """Diffusion D_M = σ_M²/2 of the white noise with the same Melnikov variance.
 
-    To replace band noise or filtered noise by it is an approximation (a closure). It is good where the spectrum covers
-    the frequencies that move the block (about 0 to 3) evenly and blocks hardly rest; elsewhere Monte Carlo has to check
-    it. For white noise this is its own diffusion.
+    To replace band noise or filtered noise by it is an approximation (a closure), which paths under the noise itself
+    have to check. For white noise this is its own diffusion.
 
     Parameters
     ----------
@@ -103,7 +87,7 @@ def cover(noise: Noise) -> float:
     Returns
     -------
     float
-        From 0 to 1. The equivalent white noise is to be trusted from `TRUSTED_COVER` on.
+        From 0 to 1.
 
     Raises
     ------
@@ -182,7 +166,7 @@ def realized_spread(noise: Noise, restitution: float) -> float:
     Returns
     -------
     float
-        Standard deviation over mean. The equivalent white noise is to be trusted up to `TRUSTED_SPREAD`.
+        Standard deviation over mean.
 
     Raises
     ------

@@ -66,8 +66,10 @@ def survival_panel(axes, *results):
         survival, interval = np.asarray(result.survival), result.survival_interval()
         label = f"{result.engine}, {'one path' if result.deterministic else '95 % interval'}"
         if interval is None:
-            error = result.facts["error_estimate"]
-            interval, label = np.stack([survival - error, survival + error], -1), f"{result.engine}, estimated error"
+            error, label = result.facts["error_estimate"], f"{result.engine}, estimated error"
+            if result.replacement is not None:
+                error, label = result.total_error[:, 0], f"{result.engine}, total error"
+            interval = np.stack([survival - error, survival + error], -1)
         axes.fill_between(shown_times(result), *np.asarray(interval).T, color=colour, alpha=0.3, linewidth=0.0)
         axes.plot(shown_times(result), survival, color=colour, marker=".", label=label)
     axes.set(xlabel=time_name(results[0].scene), ylabel="P(not overturned)", ylim=(-0.03, 1.03))

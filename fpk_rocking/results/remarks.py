@@ -1,15 +1,18 @@
 """Sentences beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
 
 import dataclasses
-import math
 from typing import Any
 
+import numpy as np
+
 from fpk_rocking.physics import equivalence
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt
+from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
 
 __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
 
 _FILTERS = {"exponential": "exponential", "low-pass": "low-pass", "kanai-tajimi": "Kanai-Tajimi"}
+
+UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
 SLENDER = 0.05
 """Error of the linearized moments up to which a block counts as slender."""
@@ -60,7 +63,7 @@ def closure_of(scene, solved) -> str:
     )
     return (
         f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) was replaced by {instead}. This is an "
-        "approximation, which Monte Carlo can check."
+        "approximation."
     )
 
 
@@ -68,7 +71,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     """Return the sentences that a reader of some results needs, each once.
 
     They say where the block is too squat for the model, what the scene remarks on its noise, which noise replaced band
-    noise, what a density does not resolve, and where the noise that was solved for is not to be trusted.
+    noise and what that changes, what a density does not resolve, and what a check that failed may be due to.
 
     Parameters
     ----------
@@ -83,18 +86,22 @@ def remarks(*results: Any) -> tuple[str, ...]:
     sentences = []
     for result in results:
         sentences += filter(None, (getattr(result.scene.noise, "remark", ""), result.closure))
-        sentences += [doubt.sentence for doubt in doubts(result, beside=results)]
+        sentences += [doubt.sentence for doubt in doubts(result)]
+        sentences += filter(None, [getattr(result, "check", "")])
+        sentences += _explained(result)
     return tuple(dict.fromkeys(sentences))
 
 
-def doubts(result, beside=()) -> list[Doubt]:
-    """Return what speaks against a result whatever its own errors: model and noise; `beside`: results shown with it."""
+def doubts(result) -> list[Doubt]:
+    """Return what speaks against a result whatever its own errors: the model, and noise whose replacement is unchecked.
+
+    A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
+    """
     found = _squat(result.scene.block.dimensions)
     if getattr(result, "unresolved", ""):
         found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
-    if _stands_for((result, *beside), result):
-        filtered = getattr(result, "atom", False)
-        found += _closure_doubts(result.scene, result.survival, result.averaged, filtered)
+    if result.closure and getattr(result, "replacement", None) is None:
+        found.append(Doubt(CAUTION, UNCHECKED, "unchecked"))
     return found
 
 
@@ -110,63 +117,27 @@ def _squat(size):
     return [Doubt(CAUTION, sentence, "squat")]
 
 
-def _stands_for(results, result) -> bool:
-    """Whether the noise of a result is held against its equivalent white noise, within itself or in another."""
-    noise = result.scene.noise
-    if noise.kind not in {"band", "filtered"} or noise.variance == 0.0:
-        return False
-    diffusion = equivalence.equivalent_diffusion(noise)
-    whites = (other.scene.noise.diffusion for other in results if other.scene.noise.kind == "white")
-    return bool(result.closure) or any(math.isclose(white, diffusion) for white in whites)
-
-
-def _closure_doubts(scene, survival, averaged, filtered):
-    """Yield what speaks against white noise for the noise of a scene; bounds and figures are of `equivalence`.
-
-    A result that is averaged over realizations has the scatter between them, one with `filtered` noise in place of a
-    band has the rest of its blocks.
-    """
-    noise = scene.noise
-    part = equivalence.cover(noise)
-    if noise.kind == "filtered":
-        if part < equivalence.TRUSTED_COVER:
-            sentence = (
-                f"Not to be trusted: the spectrum of the filtered noise covers {100 * part:.2g} % of the Melnikov "
-                f"variance of white noise as strong as its peak ({100 * equivalence.TRUSTED_COVER:g} % are needed), "
-                "too little for white noise to replace it. Solve for the filtered noise itself."
-            )
-            yield Doubt(UNUSABLE, sentence, "cover")
+def _explained(result):
+    """Yield what helps where the check says that the replacement of noise is off, and what may explain it."""
+    check = getattr(result, "replacement", None)
+    if check is None or result.facts["total_error"] <= max(REPLACED, result.facts["tol"]):
         return
-    low, high = noise.band
-    spread = equivalence.realized_spread(noise, scene.block.restitution)
-    lifted = equivalence.LIFTED if scene.period is not None else equivalence.LIFTED_ONCE
-    if scene.forcing.largest <= lifted and survival[-1] < equivalence.STANDING and not filtered:
-        sentence = (
-            f"Not to be trusted, as the block rests: the forcing, at most {scene.forcing.largest:.3g}, hardly lifts "
-            "it off. Under band noise it rests now and then, under the white noise that was solved for never. In such "
-            f"scenes survival was found wrong by up to {equivalence.RESTLESS:g}, mostly too low. Use Monte Carlo"
-            + (", or the closure 'filtered'." if scene.repeats else ".")
-        )
-        yield Doubt(UNUSABLE, sentence, "resting")
-    if part < equivalence.TRUSTED_COVER and filtered:
-        sentence = (
-            f"Not tested: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of equally "
-            "strong white noise; low-pass noise was tested for bands that cover all of it. Use Monte Carlo."
-        )
-        yield Doubt(CAUTION, sentence, "cover")
-    elif part < equivalence.TRUSTED_COVER:
-        sentence = (
-            f"Not to be trusted: the band [{low:g}, {high:g}] covers {100 * part:.2g} % of the Melnikov variance of "
-            f"equally strong white noise ({100 * equivalence.TRUSTED_COVER:g} % are needed). For such bands survival "
-            f"under the equivalent white noise was found wrong by up to {equivalence.WORST:g}, in either direction. "
-            "Use Monte Carlo."
-        )
-        yield Doubt(UNUSABLE, sentence, "cover")
-    if spread > equivalence.TRUSTED_SPREAD and not averaged:
-        excess = min(equivalence.EXCESS * spread**2, 1.0)
-        sentence = (
-            f"Few harmonics: realizations of {noise.harmonics} harmonics differ in strength by {100 * spread:.0f} % "
-            f"({100 * equivalence.TRUSTED_SPREAD:.0f} % are trusted), so more blocks survive than under white noise, "
-            f"by up to about {excess:.2g} within 40 cycles. Use Monte Carlo, or an average over realizations."
-        )
-        yield Doubt(CAUTION, sentence, "harmonics")
+    worst = np.unravel_index(result.total_error.argmax(), result.total_error.shape)
+    if check.sampling_error[worst] > abs(check.difference[worst]):
+        yield "Most of the total error is the sampling error of the check: more paths make it smaller."
+        return
+    alone = 1.0 - result.survival[-1] - check.difference[-1, 0]
+    yield (
+        f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
+    )
+    noise, restitution = result.scene.noise, result.scene.block.restitution
+    part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, restitution)
+    rest = (
+        f"; the forcing alone reaches {result.scene.forcing.largest:.3g}, a block at rest lifts off above 1, and under "
+        "white noise none rests"
+    )
+    yield (
+        f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
+        f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
+        f"strength by {100.0 * spread:.0f} %{'' if getattr(result, 'atom', False) else rest}."
+    )

@@ -1,7 +1,8 @@
 """The interface of a result, whichever engine it comes from, for comparisons, tables, pictures and files."""
 
+import dataclasses
 import functools
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import doubts
+from fpk_rocking.results.replacement import Replacement, measured
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.times import cycles_of
 from fpk_rocking.results.trust import Trust, trust_of
@@ -64,10 +66,6 @@ class Result(Protocol):
     @property
     def closure(self) -> str:
         """Which noise replaced that of the scene, as a sentence; empty where none did."""
-
-    @property
-    def averaged(self) -> bool:
-        """Whether it averages over the scatter between realizations of band noise."""
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -131,7 +129,6 @@ class SurvivalResult(Shown):
     `shown_bins` is the least number of bins along an axis in pictures, 0 where only some bins are known.
     """
 
-    averaged = False
     deterministic = False
     outcome = ""
     unresolved = ""
@@ -223,11 +220,16 @@ class SurvivalResult(Shown):
 
 
 class DensityResult(SurvivalResult):
-    """What results of density solvers have in common; a subclass has ``scene``, ``times``, ``error_estimate``."""
+    """What results of density solvers have in common.
+
+    A subclass is a dataclass with ``scene``, ``times``, ``closure``, ``error_estimate`` and ``replacement``, which is
+    None until `checked` measures it.
+    """
 
     engine = "Fokker-Planck density"
     shown_bins = 64
     realizations = None
+    replacement: Replacement | None = None
 
     def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
         """Return None: a density is no sample. Its ``error_estimate`` is that of the solver.
@@ -238,6 +240,72 @@ class DensityResult(SurvivalResult):
             Not used.
         """
         return
+
+    def checked(self, paths: Any) -> Self:
+        """Return this result with its replacement of noise measured by paths under the noise of the scene.
+
+        Parameters
+        ----------
+        paths : Ensemble or Tally
+            Of the scene as it is, at the times of this result or more; `studies.checked` samples them.
+
+        Returns
+        -------
+        DensityResult
+            The same probabilities; `replacement`, `total_error` and the verdict tell what the paths say.
+
+        Raises
+        ------
+        TypeError, ValueError
+            The paths are no sample, are of another scene or of other times, or no noise was replaced.
+        """
+        return dataclasses.replace(self, replacement=measured(self, paths))
+
+    @property
+    def total_error(self) -> Array | None:
+        """Whole errors of survival, overturned left and overturned right, shape (cycles + 1, 3).
+
+        The solver's estimate where the noise was solved as it is; `Replacement.total` where another noise replaced it
+        and that was checked; None where it was not checked.
+        """
+        if self.replacement is not None:
+            return self.replacement.total(self.error_estimate)
+        return None if self.closure else np.full((len(self.times), 3), self.error_estimate)
+
+    @property
+    def replacement_facts(self) -> dict[str, Any]:
+        """The largest total error, and the measured replacement, as plain values; empty where nothing was checked."""
+        if self.replacement is None:
+            return {}
+        return {"total_error": float(self.total_error.max()), "replacement": self.replacement.plain}
+
+    @property
+    def headline(self) -> str:
+        """The engine, and the last probability with its error, as a line of text."""
+        if not self.closure:
+            return super().headline
+        until = f"τ = {self.times[-1]:.4g}" if self.cycles is None else f"{self.cycles} cycles"
+        return f"{self.engine}, {self._whole()}, after {until}"
+
+    def _whole(self):
+        """Probability of overturning at the last time, its numerical and its whole error, as a text."""
+        text = f"P(overturned) = {1.0 - self.survival[-1]:.4f} ± {self.error_estimate:.1g} (numerics)"
+        if self.replacement is None:
+            return f"{text}, replacement of the noise: not checked"
+        found, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]
+        return f"{text}, replacement of the noise: {found:+.4f} ± {error:#.2g}, total ± {self.total_error[-1, 0]:#.2g}"
+
+    @property
+    def check(self) -> str:
+        """The probability of overturning with its whole error, and how the replacement of the noise was measured."""
+        check = self.replacement
+        if check is None:
+            return ""
+        return (
+            f"{self._whole()}. Replacement: {check.realizations:,} paths under the noise of the scene ({check.method}, "
+            f"seed {check.seed}, {check.wall_s:.1f} s) less the density, with its 95 % sampling error. Total: numerics "
+            "+ |replacement| + sampling error."
+        )
 
     @property
     def account(self) -> str:

@@ -105,7 +105,7 @@ def write_result(path, kind, scene, arrays, attributes):
         np.savez(file, **{_HEADER: np.array(text)}, **arrays)
 
 
-def read_result(path, kind, layout):
+def read_result(path, kind, *layouts):
     """Load a result that `write_result` saved, all that is read of it held against its checksum.
 
     Parameters
@@ -113,8 +113,8 @@ def read_result(path, kind, layout):
     path : str or pathlib.Path
     kind : str
         The kind that is wanted, one of `KINDS`.
-    layout : fpk_rocking.results.layout.Layout
-        What it has to hold.
+    *layouts : fpk_rocking.results.layout.Layout
+        What it has to hold: one of these, which differ in the names of their arrays.
 
     Returns
     -------
@@ -134,6 +134,7 @@ def read_result(path, kind, layout):
             raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
         names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
         arrays = {name: _array(path, archive, name) for name in sorted(names)}
+    layout = next((one for one in layouts if one.arrays.keys() == arrays.keys()), layouts[0])
     try:
         layout.check(arrays, header["attributes"])
         return Scene.from_toml(header["scene"]), arrays, header["attributes"]

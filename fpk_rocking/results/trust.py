@@ -18,6 +18,10 @@ USELESS = 0.1
 UNASKED = 0.05
 """Possible error of a probability above which there is caution where no tolerance was asked for, as of a sample."""
 
+REPLACED = 0.01
+"""Total error of a density's probabilities, the measured replacement of its noise included, that needs no caution; the
+tolerance that was asked for, where that is larger."""
+
 _MASS, _NEGATIVE, _RESIDUAL = 1e-9, 1e-2, 1e-6
 
 
@@ -119,6 +123,11 @@ def _limits(tol, facts):
     negative = "moving_negative_mass" if "moving_negative_mass" in facts else "negative_mass"
     below = "integral of the density where it is below 0" + ", blocks at rest left out" * (negative != "negative_mass")
     return {
+        "total_error": (
+            "largest total error, with the replacement of the noise,",
+            max(REPLACED, tol),
+            useless,
+        ),
         "error_estimate": ("estimated error of the probabilities", tol, useless),
         "half_width": ("half width of the 95 % interval of the probabilities", tol, useless),
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.

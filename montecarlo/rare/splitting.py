@@ -136,7 +136,6 @@ class Splitting(Shown):
         return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
 
     closure = ""
-    averaged = False
 
     @property
     def facts(self) -> dict[str, Any]:

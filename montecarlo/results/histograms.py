@@ -10,9 +10,9 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike
 from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.results.intervals import wilson_interval
 from montecarlo.results.ensemble import Ensemble
 from montecarlo.results.histories import Histories
-from montecarlo.results.statistics import wilson_interval
 
 
 class Histogram(NamedTuple):

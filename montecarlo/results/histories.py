@@ -100,7 +100,6 @@ class Histories(Shown):
         return np.bincount(self.impact_realization, minlength=self.realizations)
 
     closure = ""
-    averaged = False
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -7,10 +7,10 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.result import SurvivalResult
 from fpk_rocking.results.trust import CAUTION, Doubt, Trust, verdict
-from montecarlo.results.statistics import wilson_interval
 
 EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion amplifies."
 """Reason of the verdict on the one path of a deterministic scene by the method "exact"."""

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from fpk_rocking import Start
 from fpk_rocking.density import Evolution
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.results.storage import KINDS, result_kind
 from montecarlo import Ensemble, Histories, Tally, histories, simulate, tally
 from studies import Fragility, fragility
@@ -32,8 +33,9 @@ def evolution():
     lost, at_rest, figures = np.zeros(3), np.full(3, 0.1), (1e-3, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.1)
     coefficients = np.arange(48.0).reshape(3, 2, 2, 2, 2)
     space = Space(lines, lines, 1)
+    check = Replacement(np.full((3, 3), 0.01), np.full((3, 3), 0.02), "exact", 100, 2, 0.1)
     return Evolution(
-        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, space
+        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, space, check
     )  # fmt: skip
 
 
@@ -41,7 +43,7 @@ def content(result):
     """Everything that a result holds, as bytes and text."""
     values = [getattr(result, name) for name in sorted(vars(result)) if not name.startswith("_")]
     if isinstance(result, Evolution):
-        values += result.space.lines
+        values += [*result.space.lines, result.replacement.difference, result.replacement.sampling_error]
     return [value.tobytes() if isinstance(value, np.ndarray) else repr(value) for value in values]
 
 
