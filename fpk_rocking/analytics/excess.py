@@ -61,7 +61,7 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
 
 
 def _panels(angles, turns, amplitude, loss, sigma):
-    """Sum of the means over panels, whose harmonics have `angles` (panels, n) in the middle and ± `turns` at the ends."""
+    """Sum of the means over panels, from angles (panels, n) of the harmonics in the middle and turns (n,) to the ends."""
     height = np.full((len(angles), _NODES.size), -loss)
     for n, size in enumerate(amplitude):
         height += size * np.cos(angles[:, n, None] + turns[n] * _NODES)
@@ -88,7 +88,7 @@ def rounding(u: Array) -> Array:
 
 
 def density(u: Array) -> Array:
-    """Standard normal density.
+    """Return the standard normal density.
 
     Parameters
     ----------
