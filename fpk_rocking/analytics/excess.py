@@ -61,7 +61,7 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
 
 
 def _panels(angles, turns, amplitude, loss, sigma):
-    """Sum of the means over panels, from angles (panels, n) of the harmonics in the middle and turns (n,) to the ends."""
+    """Sum of the means over panels: angles (panels, n) in the middle, and turns (n,) from there to an end."""
     height = np.full((len(angles), _NODES.size), -loss)
     for n, size in enumerate(amplitude):
         height += size * np.cos(angles[:, n, None] + turns[n] * _NODES)
