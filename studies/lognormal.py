@@ -1,10 +1,10 @@
-"""The lognormal fragility curve Φ(ln(s/m)/β) by maximum likelihood, its uncertainty, and whether it fits at all.
+"""The lognormal fragility curve N(ln(s/m)/β) by maximum likelihood, its uncertainty, and whether it fits at all.
 
-With z = b₀ + b₁ ln s the curve is Φ(z), m = exp(-b₀/b₁) its median and β = 1/b₁ its dispersion. The log-likelihood of
-independent binomial counts is concave in (b₀, b₁) (probit regression), so that Newton's iteration finds its maximum,
-and the maximum exists unless some scale separates the failures from the successes. Binomial likelihood in place of
-least squares: J. W. Baker, "Efficient analytical fragility function fitting using dynamic structural analysis",
-Earthquake Spectra 31(1), 579-599, 2015.
+With z = b₀ + b₁ ln s the curve is N(z), N being the normal distribution function, m = exp(-b₀/b₁) its median and
+β = 1/b₁ its dispersion. The log-likelihood of independent binomial counts is concave in (b₀, b₁) (probit regression),
+so that Newton's iteration finds its maximum, and the maximum exists unless some scale separates the failures from the
+successes. Binomial likelihood in place of least squares: J. W. Baker, "Efficient analytical fragility function fitting
+using dynamic structural analysis", Earthquake Spectra 31(1), 579-599, 2015.
 """
 
 import math
@@ -28,7 +28,7 @@ _STEEPEST = 1e6
 
 
 class LognormalFit(NamedTuple):
-    """A fitted lognormal curve Φ(ln(s/m)/β) of the scale s. Calling it evaluates it: ``fit(scale)``.
+    """A fitted lognormal curve N(ln(s/m)/β) of the scale s. Calling it evaluates it: ``fit(scale)``.
 
     Parameters
     ----------

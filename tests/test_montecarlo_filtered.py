@@ -1,6 +1,7 @@
 """Paths under filtered noise: the law of the noise, the limits, rest and lift-off, and independent survival."""
 
 import dataclasses
+import itertools
 import math
 
 import numba
@@ -9,12 +10,13 @@ import pytest
 from filtered_paths import coupled, noise_of, with_intervals
 from scipy.stats import kstest
 
-from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, load_scene
+from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, Table, Trapezoid, load_scene
 from fpk_rocking.physics import filters
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Forcing, Overturning, Scene
 from montecarlo import histories, simulate, split, tally
 from montecarlo.engines import filtered, running
+from montecarlo.engines.grid import Grid
 from montecarlo.engines.random import open_stream, stream_keys
 from montecarlo.results.statistics import survival_test
 
@@ -92,6 +94,80 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
         if noise.filter == "low-pass":
             slopes = (room.bernstein.size - 1) * np.diff(room.bernstein)[[0, -1]]
             assert slopes == pytest.approx(sigma * room.drawn[[1, 3]], abs=1e-12)
+
+
+KINKED = Table((0.3, 0.6, 2.0), (0.2, 1.5, 0.1))
+
+
+def lap(scene, end):
+    """The engine's tables for a time, in intervals of its default length at most."""
+    spacing = filtered.problem_of(scene, 200, np.array([end])).span
+    count = math.ceil(end / spacing - 1e-9)
+    return filtered.on_grid(scene, Grid(count, end / count, np.array([float(count)])))
+
+
+def flown(problem):
+    """Covariance (2, 2) of angle and velocity of a flight without events, which the engine's draws and tables imply."""
+    n = problem.stationary.size
+    covariance = np.zeros((n + 2, n + 2))
+    covariance[:n, :n] = np.diag(problem.stationary**2)
+    known, drawn = np.vstack([np.eye(n), problem.move]), np.vstack([np.zeros((n, n + 2)), problem.spread])
+    keep, swap = problem.hyperbolic
+    for response in problem.response:
+        moves = response @ problem.shape
+        step, source = np.zeros((n + 2, n + 2)), np.vstack([problem.spread[:n], moves @ drawn])
+        step[:n, :n], step[n:, :n], step[n:, n:] = problem.move[:n], moves @ known, [[keep, swap], [swap, keep]]
+        covariance = step @ covariance @ step.T + source @ source.T
+    return covariance[n:, n:]
+
+
+def quadrature(noise, end):
+    """Covariance (2, 2) of a flight by a double integral of the noise's covariance, in triangles between the kinks."""
+    nodes, weights = np.polynomial.legendre.leggauss(32)
+    kinks = noise.envelope.kinks
+    edges = np.array([0.0, *kinks[(kinks > 0.0) & (kinks < end)], end])
+
+    def kernels(times):
+        return noise.envelope.value(times) * np.stack([np.sinh(end - times), np.cosh(end - times)])
+
+    total = np.zeros((2, 2))
+    for begin, stop in itertools.pairwise(edges):
+        late = begin + 0.5 * (stop - begin) * (1.0 + nodes)
+        for time, weight in zip(late, 0.5 * (stop - begin) * weights, strict=True):
+            # The autocovariance has a kink at lag 0: earlier times only, up to this one.
+            for first, last in itertools.pairwise([*edges[edges < time], time]):
+                early = first + 0.5 * (last - first) * (1.0 + nodes)
+                part = 0.5 * (last - first) * weights * filters.autocovariance(noise, time - early)
+                one = weight * np.outer(kernels(time), kernels(early) @ part)
+                total += one + one.T
+    return total
+
+
+@pytest.mark.parametrize("envelope", [KINKED, Trapezoid(0.2, 0.3, 0.1), Trapezoid(0.0, 0.5, 0.0)], ids=str)
+@pytest.mark.parametrize("noise", [FilteredNoise("low-pass", 0.04, 4.0, 0.6), *NOISES[1:3]], ids=lambda n: n.filter)
+def test_kinks_and_jumps_of_an_envelope_are_in_the_variance_of_a_flight(noise, envelope):
+    """At the default steps, whose intervals the kinks cut."""
+    noise = dataclasses.replace(noise, envelope=envelope)
+    found = flown(lap(scene_of(noise), 0.7))
+    assert found == pytest.approx(quadrature(noise, 0.7), rel=1e-5)
+
+
+def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_interval():
+    """Far from every event the paths by pieces, to any time, and by the tables of whole intervals are the same."""
+    noise = dataclasses.replace(LOW_PASS, envelope=Table((0.03, 0.31, 0.32, 0.6), (0.2, 1.5, 0.0, 1.0)))
+    problem = lap(scene_of(noise), 0.7)
+    room, stream, cut = filtered.make_room(problem), open_stream(stream_keys(1), 0), 0
+    filtered.begin_noise(stream, problem, room)
+    for j in range(len(problem.response)):
+        filtered.draw_noise(stream, problem, room)
+        x, v, side, _ = filtered.interval(0.8, 0.1, 1, j, problem, room, None, 0.0)
+        parts = filtered._through_pieces(0.8, 0.1, 1, j, problem.span, problem, room, None, 0.0)
+        assert parts == pytest.approx((x, v, side, problem.span), abs=1e-13)
+        pieces = range(problem.first[j], problem.first[j + 1])
+        cut += len(pieces) > 1
+        begins, values = j * problem.span + problem.begins[pieces], problem.strength[pieces, 0]
+        assert values == pytest.approx(noise.envelope.value(begins + 1e-12), abs=1e-9)
+    assert cut == 3
 
 
 @each

@@ -102,6 +102,17 @@ def test_numbers_are_those_of_the_result(report):
     assert "One < two & more." in page.texts
 
 
+def test_it_says_what_the_model_leaves_out(report):
+    """All that the page on it names."""
+    sentence = next(text for text in report[1].texts if text.startswith("The model is"))
+    page = (pathlib.Path(__file__).parents[1] / "docs" / "limits.md").read_text(encoding="utf-8")
+    named = [row.split("**")[1].rstrip(".").lower() for row in page.splitlines() if row.startswith("| **")]
+    words = ["slender", "sliding", "vertical", "three", "anchorage", "gravity", "flexible", "restitution"]
+    for word, row in zip(words, named, strict=True):
+        assert word in row
+        assert word in sentence
+
+
 def test_densities_are_those_of_the_results(both):
     film = both.json["film"]
     edges = [np.array(film[axis]) for axis in ("angle", "velocity")]

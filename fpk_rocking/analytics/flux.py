@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fpk_rocking.analytics.excess import density, mean_excess, rounding
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
 from fpk_rocking.base import checks
@@ -23,7 +24,6 @@ from fpk_rocking.physics.forcing import Forcing, Harmonics
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 _REACH = 9.0
-_MOST_POINTS = 2**20
 _EQUATIONS = (17, 18)
 
 
@@ -46,8 +46,7 @@ def phase_flux(
     -------
     ndarray or float
         Phase-space area that crosses a separatrix per unit time, nondimensional. Its error is 1e-13 of the larger of Φ
-        and D_m, or 1e-10 for several harmonics. Without noise it is (1/π)[√(D_m² - M²) - M arccos(M/D_m)] where
-        D_m > M, else 0.
+        and D_m. Without noise it is (1/π)[√(D_m² - M²) - M arccos(M/D_m)] where D_m > M, else 0.
 
     Raises
     ------
@@ -103,7 +102,7 @@ def phase_flux_as_printed(
         return _excess(harmonic, loss, scale)
     # σσ_M φ(L) - L N(-L) is the unscaled bracket, that of σ_M = 1, and (σσ_M - 1) φ(L).
     one = np.ones(scale.shape)
-    return (_excess(harmonic, loss, one) + (scale - 1.0) * _mean_near_zero(_density, harmonic, loss, one))[()]
+    return (_excess(harmonic, loss, one) + (scale - 1.0) * _mean_near_zero(density, harmonic, loss, one))[()]
 
 
 def phase_flux_sampled(
@@ -165,20 +164,13 @@ def _single(forcing):
 def _excess_of_sum(along, loss, sigma):
     """E[(σ y₁ + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles.
 
-    Without noise in closed form; else by the trapezoidal rule over a cycle, of ever more points until it settles, which
-    it does at once where σ is not far below the slope of d times the spacing of the points.
+    Without noise in closed form, else by `excess.mean_excess`.
     """
     if sigma == 0.0:
         # The mean of d is 0, so that of max(-d - M, 0) is that of max(d + M, 0) less M.
         return 0.5 * (along.mean_excess(loss) + along.mean_excess(-loss) - loss)
-    before, count = math.inf, 64
-    while True:
-        wave = along.values_in_cycle(np.arange(count), count)
-        heights = np.concatenate([wave, -wave]) - loss
-        found = float(np.mean(np.maximum(heights, 0.0) + sigma * _rounding(np.abs(heights) / sigma)))
-        if abs(found - before) <= 1e-12 * along.largest or count >= _MOST_POINTS:
-            return found
-        before, count = found, 2 * count
+    other = [(k, amplitude, phase + math.pi) for k, amplitude, phase in along.components]
+    return 0.5 * (mean_excess(along.components, loss, sigma) + mean_excess(other, loss, sigma))
 
 
 def _strengths(noise):
@@ -196,7 +188,7 @@ def _excess(harmonic, loss, sigma):
     """E[(σ y₁ + D y₂ - M)⁺] for arrays that broadcast."""
     quiet = np.sqrt(np.maximum(harmonic - loss, 0.0) * (harmonic + loss))
     quiet = (quiet - loss * np.arctan2(quiet, loss)) / math.pi
-    return (quiet + sigma * _mean_near_zero(_rounding, harmonic, loss, sigma))[()]
+    return (quiet + sigma * _mean_near_zero(rounding, harmonic, loss, sigma))[()]
 
 
 def _mean_near_zero(function, harmonic, loss, sigma):
@@ -222,14 +214,3 @@ def _phase_of(level, harmonic):
     """Phase from 0 to π at which D cos θ falls to a level, an end where it does not."""
     cosine = np.clip(level, -harmonic, harmonic) / np.where(harmonic > 0.0, harmonic, 1.0)
     return np.arccos(np.where(harmonic > 0.0, cosine, np.sign(level)))
-
-
-def _density(u):
-    return np.exp(-0.5 * u * u) / math.sqrt(2.0 * math.pi)
-
-
-def _rounding(u):
-    """ψ(u) = φ(u) - u N(-u), u >= 0, without loss of digits in the tail."""
-    from scipy.special import erfcx
-
-    return _density(u) * (1.0 - math.sqrt(0.5 * math.pi) * u * erfcx(math.sqrt(0.5) * u))

@@ -24,6 +24,11 @@ _FRAMES = 121
 _COLOURS = 256
 _CANVAS = 460, 360
 _UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
+_LEFT_OUT = (
+    "The model is one rigid, slender block that rocks in a plane on a rigid base. It leaves out sliding, vertical "
+    "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
+    "bases and contents, and the scatter of restitution. No error stated here contains these."
+)
 _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
     "side, 1 at full height. The arrow keys move the slider, too."
@@ -65,6 +70,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
+        f"<p>{_LEFT_OUT}</p>",
         f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_UNITS}</p>",
         _json_html("summary", values),
         f"{_json_html('film', made)}<script>{script}</script>" if made else "",

@@ -9,7 +9,7 @@ polynomial of least degree that has the drawn states at both ends and moves a fl
 mean of the noise given all that, but for terms of relative order (interval times the filter's rate). Then
 `fpk_rocking.physics.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
 What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md). Under
-an envelope, linear in every interval, the product of both is taken in flights too.
+an envelope, linear in pieces that end at its kinks, the product of both is taken in flights too.
 
 The noise is the same function of time for any samples, and for runs that begin at any cycle.
 """
@@ -24,7 +24,7 @@ from numba import prange
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import filters
-from fpk_rocking.physics.flight import segment_of
+from fpk_rocking.physics.flight import move_origin, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.grid import grid_of
@@ -44,6 +44,9 @@ _FEWEST, _LONGEST = 16, 0.2
 _MOST = 2**20
 """Most intervals in a cycle."""
 
+_NEAR = 1e-9
+"""Part of an interval within which a kink of the envelope is at its end."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 
 
@@ -55,10 +58,12 @@ class Problem(NamedTuple):
     derivatives in units of the interval. `move` (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky factor of
     states, angle and velocity at an interval's end. `shape` (d + 1, 2n + 2): Bernstein coefficients of the polynomial
     from the states at both ends and the flight; `powers` (d + 1, d + 1): its coefficients in the time from them.
-    `strength` (m, 2): the noise's envelope at the begin of each interval and its slope in it, of shape (0, 2) for none;
-    `response` (2, 2, d + 1): angle and velocity that the Bernstein polynomials, and these times the time, add to a
-    flight. `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the forcing;
-    `drift` (m, 2): angle and velocity that it adds to a flight.
+    Of the noise's envelope, all empty without one: `first` (m + 1,): number of the first piece in each interval.
+    `begins`, `ends` (pieces,): times since the interval's begin. `strength` (pieces, 2): the envelope at a piece's
+    begin and its slope. `strongest` (m,): its largest value in an interval. `response` (m, 2, d + 1): angle and
+    velocity that the Bernstein polynomials, times the envelope, add to a flight.
+    `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the forcing; `drift`
+    (m, 2): angle and velocity that it adds to a flight.
     """
 
     restitution: float
@@ -73,7 +78,11 @@ class Problem(NamedTuple):
     shape: np.ndarray
     powers: np.ndarray
     forced: np.ndarray
+    first: np.ndarray
+    begins: np.ndarray
+    ends: np.ndarray
     strength: np.ndarray
+    strongest: np.ndarray
     response: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -84,12 +93,13 @@ class Room(NamedTuple):
     """Working memory of one realization.
 
     `drawn` (2n + 2,): the states at the begin and at the end of an interval, and the angle and velocity that the noise
-    adds to a flight over it. `normals` (n + 2,); `bernstein` (d + 1,); `particular`, `force` (TERMS,).
+    adds to a flight over it. `normals` (n + 2,); `bernstein` (d + 1,); `signal`, `particular`, `force` (TERMS,).
     """
 
     drawn: np.ndarray
     normals: np.ndarray
     bernstein: np.ndarray
+    signal: np.ndarray
     particular: np.ndarray
     force: np.ndarray
 
@@ -119,27 +129,63 @@ def on_grid(scene, grid):
         grid.marks,
         *_noise_tables(scene.noise, span),
         forced,
-        _strengths(scene.noise.envelope, grid),
-        _response(5 if scene.noise.filter == "low-pass" else 3, span),
+        *_envelope_tables(scene.noise.envelope, grid, 5 if scene.noise.filter == "low-pass" else 3),
         low,
         high,
         drift,
     )
 
 
-def _strengths(envelope, grid):
-    """Return `strength` of a `Problem`."""
+def _envelope_tables(envelope, grid, degree):
+    """Return `first`, `begins`, `ends`, `strength`, `strongest` and `response` of a `Problem`."""
     if envelope is None:
-        return np.empty((0, 2))
-    values = envelope.value(grid.spacing * np.arange(grid.count + 1))
-    return np.stack([values[:-1], np.diff(values) / grid.spacing], axis=-1)
+        return np.zeros(0, int), np.empty(0), np.empty(0), np.empty((0, 2)), np.empty(0), np.empty((0, 2, degree + 1))
+    span = grid.spacing
+    first, owner, begins, ends = _pieces(np.sort(envelope.kinks) / span, grid.count)
+    strength = _strengths(envelope, owner + begins, owner + ends, span)
+    begins, ends = span * begins, span * ends
+    strongest = np.zeros(grid.count)
+    np.maximum.at(strongest, owner, np.maximum(strength[:, 0], strength[:, 0] + strength[:, 1] * (ends - begins)))
+    response = np.einsum("pn,ncd->pcd", strength[first[:-1]], _response(degree, span, 0.0, span))
+    for j in np.nonzero(np.diff(first) > 1)[0]:
+        parts = range(first[j], first[j + 1])
+        response[j] = sum(np.tensordot(strength[p], _response(degree, span, begins[p], ends[p]), 1) for p in parts)
+    return first, begins, ends, strength, strongest, response
 
 
-def _response(degree, span):
-    """Return `response` of a `Problem`."""
-    t = 0.5 * (1.0 + _NODES)
-    weights = 0.5 * span * _WEIGHTS * np.stack([np.sinh(span * (1.0 - t)), np.cosh(span * (1.0 - t))])
-    return np.stack([weights @ _bernstein(degree, t).T, (weights * span * t) @ _bernstein(degree, t).T])
+def _pieces(kinks, count):
+    """Cut intervals at the kinks inside, all in intervals.
+
+    Return numbers of the first piece of each interval (count + 1,) and, for each piece, the number of its interval, and
+    its begin and end since that interval's begin.
+    """
+    inside = kinks[(np.abs(kinks - np.rint(kinks)) > _NEAR) & (kinks > 0.0) & (kinks < count)]
+    edges = np.sort(np.concatenate([np.arange(count), inside]))
+    owner = np.floor(edges).astype(int)
+    begins = edges - owner
+    ends = np.append(begins[1:], 0.0)
+    return np.searchsorted(owner, np.arange(count + 1)), owner, begins, np.where(ends == 0.0, 1.0, ends)
+
+
+def _strengths(envelope, begins, ends, span):
+    """Return the envelope at the begins of pieces and its slopes there (pieces, 2); times are in intervals."""
+    if len(envelope.kinks) == 0:
+        values = envelope.value(span * begins)
+        return np.stack([values, (envelope.value(span * ends) - values) / (span * (ends - begins))], axis=-1)
+    strength = envelope.series(0.5 * span * (begins + ends), 2)
+    strength[:, 0] -= 0.5 * span * (ends - begins) * strength[:, 1]
+    return strength
+
+
+def _response(degree, span, begin, end):
+    """Return angle and velocity (2, 2, degree + 1) that forces from a begin to an end add to a flight over an interval.
+
+    The forces are the Bernstein polynomials of the interval, and these times the time since the begin.
+    """
+    since = 0.5 * (end - begin) * (1.0 + _NODES)
+    t = (begin + since) / span
+    weights = 0.5 * (end - begin) * _WEIGHTS * np.stack([np.sinh(span * (1.0 - t)), np.cosh(span * (1.0 - t))])
+    return np.stack([weights @ _bernstein(degree, t).T, (weights * since) @ _bernstein(degree, t).T])
 
 
 def _bernstein(degree, t):
@@ -197,7 +243,7 @@ def _interpolant(noise, output, span, sigma):
         shape[1, 1], shape[degree - 1, n + 1] = sigma / degree, -sigma / degree
     middle = degree // 2
     # What a polynomial adds to a flight, by its Bernstein coefficients.
-    moments = _response(degree, span)[0]
+    moments = _response(degree, span, 0.0, span)[0]
     known = -moments @ shape
     known[:, 2 * n :] = np.eye(2)
     shape[middle : middle + 2] = np.linalg.solve(moments[:, middle : middle + 2], known)
@@ -217,7 +263,9 @@ def _powers(degree, span):
 def make_room(problem):
     """Make the `Room` of one realization."""
     n, terms = problem.stationary.size, problem.powers.shape[0]
-    return Room(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS), np.empty(TERMS))
+    return Room(
+        np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS), np.empty(TERMS), np.empty(TERMS)
+    )
 
 
 @kernel(borrows=True)
@@ -258,8 +306,8 @@ def bound_noise(j, problem, room):
             value += problem.shape[i, k] * room.drawn[k]
         room.bernstein[i] = value
         low, high = min(low, value), max(high, value)
-    if problem.strength.size > 0:
-        most = max(problem.strength[j, 0], problem.strength[j, 0] + problem.strength[j, 1] * problem.span)
+    if problem.strongest.size > 0:
+        most = problem.strongest[j]
         return min(most * low, 0.0), max(most * high, 0.0)
     return low, high
 
@@ -268,13 +316,12 @@ def bound_noise(j, problem, room):
 def _added(j, problem, room):
     """Angle and velocity that the noise adds to a flight over interval j."""
     n = room.drawn.size - 2
-    if problem.strength.size == 0:
+    if problem.response.size == 0:
         return room.drawn[n], room.drawn[n + 1]
     x, v = 0.0, 0.0
-    value, slope = problem.strength[j, 0], problem.strength[j, 1]
     for i in range(room.bernstein.size):
-        x += (value * problem.response[0, 0, i] + slope * problem.response[1, 0, i]) * room.bernstein[i]
-        v += (value * problem.response[0, 1, i] + slope * problem.response[1, 1, i]) * room.bernstein[i]
+        x += problem.response[j, 0, i] * room.bernstein[i]
+        v += problem.response[j, 1, i] * room.bernstein[i]
     return x, v
 
 
@@ -286,20 +333,54 @@ def _open(j, problem, room):
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
     """
     particular, share, bernstein = room.particular, room.force, room.bernstein
-    share[0], share[1], value, before = 0.0, 0.0, 0.0, 0.0
+    share[0], share[1] = 0.0, 0.0
     for k in range(TERMS - 2):
-        before, value = value, 0.0
+        value = 0.0
         if k < bernstein.size:
             for i in range(k + 1):
                 value += problem.powers[k, i] * bernstein[i]
-        total = share[k]
-        if problem.strength.size > 0:
-            total += problem.strength[j, 0] * value + problem.strength[j, 1] * before
-        else:
-            total += value
-        share[k + 2] = total / ((k + 1) * (k + 2))
+        share[k + 2] = (share[k] + value) / ((k + 1) * (k + 2))
     for k in range(TERMS):
         particular[k] = problem.forced[j, k] + share[k]
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def _open_piece(j, piece, problem, room):
+    """Write P of forcing and noise in a piece of the envelope in interval j, in the time since the piece's begin."""
+    particular, signal, share, bernstein = room.particular, room.signal, room.force, room.bernstein
+    signal[:] = 0.0
+    for k in range(bernstein.size):
+        for i in range(k + 1):
+            signal[k] += problem.powers[k, i] * bernstein[i]
+    begin, value, slope = problem.begins[piece], problem.strength[piece, 0], problem.strength[piece, 1]
+    move_origin(problem.forced[j], begin, particular)
+    move_origin(signal, begin, share)
+    for k in range(TERMS):
+        signal[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
+    share[0], share[1] = 0.0, 0.0
+    for k in range(TERMS - 2):
+        share[k + 2] = (share[k] + signal[k]) / ((k + 1) * (k + 2))
+    for k in range(TERMS):
+        particular[k] += share[k]
+
+
+@kernel(borrows=True)
+def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
+    """Carry a block under an envelope from the begin of interval j to a time since then; return as `advance`."""
+    time = 0.0
+    for piece in range(problem.first[j], problem.first[j + 1]):
+        begin, end = problem.begins[piece], min(problem.ends[piece], until)
+        if begin >= until:
+            break
+        _open_piece(j, piece, problem, room)
+        segment = segment_of(room.particular, room.force, end - begin)
+        x, v, side, time = advance(
+            x, v, side, segment, 0.0, end - begin, problem.restitution, problem.cutoff, impacts, origin + begin
+        )
+        time += begin
+        if abs(x) >= problem.cutoff:
+            break
+    return x, v, side, time
 
 
 @kernel(forceinline=True, borrows=True)  # see flight.next_event
@@ -323,6 +404,8 @@ def interval(x, v, side, j, problem, room, impacts, origin):
         if min(u, end) > below and max(u, end) + above < cutoff:
             v_next = swap * (x - side) + keep * v + problem.drift[j, 1] + kick
             return x_next, v_next, side, span
+    if problem.strength.size > 0:
+        return _through_pieces(x, v, side, j, span, problem, room, impacts, origin)
     _open(j, problem, room)
     segment = segment_of(room.particular, room.force, span)
     return advance(x, v, side, segment, 0.0, span, problem.restitution, cutoff, impacts, origin)
@@ -332,9 +415,12 @@ def interval(x, v, side, j, problem, room, impacts, origin):
 def _look(x, v, side, j, time, problem, room):
     """State at a time in interval j, nan if overturned."""
     bound_noise(j, problem, room)
-    _open(j, problem, room)
-    segment = segment_of(room.particular, room.force, problem.span)
-    x, v, _, _ = advance(x, v, side, segment, 0.0, time, problem.restitution, problem.cutoff)
+    if problem.strength.size > 0:
+        x, v, _, _ = _through_pieces(x, v, side, j, time, problem, room, None, 0.0)
+    else:
+        _open(j, problem, room)
+        segment = segment_of(room.particular, room.force, problem.span)
+        x, v, _, _ = advance(x, v, side, segment, 0.0, time, problem.restitution, problem.cutoff)
     if abs(x) >= problem.cutoff:
         return math.nan, math.nan
     return x, v

@@ -233,7 +233,7 @@ def finish_rows_back(function, order, sources, targets, shift, tables, edges, si
 def shear_velocity_back(
     values, order, sources, sheared, blurred, velocity_shear, blur, tables, sizes, lost, out, basis
 ):
-    """Transpose of `free_flight.angle_shear_velocity`."""
+    """Transpose of `free_flight.shear_velocity`."""
     across, modes = values.shape[0], len(basis)
     for n in prange(len(order)):
         c = order[n]
@@ -250,7 +250,7 @@ def shear_velocity_back(
 
 @kernel(parallel=True)
 def shear_angle_back(values, free, order, sources, targets, shift, tables, edges, sizes, out, basis):
-    """Transpose of `free_flight.angle_shear_angle`: coefficients of the free cells, per area of their cells."""
+    """Transpose of `free_flight.shear_angle`: coefficients of the free cells, per area of their cells."""
     (limit, across), modes = free.shape, len(basis)
     for n in prange(len(order)):
         r = order[n]
