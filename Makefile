@@ -31,8 +31,8 @@ test: $(STAMP)  ## the test suite
 
 COUNT := 20
 SEED := 1
-mutants: $(STAMP)  ## mistakes drawn at random (COUNT=20 SEED=1), and whether the tests notice them; the first time longer than the tests
-	$(BIN)/python tests/mutants.py --count $(COUNT) --seed $(SEED)
+mutants: $(STAMP)  ## one-line mistakes drawn at random (COUNT=20 SEED=1), and whether the tests notice them
+	$(BIN)/python tests/mutants --count $(COUNT) --seed $(SEED)
 
 docs: $(STAMP)  ## the site, into build/docs; a warning is an error
 	$(BIN)/sphinx-build -q -W --keep-going -d build/doctrees docs build/docs
