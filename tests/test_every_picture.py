@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from made import SAMPLES, WITH_ROWS, equal, kind
 
-from fpk_rocking.output import curves, maps, style, vtk
+from fpk_rocking.output import curves, maps, motion, style, vtk
+from montecarlo.poincare import MeanMap
+from montecarlo.results.histograms import Histogram
 from studies.picture import draw_surface
 
 
@@ -165,3 +167,42 @@ def test_pictures_and_files_of_functions_of_the_plane(tmp_path):
     values = mesh.point_data["survival"][mesh.cells_dict["quad"]].mean(axis=1)
     assert not inside.any()  # of degree 1 all points are on lines, and the mean is the value in the middle
     equal(values, plane(quads[:, 0], quads[:, 1]))
+
+
+def test_the_picture_of_motions(tmp_path, monkeypatch):
+    """Histories with impacts and overturning, points of the last cycle, their mean, and two histograms."""
+    figures = []
+    monkeypatch.setattr(style, "save", lambda figure, path: figures.append(figure) or path)
+    result, _, told, _ = kind("histories")
+    paths, states = result.realizations, kind("ensemble").variables
+    few = {name: values for name, (_, values) in told.items()}
+    rng, edges = np.random.default_rng(13), np.array([0.0, 1.0, 3.0, 4.0])
+    means = MeanMap(rng.normal(size=(5, 2)), rng.uniform(size=(5, 2)), np.full(5, 9), None)
+    bins = [Histogram(edges, np.zeros(3), *_with_limits(rng.uniform(1.0, 2.0, 3))) for _ in range(2)]
+    motion.motion_figure(tmp_path / "motion.png", result, kind("ensemble").result, {"mean": means}, *bins, "Motions")
+    panels = {axes.get_title() or axes.get_ylabel(): axes for axes in figures[0].axes[paths:]}
+    for number, axes in enumerate(figures[0].axes[:paths]):
+        curves = {line.get_marker(): line for line in axes.lines[3:]}
+        equal(curves["None"].get_ydata(), few["angle"][number])
+        equal(curves["o"].get_xdata(), few["impact_time"][few["impact_realization"] == number])
+        side = few["overturn_side"][number]
+        assert ("x" in curves) == (side != 0)
+        if side:
+            cut = result.scene.overturning.angle
+            equal(curves["x"].get_xydata(), [[few["overturn_time"][number], side * cut]])
+    (points,) = (axes for title, axes in panels.items() if title.startswith("Poincaré points"))
+    equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
+    standing = np.isfinite(states["angle"][1][:, -1]).sum()
+    assert f"of the {standing} that stand after {made.CYCLES} cycles" in points.get_title()
+    for column, axes in enumerate(
+        (panels["Mean Poincaré points; overturned clamped or left out"], panels["mean velocity"])
+    ):
+        equal(axes.containers[0][0].get_ydata(), means.points[:, column])
+        equal(bars(axes.containers[0])[1], means.points[:, column] + 1.96 * means.standard_error[:, column])
+    for title, wanted in zip(("Time of overturning", "Speed just before an impact"), bins, strict=True):
+        equal(panels[title].patches[0].get_data().values, wanted.density)
+        equal(np.array(bars(panels[title].containers[0])), wanted.interval.T)
+
+
+def _with_limits(density):
+    return density, np.stack([0.9 * density, 1.2 * density], axis=1)
