@@ -25,8 +25,8 @@ import covering
 import drawing
 from covering import PACKAGES, PLACE, PYTEST, ROOT, environment
 
-LONGEST_S = 1200
-"""A mutant whose tests take longer is noticed: something does not come to its end."""
+PATIENCE = 600.0, 5.0
+"""Seconds, and times those of the test files, after which a mutant is noticed: something does not come to its end."""
 
 
 def _left_out(folder, names):
@@ -46,9 +46,9 @@ def copied(number):
     return tree
 
 
-def failure(tree, tests):
+def failure(tree, tests, longest):
     """Return the first of some tests that fails in a tree; "time" where they do not end, "" where none fails."""
-    options = {"cwd": tree, "env": environment(tree), "capture_output": True, "text": True, "timeout": LONGEST_S}
+    options = {"cwd": tree, "env": environment(tree), "capture_output": True, "text": True, "timeout": longest}
     try:
         done = subprocess.run([*PYTEST, "-x", *tests], check=False, **options)
     except subprocess.TimeoutExpired:
@@ -57,19 +57,19 @@ def failure(tree, tests):
     return (failed or [f"status {done.returncode}"])[0] if done.returncode else ""
 
 
-def noticed(mutant, tests, tree):
+def noticed(mutant, tests, tree, longest):
     """Return the first test that fails with a mutant, and does not fail without it; "" for none."""
     file, left_out = tree / mutant.file, []
     times, text = file.stat(), file.read_bytes()
     while True:
         file.write_text(mutant.source, encoding="utf-8")
-        by = failure(tree, [*tests, *left_out])
+        by = failure(tree, [*tests, *left_out], longest)
         file.write_bytes(text)
         os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
         for folder in pathlib.Path(environment(tree)["NUMBA_CACHE_DIR"]).glob("*"):
             if folder.name not in _folders():  # machine code of a mistake is of no use again
                 shutil.rmtree(folder, ignore_errors=True)
-        if "::" not in by or not failure(tree, [by]):
+        if "::" not in by or not failure(tree, [by], longest):
             return by
         left_out += ["--deselect", by]
 
@@ -99,7 +99,8 @@ def main():
 
     def tried(mutant):
         tree, tests, begin = trees.get(), covering.files_for(mutant, found), time.monotonic()
-        by = noticed(mutant, tests, tree) if tests else ""
+        longest = PATIENCE[0] + PATIENCE[1] * sum(found[name]["seconds"] for name in tests)
+        by = noticed(mutant, tests, tree, longest) if tests else ""
         trees.put(tree)
         verdict = f"noticed by {by}" if by else f"SURVIVES {len(tests)} test files"
         told = f"{mutant.file}:{mutant.line}: {verdict}, {time.monotonic() - begin:.0f} s"
