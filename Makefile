@@ -11,7 +11,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run gallery test docs wheel bench bench-full peers lint clean
+.PHONY: help install run gallery test mutants docs wheel bench bench-full peers lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,11 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 
 test: $(STAMP)  ## the test suite
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+COUNT := 20
+SEED := 1
+mutants: $(STAMP)  ## one-line mistakes drawn at random (COUNT=20 SEED=1), and whether the tests notice them
+	$(BIN)/python tests/mutants --count $(COUNT) --seed $(SEED)
 
 docs: $(STAMP)  ## the site, into build/docs; a warning is an error
 	$(BIN)/sphinx-build -q -W --keep-going -d build/doctrees docs build/docs

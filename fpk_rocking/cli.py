@@ -264,7 +264,7 @@ def _fragility(options):
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
             scale=_numbers("--scales", options.scales),
-            cycles=_CYCLES if options.cycles is None and scenes[0].period is not None else options.cycles,
+            **_rows(options, scenes[0]),
             engine=options.engine,
             levels=_numbers("--levels", options.levels) if options.levels else (),
             over=over,

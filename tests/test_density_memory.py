@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from fpk_rocking import Block, FilteredNoise, Forcing, Overturning, Scene, Start, WhiteNoise, load_scene, solve_fpk
+from fpk_rocking import Block, FilteredNoise, Forcing, Scene, Start, WhiteNoise, load_scene, solve_fpk
 from fpk_rocking.density import solver
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.memory.nodes import Nodes
@@ -19,7 +19,6 @@ from fpk_rocking.density.memory.start import Flight
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output.summary import result_summary
 from fpk_rocking.physics import filters
@@ -95,24 +94,6 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
         )[0]
         assert found[i, j] == pytest.approx(wanted, rel=1e-4)
     assert found[2:, 2:] == pytest.approx(np.eye(len(found) - 2), abs=1e-12)
-
-
-def test_held_noise_is_of_second_order_in_flight():
-    """Variance of the velocity of a Gaussian far from all events: the mesh keeps it exactly, the step does not."""
-    noise, start = FilteredNoise("exponential", 0.5, 3.0), Start(10.0, 0.0, ((0.25, 0.0), (0.0, 0.25)))
-    scene = Scene(Block(0.5), Forcing(0.0, 6.0), noise, start, Overturning(40.0))
-    plane = dataclasses.replace(
-        grid_of(scene, 0, (6,), 8).plane,
-        angle_lines=np.array([-40.0, *np.arange(-22.0, -5.0), 0.0, *np.arange(6.0, 23.0), 40.0]),
-        velocity_lines=np.arange(-20.0, 21.0),
-    )
-    errors, counts = [], np.array([24, 48, 96])
-    for steps in counts:
-        run = NodePropagator(scene, NodeGrid(plane, (3,), 5, even_marks(scene, steps)), 1e-12)
-        _, wanted = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics).at(scene.period)
-        density = Density(run.space, run.evolve(1).coefficients[1])
-        errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
-    assert np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(-2.0, abs=0.15)
 
 
 @pytest.mark.parametrize(

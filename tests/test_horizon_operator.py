@@ -1,6 +1,7 @@
 """The one-cycle operator: dual, one with the solver's steps, and right where the answer is known."""
 
 import dataclasses
+import math
 import pathlib
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
+from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.space import turn
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
@@ -363,3 +366,16 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
     assert bins.sum() == pytest.approx(1.0, abs=2e-3)
     assert repr(mean).startswith(f"<PlaneMap: integral {mean.integral:.4g} on ")
     assert len(mean.plot().axes) == 2
+
+
+def test_what_the_mesh_loses_is_an_error_of_the_rate():
+    """With velocities up to 2.5 alone, blocks that would come back are lost: however well two meshes agree."""
+    white = MAIN.white_equivalent()
+    motion = motion_of(white, 4)
+    whole, cut = (level.Level(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
+    off = abs(cut.rate / whole.rate - 1.0)
+    assert off > 0.01
+    assert cut.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
+    assert cut.error(0.0, 0.0) > 0.5 * off
+    assert cut.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
+    assert abs(whole.error(0.0, 0.0)) < 1e-3

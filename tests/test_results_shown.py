@@ -138,47 +138,12 @@ def test_the_picture_is_a_figure_and_no_window(result):
     assert windows() == before
 
 
-def test_all_columns_have_one_length_and_are_a_data_frame(result):
-    columns = result.columns()
-    assert len({len(column) for column in columns.values()}) == 1
-    pandas = pytest.importorskip("pandas")
-    frame = result.to_dataframe()
-    assert isinstance(frame, pandas.DataFrame)
-    for name, column in columns.items():
-        assert frame[name].tolist() == pytest.approx(list(column), nan_ok=True) or frame[name].dtype == object
-
-
-def test_all_arrays_are_a_dataset(result):
-    xarray = pytest.importorskip("xarray")
-    found = result.to_xarray()
-    assert isinstance(found, xarray.Dataset)
-    variables, coordinates = result.grids()
-    for name, (dims, values) in variables.items():
-        assert found[name].dims == ((dims,) if isinstance(dims, str) else dims)
-        np.testing.assert_array_equal(found[name], values)
-    assert coordinates.keys() <= {*found.coords}
-    assert found.attrs["trust"] == result.trust.verdict
-
-
 @pytest.mark.parametrize("name", ["pandas", "xarray"])
 def test_a_missing_library_is_named_with_the_extra_that_has_it(kinds, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
     convert = kinds["density"].to_dataframe if name == "pandas" else kinds["density"].to_xarray
     with pytest.raises(ModuleNotFoundError, match=rf"{name} is not installed: pip install 'fpk-rocking\[frames\]'"):
         convert()
-
-
-def test_tables_say_what_the_result_says(kinds):
-    ensemble = kinds["ensemble"]
-    columns, (arrays, places) = ensemble.columns(), ensemble.grids()
-    assert np.array_equal(columns["overturned_right"], ensemble.overturned[:, 1])
-    assert np.array_equal(columns["survival_high"], ensemble.survival_interval()[:, 1])
-    dims, bins = arrays["bin_probability"]
-    assert dims == ("time", "bin_angle", "bin_velocity")
-    assert bins.sum(axis=(1, 2)) == pytest.approx(ensemble.survival)
-    mean = np.nanmean(ensemble.angle[:, 2])
-    assert bins[2].sum(axis=1) @ places["bin_angle"] / ensemble.survival[2] == pytest.approx(mean, abs=0.05)
-    assert np.array_equal(bins, kinds["tally"].grids()[0]["bin_probability"][1])
 
 
 def test_a_tally_is_shown_in_the_bins_that_it_kept(kinds):

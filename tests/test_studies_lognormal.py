@@ -101,6 +101,19 @@ def test_unknown_probabilities_are_left_out():
     assert fit.median == pytest.approx(MEDIAN, rel=1e-9)
 
 
+def test_a_density_a_little_beyond_0_and_1_is_fitted_as_0_and_1():
+    """A solver's probabilities may be that: the fit is that of the probabilities cut to [0, 1], to the last digit."""
+    sure = np.where(TRUE < 0.01, 0.0, np.where(TRUE > 0.98, 1.0, TRUE))
+    beyond = sure - 1e-3 * (sure == 0.0) + 1e-3 * (sure == 1.0)
+    assert beyond.min() == -1e-3
+    assert beyond.max() == 1.0 + 1e-3
+    found, wanted = fit_lognormal(SCALE, beyond), fit_lognormal(SCALE, sure)
+    assert (found.median, found.dispersion, found.misfit) == (wanted.median, wanted.dispersion, wanted.misfit)
+    assert found.reason == ""
+    assert found.median == pytest.approx(MEDIAN, rel=0.01)
+    assert fit_lognormal(SCALE, np.full(12, -1e-3)).reason == "the probability is 0 at all scales"
+
+
 @pytest.mark.parametrize(
     ("shares", "reason"),
     [

@@ -277,6 +277,21 @@ BAD_COLUMNS = {
 }
 
 
+@pytest.mark.parametrize("place", [1, 30, 58])
+def test_times_of_a_file_may_be_rounded_by_2_per_cent_of_the_interval(place, tmp_path):
+    """One of 60 times is off by 1 % of the interval, which is read, or by 3 %, which is refused."""
+    for part in (0.01, -0.01, 0.03, -0.03):
+        times = 0.5 + 0.01 * np.arange(60)
+        times[place] += part * 0.01
+        path = tmp_path / "motion.txt"
+        path.write_text("\n".join(f"{time:.6f} {a}" for time, a in zip(times, SAMPLES, strict=True)))
+        if abs(part) < 0.02:
+            assert Record.from_file(path, units="g").interval == pytest.approx(0.01, rel=1e-9)
+        else:
+            with pytest.raises(ValueError, match="accepted: equally spaced times"):
+                Record.from_file(path, units="g")
+
+
 @pytest.mark.parametrize(("name", "kind"), [(n, "AT2") for n in BAD_PEER] + [(n, "txt") for n in BAD_COLUMNS])
 def test_bad_files_are_refused_by_name(name, kind, tmp_path):
     text, says = BAD_PEER[name] if kind == "AT2" else BAD_COLUMNS[name]

@@ -1,0 +1,66 @@
+"""Steps under filtered noise: what is at rest in the mirror image, and mixing over steps of unequal length."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from fpk_rocking import Block, FilteredNoise, Forcing, Overturning, Scene, Start
+from fpk_rocking.density.memory.propagator import NodePropagator
+from fpk_rocking.density.memory.resolution import NodeGrid
+from fpk_rocking.density.memory.start import Flight
+from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import velocity_bound
+
+
+def plane_of(scene):
+    white = scene.white_equivalent()
+    return RESOLUTIONS[0].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, 2))
+
+
+@pytest.mark.parametrize("noise", [FilteredNoise("low-pass", 0.04, 1.5, 0.7), FilteredNoise("exponential", 0.04, 1.0)])
+def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
+    """Steps of half a cycle used twice, or of a whole one: the same to rounding, and what rests at each node too."""
+    scene = Scene(Block(0.5), Forcing(0.9, 2.0, 0.4), noise)
+    plane, found = plane_of(scene), []
+    for legs in (2, 1):
+        rests, grid = [], NodeGrid(plane, (5, 3), 3, np.linspace(0.0, 1.0 / legs, 8 // legs + 1))
+        run = NodePropagator(scene, grid, 1e-12)
+
+        def watch(_, density, rest, turned, rests=rests):  # noqa: ARG001
+            rests.append(rest[::-1, ::-1] if turned else rest.copy())
+
+        found.append((run.evolve(1, watch=watch), np.array(rests)))
+    (halves, rests), (wholes, wanted) = found
+    assert 0.1 < wholes.at_rest[1] < 0.9
+    assert np.abs(wanted - wanted[:, ::-1, ::-1]).max() > 1e-3  # a mirror image is another state
+    if wanted.shape[2] > 1:
+        assert np.abs(wanted - wanted[:, :, ::-1]).max() > 1e-3
+    assert rests == pytest.approx(wanted, abs=1e-10)
+    assert halves.at_rest == pytest.approx(wholes.at_rest, abs=1e-10)
+    assert halves.inside == pytest.approx(wholes.inside, abs=1e-10)
+
+
+def test_held_noise_is_of_second_order_in_flight():
+    """Variance of the velocity of a Gaussian far from all events, with steps that grow fivefold over the cycle.
+
+    The mesh keeps it exactly, the step does not.
+    """
+    noise, start = FilteredNoise("exponential", 0.5, 3.0), Start(10.0, 0.0, ((0.25, 0.0), (0.0, 0.25)))
+    scene = Scene(Block(0.5), Forcing(0.0, 6.0), noise, start, Overturning(40.0))
+    plane = dataclasses.replace(
+        plane_of(scene),
+        angle_lines=np.array([-40.0, *np.arange(-22.0, -5.0), 0.0, *np.arange(6.0, 23.0), 40.0]),
+        velocity_lines=np.arange(-20.0, 21.0),
+    )
+    errors, counts = [], np.array([24, 48])
+    for steps in counts:
+        part = np.linspace(0.0, 1.0, steps + 1)
+        run = NodePropagator(scene, NodeGrid(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
+        _, wanted = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics).at(scene.period)
+        density = Density(run.space, run.evolve(1).coefficients[1])
+        errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
