@@ -31,6 +31,9 @@ _REMEMBERED, _FIRST, _LONGER = 1e6, 0.5, 1.4
 _FAINTER = 0.5
 """Least diffusion that stands for noise that has faded, over that at the resolution before."""
 
+_SETTLED = 0.5
+"""Part of what was released that counts as being at rest again, from which on it is taken over to be held."""
+
 _SMALL = 1e4
 """Mass over that of `Propagator` that may, in all, be held at rest while it moves, or be released as if it had the size
 of the cells about the origin: a hundredth of the tolerance."""
@@ -213,10 +216,16 @@ class Passage:
         if origin > 0.0:
             envelope = dynamics.envelope and _Later(dynamics.envelope, origin)
             dynamics = dataclasses.replace(dynamics, forcing=_Later(dynamics.forcing, origin), envelope=envelope)
-        patience = max(self._hold.lift_off(origin) - origin, 0.0)
+        lift_off = self._hold.lift_off(origin)
+        patience = lift_off - origin
         departure = Departure(dynamics, start, self.grid.windows, cycle_of(self.scene), patience)
         after = np.append(origin, edges[edges > origin * (1.0 + 1e-9)]) - origin
-        place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1])
+
+        def settled(since):
+            held = origin + since > lift_off and self._hold.until(origin + since) > origin + since
+            return held and departure.at_rest(since) > _SETTLED
+
+        place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1], settled)
         return _Release(departure, origin, origin + after[place], mass)
 
     @property

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
@@ -151,6 +152,11 @@ class Departure:
         mean = self.flight(time).mean if self.dynamics.forcing.since_lift_off(time)[0] <= time else np.zeros(2)
         return min(size / _cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
+    def at_rest(self, time):
+        """Part of the density at a time that counts as being at rest."""
+        now = self._before(time)
+        return float(now.window.bin_integrals(now.coefficients[None], *([-size, size] for size in REST)).sum())
+
     def undisturbed(self, gaussian):
         """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
         reach = self.windows.reach * math.sqrt(gaussian.covariance[0, 0])
@@ -260,17 +266,18 @@ class Departure:
         return 0.0
 
 
-def first_resolved(departure: Departure, space: Space, edges):
+def first_resolved(departure: Departure, space: Space, edges, settled=None):
     """Return the number of the step edge, of those (n,) of a cycle at most, at which a mesh takes over from windows.
 
     It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
-    at least `BARELY` resolved there: the windows would have to follow it through the event.
+    at least `BARELY` resolved there: the windows would have to follow it through the event. Or it is the first at whose
+    time `settled` is true.
     """
     before, last = None, len(edges) - 1
     for step in range(1, last):
         gaussian = departure.flight(edges[step])
         resolved = departure.resolution(edges[step], space)
-        if resolved >= RESOLVED:
+        if resolved >= RESOLVED or (settled and settled(edges[step])):
             return step
         if departure.undisturbed(gaussian):
             before = step if resolved >= BARELY else None

@@ -124,13 +124,14 @@ class Trace:
     """
 
     def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True):
+        # What a flight gathers weighs early noise more, so that a mean D would not do in a long step without events.
+        axes = principal_axes(*dynamics.covariance(start, duration))
         dynamics = dynamics.during(start, duration)
         self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
         (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
         (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
         self.tables = tuple(gauss_shapes(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
         self._nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
-        axes = principal_axes(*flight_covariance(dynamics.diffusion, duration))
         self.blur = quadrature.blur
         self.offsets = self._nodes @ np.reshape(axes, (2, 2))
         self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
