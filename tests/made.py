@@ -100,6 +100,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, **settings):
         rest_error_estimate=2e-3,
         mass_defect=1e-15,
         negative_mass=5e-4,
+        moving_negative_mass=0.5 * 5e-4,
         wall_s=1.5,
         settings=settings,
         coefficients=coefficients,

@@ -55,7 +55,7 @@ def test_no_option_is_left_out():
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
-    assert known - ELSEWHERE == tried | {"times", "tally", "closure", "scales", "workers"}
+    assert known - ELSEWHERE == tried | {"times", "tally", "closure", "scales", "workers", "no_check"}
 
 
 OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cycle", 60), ("method", "exact")]
@@ -96,10 +96,19 @@ def solved():
 
 @pytest.mark.parametrize(("option", "value"), OF_DENSITIES)
 def test_options_of_densities(run, solved, option, value):
-    found = Evolution.load(run("fpk", PERIODIC, **SOLVED | {option: value})[1])
+    found = Evolution.load(run("fpk", PERIODIC, **SOLVED | {option: value}, no_check=True)[1])
     direct = solve_fpk(PERIODIC, **SOLVED | {option: value})
     assert np.array_equal(found.coefficients, direct.coefficients)
     assert found.coefficients.shape != solved.coefficients.shape
+
+
+def test_the_check_of_replaced_noise_can_be_left_out(run):
+    checked, plain = (run("fpk", PERIODIC, **SOLVED, **option)[0] for option in ({}, {"no_check": True}))
+    assert checked["survival"] == plain["survival"]
+    assert checked["replacement"]["difference"][1][0] != 0.0
+    assert "replacement" not in plain
+    assert plain["trust"]["reasons"][0].startswith("Replaced, not checked")
+    assert not checked["trust"]["reasons"][0].startswith("Replaced, not checked")
 
 
 def test_the_closure_reaches_the_solver(monkeypatch, run):

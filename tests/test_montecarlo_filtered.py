@@ -338,9 +338,7 @@ def test_results_name_their_noise():
     assert noise_text(NOISES[1]) == "exponential noise, variance 0.04, frequency 5"
     assert noise_text(NOISES[2]).startswith("Kanai-Tajimi noise, variance 0.04")
     scene = scene_of(FilteredNoise("exponential", 0.04, 1.0))
-    sampled = [simulate(one, cycles=1, realizations=2) for one in (scene, scene.white_equivalent())]
-    assert remarks(sampled[0]) == ()
-    assert "covers 75 % of the Melnikov variance" in " ".join(remarks(*sampled))
+    assert remarks(simulate(scene, cycles=1, realizations=2)) == ()
 
 
 @pytest.mark.slow
