@@ -17,8 +17,11 @@ from fpk_rocking import (
     WhiteNoise,
     solve_fpk,
 )
+from fpk_rocking.density.passage import Passage
+from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.rest import Hold
+from fpk_rocking.density.solver import _grids
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.step.step import FAINTEST, Dynamics
@@ -139,6 +142,18 @@ def test_what_still_hops_long_before_a_lift_off_stops_and_what_hops_just_before_
     early, late = (one.stopped(lift_off - before, space).sum() for before in (2.0, 1.2))
     assert 4 < late < early < space.areas.size
     assert one.stopped(lift_off - 0.04, space).sum() == 4
+
+
+def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
+    noise = WhiteNoise(0.01, Trapezoid(2.0, 3.0, 4.0))
+    scene = Scene(Block(0.8), Pulse("one-sine", 1.3, 0.5), noise)
+    times, origin = np.array([0.0, 12.0]), 1.3
+    run = Passage(scene, _grids(scene, scene, motion_of(scene, times), 1e-2)[0], 1e-8, times[-1])
+    late = run._release(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).departure.dynamics
+    for time in (0.0, 0.9, 3.0):
+        assert late.forcing.value(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
+        assert late.during(time, 0.1).diffusion == run.dynamics.during(origin + time, 0.1).diffusion
+        assert late.covariance(time, 0.4) == pytest.approx(run.dynamics.covariance(origin + time, 0.4), rel=1e-12)
 
 
 FROM_REST = {
