@@ -16,21 +16,38 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM: whatever tidies up after an interruption from the keyboard does so here too."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """SIGINT, by a name of its own.
+
+    Once a plain KeyboardInterrupt has left code that `exec` or `eval` was given as text, ``python -m`` ends by the
+    signal itself and not with the exit status that it was told, caught or not. Libraries run such code while they are
+    imported, and numba while it compiles.
+    """
+
+
 @contextlib.contextmanager
 def terminable():
-    """Raise `Terminated` at SIGTERM within the block; only the main thread can, in another one nothing changes."""
+    """Raise `Terminated` at SIGTERM and `Interrupted` at SIGINT within the block.
+
+    Only the main thread can, in another one nothing changes; nor does it for SIGINT where it is ignored, or somebody
+    else's.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
-    def terminate(*_):
-        raise Terminated
+    def stop(number, _):
+        raise Terminated if number == signal.SIGTERM else Interrupted
 
-    previous = signal.signal(signal.SIGTERM, terminate)
+    numbers = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        numbers.append(signal.SIGINT)
+    previous = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, previous or signal.SIG_DFL)
+        for number, handler in previous.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 @contextlib.contextmanager

@@ -115,6 +115,23 @@ def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, tmp_pa
     assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
 
 
+TEXT = """
+import signal, sys
+from fpk_rocking import cli
+cli._warmup = lambda _: exec("signal.raise_signal(signal.SIGINT)")
+sys.exit(cli.main(["warmup"]))
+"""
+
+
+def test_an_interruption_of_code_that_is_run_from_text_has_its_exit_status(tmp_path):
+    """Libraries run such code while they are imported, and numba does; `python -m` ended by the signal itself."""
+    (tmp_path / "stopped.py").write_text(TEXT, encoding="utf-8")
+    path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    command = [sys.executable, "-m", "stopped"]
+    run = subprocess.run(command, env=os.environ | path, capture_output=True, text=True, check=False, timeout=60)
+    assert (run.returncode, run.stderr) == (130, "fpk-rocking: interrupted; files written so far are whole\n")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["mc", "fpk"])
 def test_a_stopped_engine_that_still_compiles_ends_plainly(command, tmp_path):
