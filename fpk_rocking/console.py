@@ -62,30 +62,34 @@ def insistent():
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous, swallowed = sys.unraisablehook, []
+    previous, swallowed, ended = sys.unraisablehook, [], threading.Event()
 
     def again(ignored):
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
             previous(ignored)
             return
         number = signal.SIGTERM if issubclass(ignored.exc_type, Terminated) else signal.SIGINT
-        swallowed.append((ignored.exc_type, threading.Timer(_AGAIN_S, _thread.interrupt_main, [number])))
-        swallowed[-1][1].start()
+        swallowed.append(ignored.exc_type)
+        # Nothing is waited for: what an earlier one raises anew would come in here, where it is printed and lost.
+        _thread.start_new_thread(raised, (number,))
+
+    def raised(number):
+        if not ended.wait(_AGAIN_S):
+            _thread.interrupt_main(number)
 
     sys.unraisablehook = again
     try:
         yield
         # The block may end before the signal has come again.
         if swallowed:
-            raise swallowed[-1][0]
+            raise swallowed[-1]
     except Exception as error:
         if swallowed:
-            raise swallowed[-1][0] from error
+            raise swallowed[-1] from error
         raise
     finally:
         sys.unraisablehook = previous
-        for _, timer in swallowed:
-            timer.cancel()
+        ended.set()
 
 
 @contextlib.contextmanager
