@@ -16,21 +16,38 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM: whatever tidies up after an interruption from the keyboard does so here too."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """SIGINT, by a name of its own.
+
+    Once a plain KeyboardInterrupt has left code that `exec` or `eval` was given as text, ``python -m`` ends by the
+    signal itself and not with the exit status that it was told, caught or not. Libraries run such code while they are
+    imported, and numba while it compiles.
+    """
+
+
 @contextlib.contextmanager
 def terminable():
-    """Raise `Terminated` at SIGTERM within the block; only the main thread can, in another one nothing changes."""
+    """Raise `Terminated` at SIGTERM and `Interrupted` at SIGINT within the block.
+
+    Only the main thread can, in another one nothing changes; nor does it for SIGINT where it is ignored, or somebody
+    else's.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
-    def terminate(*_):
-        raise Terminated
+    def stop(number, _):
+        raise Terminated if number == signal.SIGTERM else Interrupted
 
-    previous = signal.signal(signal.SIGTERM, terminate)
+    numbers = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        numbers.append(signal.SIGINT)
+    previous = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, previous or signal.SIG_DFL)
+        for number, handler in previous.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 @contextlib.contextmanager
@@ -45,30 +62,34 @@ def insistent():
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous, swallowed = sys.unraisablehook, []
+    previous, swallowed, ended = sys.unraisablehook, [], threading.Event()
 
     def again(ignored):
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
             previous(ignored)
             return
         number = signal.SIGTERM if issubclass(ignored.exc_type, Terminated) else signal.SIGINT
-        swallowed.append((ignored.exc_type, threading.Timer(_AGAIN_S, _thread.interrupt_main, [number])))
-        swallowed[-1][1].start()
+        swallowed.append(ignored.exc_type)
+        # Nothing is waited for: what an earlier one raises anew would come in here, where it is printed and lost.
+        _thread.start_new_thread(raised, (number,))
+
+    def raised(number):
+        if not ended.wait(_AGAIN_S):
+            _thread.interrupt_main(number)
 
     sys.unraisablehook = again
     try:
         yield
         # The block may end before the signal has come again.
         if swallowed:
-            raise swallowed[-1][0]
+            raise swallowed[-1]
     except Exception as error:
         if swallowed:
-            raise swallowed[-1][0] from error
+            raise swallowed[-1] from error
         raise
     finally:
         sys.unraisablehook = previous
-        for _, timer in swallowed:
-            timer.cancel()
+        ended.set()
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """What many test files need: scenes, reference data, cases, and a process that hears SIGINT."""
 
 import importlib.util
+import os
 import pathlib
 import signal
 
@@ -10,6 +11,12 @@ import pytest
 from fpk_rocking import load_scene
 
 ROOT = pathlib.Path(__file__).parents[1]
+
+
+def pytest_configure(config):
+    """Where workers share the processors, have each use one thread for linear algebra: more wait in a busy loop."""
+    if config.getoption("numprocesses", None):
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")

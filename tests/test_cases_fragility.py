@@ -15,9 +15,9 @@ DOCUMENT = pathlib.Path(__file__).parents[1] / "docs" / "fragility.md"
 
 
 def test_blocks(case, tmp_path, monkeypatch):
-    """Paths and density under the same white noise, in the first three seconds of the motion."""
+    """Paths and density under the same white noise, in the first two seconds of the motion."""
     module = case("fragility_of_blocks")
-    monkeypatch.setattr(module, "END", module.BEGIN + 3.0)
+    monkeypatch.setattr(module, "END", module.BEGIN + 2.0)
     scales = {"bookcase": (0.6, 0.7, 0.8)}
     values = module.run(tmp_path, blocks=("bookcase",), scales=scales, realizations=400, tol=5e-2)
     block = values["blocks"]["bookcase"]

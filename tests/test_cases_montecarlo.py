@@ -5,6 +5,7 @@ Seeds are fixed. Where a probability is held against a known value the bound is 
 """
 
 import dataclasses
+import functools
 import json
 import math
 
@@ -190,6 +191,7 @@ def test_a_forcing_of_the_other_sign_exchanges_the_sides(turned):
     assert later.survival[3] - scene.survival[3] > 0.2
 
 
+@pytest.mark.slow
 def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turned):
     """The same rate, on another mesh; shares of cycles half a cycle apart differ by less than it."""
     module = case("second_harmonic")
@@ -202,9 +204,10 @@ def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turn
     assert left > 3.0 * right
 
 
-def test_second_harmonic(case, tmp_path):
+def test_second_harmonic(case, tmp_path, monkeypatch):
     """Coarse densities beside 2000 realizations and survival at tol 1e-2; rates beside theirs."""
     module = case("second_harmonic")
+    monkeypatch.setattr(module, "solve_fpk", functools.cache(solve_fpk))
     values = module.run(tmp_path, amplitudes=(1.0,), parts=2, realizations=2000, tol=5e-2)
     for found in (*values["phases"], values["from_rest"]):
         survival, sides = np.array(found["survival"]), np.array(found["overturned"])

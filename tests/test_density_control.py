@@ -57,20 +57,20 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
 def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
-    found = solve_fpk(MAIN, cycles=2, tol=1e-3, bins_tol=2e-3)
+    found = solve_fpk(MAIN, cycles=2, tol=1e-3, bins_tol=5e-3)
     cells = [grid_of(MAIN, resolution, 2).cells[0] for resolution in RESOLUTIONS]
     assert cells.index(found.settings["angle_cells"]) > 2
     assert found.error_estimate <= 1e-3
-    assert found.bins_error_estimate <= 2e-3
+    assert found.bins_error_estimate <= 5e-3
 
 
 def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
     for wrong in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match=r"^bins_tol: got "):
             solve_fpk(MAIN, cycles=1, tol=1e-2, bins_tol=wrong)
-    left_out, wanted = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 1e-3))
+    left_out, wanted = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 5e-3))
     assert left_out.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
-    assert left_out.bins_error_estimate > 1e-3 >= wanted.bins_error_estimate
+    assert left_out.bins_error_estimate > 5e-3 >= wanted.bins_error_estimate
 
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):

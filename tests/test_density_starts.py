@@ -56,7 +56,7 @@ def test_start_that_meets_nothing_keeps_gaussian_moments(covariance, error):
     The first two begin on windows, which cut the density off at five standard deviations: that is counted as lost.
     """
     scene = scene_of(0.8, start=Start(0.8, 0.15, covariance), diffusion=0.003, cutoff=2.5, frequency=8.0)
-    evolution = solve_fpk(scene, cycles=1, tol=1e-2)
+    evolution = solve_fpk(scene, cycles=1, tol=1e-2, bins_tol=math.inf)
     matrix, shift = affine(Dynamics.of(scene), 0.0, scene.period, 1)
     truth = matrix @ np.array(covariance or np.zeros((2, 2))) @ matrix.T + flight_noise(
         Dynamics.of(scene), scene.period
@@ -85,15 +85,17 @@ STARTS = {
     "astride zero": (4.6, math.pi, Start(0.1, -0.3, ((0.05, 0.01), (0.01, 0.2)))),
     "point at an impact": (4.6, math.pi, Start(1e-3, -0.3)),
     "narrow at rest": (4.6, math.pi, Start(0.0, 0.0, ((1e-6, 1e-7), (1e-7, 4e-6)))),
-    "at rest, pressed down": (2.0, 1.5, REST),
 }
+PRESSED = pytest.param(2.0, 1.5, REST, id="at rest, pressed down", marks=pytest.mark.slow)  # its density is thin
 
 
-@pytest.mark.parametrize(("amplitude", "phase", "start"), STARTS.values(), ids=STARTS.keys())
+@pytest.mark.parametrize(
+    ("amplitude", "phase", "start"), [*(pytest.param(*row, id=name) for name, row in STARTS.items()), PRESSED]
+)
 def test_starts_that_meet_impacts_agree_with_paths(amplitude, phase, start):
     """One cycle against 20,000 paths of the white-noise engine; false alarm 7 x 6e-5 each."""
     scene = scene_of(amplitude, phase, start, 0.01)
-    evolution = solve_fpk(scene, cycles=1, tol=1e-3)
+    evolution = solve_fpk(scene, cycles=1, tol=3e-3, bins_tol=0.01 if start == REST else math.inf)
     assert evolution.mass_defect < 1e-12
     assert np.abs(evolution.lost).max() < 1e-6
     assert np.abs(standard_errors(evolution, simulate(scene, cycles=1, realizations=20_000, seed=3))).max() < 4.0
@@ -116,7 +118,7 @@ def test_block_at_rest_under_a_sine(amplitude, frequency, restitution, diffusion
     """It rattles until |f| = 1, and what the noise does then decides; false alarm 6e-5 each on top of the estimate."""
     forcing = Forcing(amplitude, frequency, 0.5 * math.pi)
     scene = Scene(Block(restitution), forcing, WhiteNoise(diffusion), REST, Overturning())
-    evolution = solve_fpk(scene, cycles=1, tol=1e-3)
+    evolution = solve_fpk(scene, cycles=1, tol=1e-3, bins_tol=math.inf)
     error = math.sqrt(standing * (1.0 - standing) / 400_000)
     assert evolution.error_estimate < 1e-3
     assert abs(evolution.survival[1] - standing) < 4.0 * error + evolution.error_estimate

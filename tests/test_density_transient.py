@@ -17,11 +17,11 @@ from fpk_rocking import (
     WhiteNoise,
     solve_fpk,
 )
+from fpk_rocking.density import solver
 from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.rest import Hold
-from fpk_rocking.density.solver import _grids
+from fpk_rocking.density.rest import Hold, resting
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.step.step import FAINTEST, Dynamics
@@ -32,6 +32,14 @@ SHAKEN = Scene(
     Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.45), WhiteNoise(0.004, Trapezoid(1.0, 8.0, 4.0))
 )
 PULSED = Scene(Block(0.8), Pulse("one-cosine", 2.6, 3.0), WhiteNoise(0.02))
+
+
+def at_resolution(number, scene, times):
+    """Space and densities of one of the solutions of `solve_fpk` at tol = 1e-2, without those that tell its error."""
+    times = np.append(0.0, times)
+    grid = solver._grids(scene, scene, motion_of(scene, times), 1e-2)[number]
+    run = Passage(scene, grid, 1e-2 * solver.NEGLIGIBLE, times[-1])
+    return run.space, run.evolve(times)
 
 
 def test_a_pulse_agrees_with_paths(tmp_path):
@@ -84,14 +92,14 @@ def test_blocks_that_come_to_rest_after_a_record_are_held_there():
     # False alarms: 1e-3 for the 3 times together.
     end, size = SHAKEN.forcing.duration, 4_000
     times = np.array([0.6 * end, end, end + 5.0, end + 60.0])
-    found = solve_fpk(SHAKEN, times=times, tol=1e-2, bins_tol=np.inf)
+    space, found = at_resolution(0, SHAKEN, times)
     paths = simulate(SHAKEN, times=times[:3], realizations=size, seed=4)
     error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert (np.abs(found.survival[:4] - paths.survival) <= 1e-2 + error).all()
-    assert 0.1 < found.survival[-1] < 0.9
-    assert found.at_rest[-1] == pytest.approx(found.survival[-1], abs=1e-12)
-    assert found.mass_defect < 1e-12
-    assert found.space.negative_mass(found.coefficients[-1]) == 0.0
+    assert (np.abs(found.inside[:4] - paths.survival) <= 1e-2 + error).all()
+    assert 0.1 < found.inside[-1] < 0.9
+    assert found.coefficients[-1] == pytest.approx(found.inside[-1] * resting(space), abs=1e-12)
+    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    assert space.negative_mass(found.coefficients[-1]) == 0.0
 
 
 def test_a_record_that_never_stirs_a_block_leaves_it_at_rest():
@@ -148,7 +156,7 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
     noise = WhiteNoise(0.01, Trapezoid(2.0, 3.0, 4.0))
     scene = Scene(Block(0.8), Pulse("one-sine", 1.3, 0.5), noise)
     times, origin = np.array([0.0, 12.0]), 1.3
-    run = Passage(scene, _grids(scene, scene, motion_of(scene, times), 1e-2)[0], 1e-8, times[-1])
+    run = Passage(scene, solver._grids(scene, scene, motion_of(scene, times), 1e-2)[0], 1e-8, times[-1])
     late = run._release(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).departure.dynamics
     for time in (0.0, 0.9, 3.0):
         assert late.forcing.value(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
@@ -161,14 +169,20 @@ FROM_REST = {
     "noise that rises in a long flight": (
         Scene(Block(0.93), Pulse("one-cosine", 4.13, 0.635), WhiteNoise(0.019, Trapezoid(3.85, 0.07, 1.75))),
         [0.98, 1.0],
+        1,
+        3e-3,
     ),
     "thick layer": (
         Scene(Block(0.845), Pulse("antisymmetric-ricker", 1.2866, 1.3232), WhiteNoise(0.035385)),
         [11.5, 12.5, 17.0],
+        0,
+        3e-3,
     ),
     "atom after the noise": (
         Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))),
         [8.0, 14.0],
+        1,
+        1e-2,
     ),
     "record with a silent begin": (
         Scene(
@@ -177,8 +191,11 @@ FROM_REST = {
             WhiteNoise(0.02, Trapezoid(6.0, 8.0, 4.0)),
         ),
         [7.0, 12.0],
+        0,
+        3e-3,
     ),
 }
+"""Scene, times, number of the resolution, and what it is right to within, as finer ones tell."""
 
 
 @pytest.mark.parametrize("name", FROM_REST)
@@ -186,12 +203,12 @@ def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
     """Survival off by .03 to 1 where a block at rest was left there until |f| = .5, and by .03 where a long flight had
     the mean of D; false alarms 1e-3 a scene.
     """
-    (scene, times), size = FROM_REST[name], 10_000
-    found = solve_fpk(scene, times=times, tol=1e-2, bins_tol=np.inf)
+    (scene, times, number, within), size = FROM_REST[name], 10_000
+    _, found = at_resolution(number, scene, times)
     paths = simulate(scene, times=times, realizations=size, seed=6)
     error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert (np.abs(found.survival - paths.survival) <= 1e-2 + error).all()
-    assert found.mass_defect < 1e-12
+    assert (np.abs(found.inside - paths.survival) <= within + error).all()
+    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
 
 
 def test_a_start_is_carried_on_windows_past_the_time_within_which_a_mesh_should_take_over():

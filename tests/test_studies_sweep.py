@@ -101,7 +101,7 @@ def test_grid_has_its_last_axis_fastest():
 )
 def test_what_fails_is_a_row_with_its_reason(tmp_path, verb, reason):
     scenes = [SCENE.varied(forcing={"phase": -1.0}), SCENE]
-    for workers in (1, 2):
+    for workers in (1, 2) if verb is study_verbs.amplitude else (1,):
         found = sweep(scenes, verb, workers=workers)
         assert found.rows[0]["reason"].startswith(reason)
         assert found.rows[0]["values"] == {}

@@ -56,9 +56,37 @@ def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
     assert kills < 10 or len(unfinished) > kills // 10, "hardly a run was killed while it saved"
 
 
-def start(*arguments, **environment):
+def start(*arguments, command=COMMAND, **environment):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*COMMAND, *map(str, arguments)], env=os.environ | environment, **pipes)
+    return subprocess.Popen([*command, *map(str, arguments)], env=os.environ | environment, **pipes)
+
+
+BEGUN = """
+import contextlib, pathlib, sys
+from fpk_rocking import cli, console
+
+said = console.plain_warnings
+
+@contextlib.contextmanager
+def begun(command):
+    with said(command):
+        pathlib.Path(__file__).with_name("begun").touch()
+        yield
+
+console.plain_warnings = begun
+sys.exit(cli.main())
+"""
+"""The command line, which makes a file beside this text once a signal ends it plainly."""
+
+
+def started(folder, *arguments, **environment):
+    """Start a command, and return once it has begun; before, a signal ends Python itself."""
+    (folder / "begins.py").write_text(BEGUN, encoding="utf-8")
+    path = {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path])}
+    run = start(*arguments, command=[sys.executable, "-m", "begins"], **path | environment)
+    while not (folder / "begun").exists() and run.poll() is None:
+        time.sleep(0.01)
+    return run
 
 
 def stopped(run, sign, ready, limit=200.0):
@@ -100,19 +128,36 @@ def test_a_stopped_tally_ends_plainly_and_goes_on(sign, tmp_path):
 )
 def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, tmp_path):
     """At any instant once Python runs the command: while it loads libraries, compiles kernels, or works."""
-    scene, out = tmp_path / "scene.toml", tmp_path / "out"
+    scene, out, own = tmp_path / "scene.toml", tmp_path / "out", tmp_path / "own"
+    own.mkdir()
     scene.write_text(SCENE.to_toml(), encoding="utf-8")
     instants = random.Random(f"{command} {sign}")
     size = ["--realizations", 10**6] if command == "mc" else ["--tol", 1e-4]
-    started = time.monotonic()
-    run = start(command, scene, "--cycles", 200, *size, "--out", out)
-    instant = started + instants.uniform(0.3, 4.0)
+    run = started(own, command, scene, "--cycles", 200, *size, "--out", out)
+    instant = time.monotonic() + instants.uniform(0.0, 4.0)
     status, printed, said = stopped(run, sign, lambda: time.monotonic() > instant)
     word, code = WORDS[sign]
     assert (status, printed) == (code, "")
     assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
     assert "Traceback" not in said
-    assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
+    assert {file.name for file in tmp_path.iterdir()} == {"scene.toml", "own"}
+
+
+TEXT = """
+import signal, sys
+from fpk_rocking import cli
+cli._warmup = lambda _: exec("signal.raise_signal(signal.SIGINT)")
+sys.exit(cli.main(["warmup"]))
+"""
+
+
+def test_an_interruption_of_code_that_is_run_from_text_has_its_exit_status(tmp_path):
+    """Libraries run such code while they are imported, and numba does; `python -m` ended by the signal itself."""
+    (tmp_path / "stopped.py").write_text(TEXT, encoding="utf-8")
+    path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    command = [sys.executable, "-m", "stopped"]
+    run = subprocess.run(command, env=os.environ | path, capture_output=True, text=True, check=False, timeout=60)
+    assert (run.returncode, run.stderr) == (130, "fpk-rocking: interrupted; files written so far are whole\n")
 
 
 @pytest.mark.slow
@@ -125,8 +170,9 @@ def test_a_stopped_engine_that_still_compiles_ends_plainly(command, tmp_path):
     for k in range(8):
         sign = (signal.SIGINT, signal.SIGTERM)[k % 2]
         cold = {"NUMBA_CACHE_DIR": str(tmp_path / f"{k}")}
-        run = start(command, scene, "--cycles", 200, *size, "--out", tmp_path / "out", **cold)
-        instant = time.monotonic() + instants.uniform(0.7, 4.0)
+        (own := tmp_path / f"own {k}").mkdir()
+        run = started(own, command, scene, "--cycles", 200, *size, "--out", tmp_path / "out", **cold)
+        instant = time.monotonic() + instants.uniform(0.0, 4.0)
         status, printed, said = stopped(run, sign, lambda instant=instant: time.monotonic() > instant)
         assert time.monotonic() < instant + 20.0
         word, code = WORDS[sign]
