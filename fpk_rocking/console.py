@@ -3,6 +3,7 @@
 import _thread
 import contextlib
 import os
+import queue
 import signal
 import sys
 import threading
@@ -62,7 +63,8 @@ def insistent():
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous, swallowed, ended = sys.unraisablehook, [], threading.Event()
+    previous, swallowed = sys.unraisablehook, []
+    numbers, ended = queue.SimpleQueue(), threading.Event()
 
     def again(ignored):
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
@@ -71,14 +73,15 @@ def insistent():
         number = signal.SIGTERM if issubclass(ignored.exc_type, Terminated) else signal.SIGINT
         swallowed.append(ignored.exc_type)
         # Nothing is waited for: what an earlier one raises anew would come in here, where it is printed and lost.
-        _thread.start_new_thread(raised, (number,))
+        numbers.put(number)
 
-    def raised(number):
-        if not ended.wait(_AGAIN_S):
+    def watch():
+        while (number := numbers.get()) and not ended.wait(_AGAIN_S):
             _thread.interrupt_main(number)
 
     sys.unraisablehook = again
     try:
+        threading.Thread(target=watch).start()
         yield
         # The block may end before the signal has come again.
         if swallowed:
@@ -90,6 +93,7 @@ def insistent():
     finally:
         sys.unraisablehook = previous
         ended.set()
+        numbers.put(None)
 
 
 @contextlib.contextmanager
