@@ -2,11 +2,11 @@
 
 import math
 
-import made
+import made_results
 import meshio
 import numpy as np
 import pytest
-from made import SAMPLES, WITH_ROWS, equal, kind
+from made_results import SAMPLES, WITH_ROWS, equal, kind
 
 from fpk_rocking.output import curves, maps, motion, style, vtk
 from montecarlo.poincare import MeanMap
@@ -154,7 +154,7 @@ def test_pictures_and_files_of_functions_of_the_plane(tmp_path):
     result, columns, _, _ = kind("operator")
     density, modes, *_ = result.plot().axes
     equal(modes.lines[1].get_xydata(), np.stack([columns["real"], columns["imaginary"]], axis=1))
-    plane = made.plane_map()
+    plane = made_results.plane_map()
     for axes, function in ((density, result.quasi_stationary), (plane.plot().axes[0], plane)):
         (mesh,) = axes.collections
         x, y = np.moveaxis(mesh.get_coordinates(), -1, 0)
@@ -193,7 +193,7 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
     (points,) = (axes for title, axes in panels.items() if title.startswith("Poincaré points"))
     equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
     standing = np.isfinite(states["angle"][1][:, -1]).sum()
-    assert f"of the {standing} that stand after {made.CYCLES} cycles" in points.get_title()
+    assert f"of the {standing} that stand after {made_results.CYCLES} cycles" in points.get_title()
     for column, axes in enumerate(
         (panels["Mean Poincaré points; overturned clamped or left out"], panels["mean velocity"])
     ):

@@ -8,11 +8,11 @@ import math
 import pkgutil
 import re
 
-import made
+import made_results
 import meshio
 import numpy as np
 import pytest
-from made import KINDS, SAMPLES, WITH_ROWS, equal, kind
+from made_results import KINDS, SAMPLES, WITH_ROWS, equal, kind
 
 import fpk_rocking
 import montecarlo
@@ -100,7 +100,7 @@ def limits(low, high, digits):
 @pytest.mark.parametrize("name", WITH_ROWS)
 def test_every_printed_row(name):
     result, columns, _, _ = kind(name)
-    counted = {"cycles": [f"{k}" for k in range(made.CYCLES + 1)]}
+    counted = {"cycles": [f"{k}" for k in range(made_results.CYCLES + 1)]}
     if result.scene.period is None:
         counted = {"τ": [f"{time:g}" for time in columns["time"]]}
     wanted = counted | {"survival": [f"{value:.5f}" for value in columns["survival"]]}
@@ -114,13 +114,13 @@ def test_every_printed_row(name):
 def test_every_printed_row_of_comparisons():
     """Two samples against one density: a row of the reference and one of each sample, cycle by cycle."""
     reference, samples = kind("density"), [kind("comparison"), None]
-    other = made.ensemble(seed=6)
-    samples[1] = compare(other.result, reference.result, made.JOINT)
+    other = made_results.ensemble(seed=6)
+    samples[1] = compare(other.result, reference.result, made_results.JOINT)
     first = kind("ensemble").columns
     found = printed(tables.comparison_table([kind("comparison").result, samples[1]])[1])
-    assert found["cycles"] == [text for cycle in made.JOINT for text in (str(cycle), "", "")]
+    assert found["cycles"] == [text for cycle in made_results.JOINT for text in (str(cycle), "", "")]
     survival, bounds, scores, distances = [], [], [], []
-    for place, cycle in enumerate(made.JOINT):
+    for place, cycle in enumerate(made_results.JOINT):
         survival.append(f"{reference.columns['survival'][cycle]:.4f}")
         bounds.append("")
         scores.append("")
@@ -136,7 +136,7 @@ def test_every_printed_row_of_comparisons():
             distances.append(tuple(texts))
     assert (found["survival"], found["95 % interval"], found["z"]) == (survival, bounds, scores)
     assert list(zip(found["L1 (floor)"], found["Hellinger (floor)"], strict=True)) == distances
-    assert found["result"] == ["Fokker-Planck density", "Monte Carlo rk4", "Monte Carlo rk4"] * len(made.JOINT)
+    assert found["result"] == ["Fokker-Planck density", "Monte Carlo rk4", "Monte Carlo rk4"] * len(made_results.JOINT)
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -207,7 +207,7 @@ def test_every_frame_of_a_report(name, tmp_path):
     """121 of 151 rows, each with its own time, survival, sides and bins."""
     result, columns, _, _ = kind(name)
     film = written(result, tmp_path, [result])[2]
-    rows = np.floor(np.linspace(0.0, made.CYCLES, report._FRAMES) + 1e-9).astype(int)
+    rows = np.floor(np.linspace(0.0, made_results.CYCLES, report._FRAMES) + 1e-9).astype(int)
     when = [f"after {k} cycle{'s' * (k != 1)}" for k in rows.tolist()]
     if result.scene.period is None:
         when = [f"τ = {time:.4g}" for time in columns["time"][rows]]
@@ -233,7 +233,7 @@ def test_a_summary_is_the_arrays(name):
     if result.scene.period is None:
         equal(values["times"], columns["time"])
     else:
-        assert values["cycles"] == made.CYCLES
+        assert values["cycles"] == made_results.CYCLES
     if name in SAMPLES:
         bounds = np.stack([columns["survival_low"], columns["survival_high"]], axis=1)
         equal(values["interval"], bounds)
@@ -267,9 +267,9 @@ def test_a_summary_of_a_comparison_is_the_arrays():
     values = result.to_dict()
     for one, (_, array) in variables.items():
         equal(np.array(values[one], float), array, one)
-    assert (values["cycles"], values["joint_cycles"]) == (places["cycle"].tolist(), made.JOINT)
+    assert (values["cycles"], values["joint_cycles"]) == (places["cycle"].tolist(), made_results.JOINT)
     assert values["names"] == ["Monte Carlo rk4", "Fokker-Planck density"]
-    assert values["realizations"] == [made.PATHS, None]
+    assert values["realizations"] == [made_results.PATHS, None]
 
 
 @pytest.mark.parametrize("name", WITH_ROWS)
@@ -288,7 +288,7 @@ def test_vtk_files_are_the_arrays(name, tmp_path):
         quads = mesh.cells_dict["quad"]
         left = mesh.points[quads][:, :, 0].mean(axis=1) < 0.0
         probability = mesh.cell_data_dict["probability"]["quad"]
-        angles, velocities = made.SPACE.lines if name.startswith("density") else result.bin_edges
+        angles, velocities = made_results.SPACE.lines if name.startswith("density") else result.bin_edges
         halves = result.bin_probabilities(row, [angles[0], 0.0, angles[-1]], velocities[[0, -1]])
         at_zero = columns["at_rest"][row] if name == "density with rest" else 0.0
         assert probability[left].sum() == pytest.approx(halves[0].sum(), rel=1e-9)

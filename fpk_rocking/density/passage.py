@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.resolution import FEWEST, cycle_of
 from fpk_rocking.density.rest import Hold, resting
 from fpk_rocking.density.space.solution import Solution
@@ -98,7 +99,8 @@ class _Parts:
 
     def __init__(self, space):
         self._space, self.now, self.gone = space, np.zeros(space.shape), np.zeros(3)
-        self.held, self.under_way, self._spent = 0.0, [], 0.0
+        self.held, self.under_way, self.released, self._spent = 0.0, [], 0.0, 0.0
+        self.came = False
 
     def land(self, time):
         """Take what has arrived over to the mesh."""
@@ -173,7 +175,7 @@ class Passage:
                 if progress:
                     progress()
             if row == count:
-                return Solution(inside, out, coefficients, resolved=resolved)
+                return Solution(inside, out, coefficients, resolved=resolved, released=parts.released)
             edges = edges[self._advance(parts, edges, times[row]) :]
 
     def _start(self, edges):
@@ -195,7 +197,7 @@ class Passage:
             parts.now, parts.held = parts.now + parts.held * resting(self.space), 0.0
         elif parts.held:
             parts.under_way.append(self._release(max(until, time), parts.held, Start(), edges))
-            parts.held = 0.0
+            parts.released, parts.held = max(parts.released, parts.held if parts.came else 0.0), 0.0
         steps = twice if parts.held else 1
         if parts.now.any():
             parts.now, sinks = self._step(time, edges[steps], parts.now).apply(parts.now)
@@ -207,7 +209,7 @@ class Passage:
         masses, slow = self.space.masses(parts.now), self._hold.stopped(time, self.space)
         if parts.spend(np.abs(masses[~slow]).sum(), _SMALL * self._negligible):
             slow = np.ones_like(slow)
-        parts.held += masses[slow].sum()
+        parts.held, parts.came = parts.held + masses[slow].sum(), parts.came or bool(parts.now.any())
         parts.now = np.where(slow[..., None, None], 0.0, parts.now)
 
     def _release(self, origin, mass, start, edges):
@@ -223,7 +225,7 @@ class Passage:
 
         def settled(since):
             held = origin + since > lift_off and self._hold.until(origin + since) > origin + since
-            return held and departure.at_rest(since) > _SETTLED
+            return held and departure.within(since, *REST) > _SETTLED
 
         place = first_resolved(departure, self.space, after[: np.searchsorted(after, departure.period) + 1], settled)
         return _Release(departure, origin, origin + after[place], mass)

@@ -45,7 +45,8 @@ _FINER = 1.4
 """Steps of a solution over those of the one before."""
 
 _RESTING = 4.0
-"""Error of the last solution over its difference from the one before, where blocks rest under noise held over a step.
+"""Error of the last solution over its difference from the one before, where blocks rest under noise held over a step,
+or come to rest and are lifted off again: which of them rest by then is told by cells, of first order or less.
 2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
 
 _FASTER = 1.1
@@ -214,8 +215,8 @@ class Solved:
 
     def error(self, difference, bins):
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
-        at_rest = self.solution.at_rest
-        if at_rest is not None and at_rest[1:].max() > difference:
+        at_rest, released = self.solution.at_rest, self.solution.released
+        if (released if at_rest is None else at_rest[1:].max()) > difference:
             difference *= _RESTING
         return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 

@@ -20,6 +20,8 @@ class Solution(NamedTuple):
         Mass at rest, which has no density.
     resolved : ndarray of bool, shape (cycles + 1,), optional
         Rows in which the density itself is to be resolved, all but the first unless given; of others survival alone.
+    released : float
+        Largest mass that had come to rest and was lifted off again.
     """
 
     inside: np.ndarray
@@ -27,6 +29,7 @@ class Solution(NamedTuple):
     coefficients: np.ndarray
     at_rest: np.ndarray | None = None
     resolved: np.ndarray | None = None
+    released: float = 0.0
 
     @property
     def shown(self):

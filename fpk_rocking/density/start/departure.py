@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
@@ -152,10 +151,10 @@ class Departure:
         mean = self.flight(time).mean if self.dynamics.forcing.since_lift_off(time)[0] <= time else np.zeros(2)
         return min(size / _cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
-    def at_rest(self, time):
-        """Part of the density at a time that counts as being at rest."""
+    def within(self, time, angle, velocity):
+        """Part of the density at a time that is within an angle and a velocity of the origin."""
         now = self._before(time)
-        return float(now.window.bin_integrals(now.coefficients[None], *([-size, size] for size in REST)).sum())
+        return float(now.window.bin_integrals(now.coefficients[None], [-angle, angle], [-velocity, velocity]).sum())
 
     def undisturbed(self, gaussian):
         """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
