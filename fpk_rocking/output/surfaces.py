@@ -133,4 +133,4 @@ def _notes(results, columns):
         "overturned to that side, full height = 1."
     )
     lines = (scene_text(results[0].scene), drawn, *remarks(*results))
-    return [part for line in lines for part in textwrap.wrap(line, 52 * columns)]
+    return [part for line in lines for part in textwrap.wrap(line, 48 * columns)]
