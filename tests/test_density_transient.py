@@ -1,5 +1,7 @@
 """The density solver under pulses and envelopes, against paths of white noise and exact flights."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from test_envelopes import flight_moments
@@ -22,6 +24,7 @@ from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.rest import Hold, resting
+from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.step.step import FAINTEST, Dynamics
@@ -163,6 +166,23 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
         strength = run.dynamics.during(origin + time, 0.1).diffusion
         assert late.during(time, 0.1).diffusion == pytest.approx(strength, rel=1e-12)
         assert late.covariance(time, 0.4) == pytest.approx(run.dynamics.covariance(origin + time, 0.4), rel=1e-12)
+
+
+def test_the_estimate_is_four_times_as_large_where_blocks_rested_and_were_lifted_off():
+    space = Space(np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5), 1)
+    found = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)))
+    edges = [np.linspace(-1.0, 1.0, 4)] * 2
+    for released, error in ((0.0, 1e-3), (0.9e-3, 1e-3), (1.1e-3, 4e-3)):
+        level = solver.Solved(SimpleNamespace(space=space), found._replace(released=released), edges)
+        assert level.error(1e-3, 0.0) == pytest.approx(error)
+
+
+def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():
+    noise = WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))
+    _, found = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
+    assert 0.1 < found.released <= 1.0
+    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.3, 0.8), WhiteNoise(1e-5)), [1.5])
+    assert found.released == 0.0
 
 
 FROM_REST = {

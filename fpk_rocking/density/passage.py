@@ -100,6 +100,7 @@ class _Parts:
     def __init__(self, space):
         self._space, self.now, self.gone = space, np.zeros(space.shape), np.zeros(3)
         self.held, self.under_way, self.released, self._spent = 0.0, [], 0.0, 0.0
+        # Whether something came to rest on the way: a start at rest is known exactly.
         self.came = False
 
     def land(self, time):

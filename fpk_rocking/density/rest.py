@@ -87,12 +87,8 @@ class Hold:
         """
         angles, velocities = (0.5 * np.abs(lines[1:] + lines[:-1]) for lines in space.lines)
         speeds = np.sqrt(2.0 * angles[:, None] + velocities**2)
-        return resting_cells(space) & (speeds <= self._stopping[self._interval(time)]) | around_origin(space)
-
-
-def resting_cells(space):
-    """Cells (angle cells, velocity cells) of which the mass counts as rest: those in `REST`, and around the origin."""
-    return in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines)) | around_origin(space)
+        slow = in_rest(angles, velocities) & (speeds <= self._stopping[self._interval(time)])
+        return slow | around_origin(space)
 
 
 def around_origin(space):

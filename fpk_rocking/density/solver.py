@@ -24,7 +24,6 @@ from fpk_rocking.density.refusals import (
     warn_unresolved,
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.density.rest import resting_cells
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics import filters
 from fpk_rocking.physics.equivalence import equivalent_diffusion
@@ -198,7 +197,7 @@ class Solved:
     def negative_mass(self):
         """Largest of those after a cycle or more, of blocks that are not at rest."""
         space, densities = self.run.space, self.solution.coefficients[self.solution.shown]
-        moving = ~resting_cells(space)
+        moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))
         parts = (space.negative_mass(np.where(moving[:, :, None, None], density, 0.0)) for density in densities)
         return max(parts, default=0.0)
 
