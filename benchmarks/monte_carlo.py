@@ -178,7 +178,7 @@ are relative to that of exact.
 {table(["method", "steps a cycle", "map error", "time"], rows)}
 
 \\* median error of impact times of random scenes over 5 cycles, against a solver with 50 digits
-(`tests/test_montecarlo_exact.py`).
+(`tests/montecarlo/test_exact.py`).
 A realization of exact took {micro:.1f} μs in this run.
 
 **Sampling**: errors against reference samples (`tests/data`; 10⁵ other realizations for band noise, 10⁷ paths for white

@@ -1,7 +1,7 @@
 """How often the printed total error holds where noise was replaced; writes docs/benchmarks/replacement_*.json.
 
 Random blocks under band noise, in periodic shaking (those of `practical_blocks`) and in random records, are solved and
-checked by `studies.solve_checked`, and held against many more paths under the same band noise.
+checked by `fpk_rocking.studies.solve_checked`, and held against many more paths under the same band noise.
 
     python benchmarks/replacement.py periodic                 # 24 scenes, some minutes
     python benchmarks/replacement.py record --paths 100000    # 12 scenes, most of an hour
@@ -21,8 +21,8 @@ from report import ROOT
 from fpk_rocking import Record, Scene
 from fpk_rocking.results import storage
 from fpk_rocking.results.trust import REPLACED
+from fpk_rocking.studies import solve_checked
 from montecarlo import simulate, tally
-from studies import solve_checked
 
 TOL = 1e-2
 COLUMNS = [

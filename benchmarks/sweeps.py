@@ -22,9 +22,9 @@ import numpy as np
 from report import ROOT
 
 from fpk_rocking import BandNoise, load_scene
+from fpk_rocking.studies import fragility, grid, scaled, sweep
+from fpk_rocking.studies.execution.cells import seed_of
 from montecarlo import simulate
-from studies import fragility, grid, scaled, sweep
-from studies.execution.cells import seed_of
 
 SCENES, ROUNDS, SCENE_S = 1000, 20, 0.1
 WAITING, WAIT_S = 300, 0.1

@@ -27,8 +27,8 @@ from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.physics.envelope import Table
-from studies import fragility
-from studies.picture import logarithmic
+from fpk_rocking.studies import fragility
+from fpk_rocking.studies.picture import logarithmic
 
 MOTION = pathlib.Path(__file__).parent / "records" / "synthetic.AT2"
 BEGIN, END = 3.0, 15.0

@@ -22,8 +22,8 @@ import numpy as np
 from fpk_rocking import Scene
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
-from studies import fragility, grid, sweep
-from studies.picture import NAMES, draw_map, draw_surface
+from fpk_rocking.studies import fragility, grid, sweep
+from fpk_rocking.studies.picture import NAMES, draw_map, draw_surface
 
 SIZES = tuple(np.geomspace(0.3, 3.0, 15).tolist())
 SLENDERNESSES = tuple(np.geomspace(3.0, 9.0, 13).tolist())

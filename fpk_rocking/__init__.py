@@ -1,8 +1,8 @@
 """Rocking of a rigid block under periodic and random shaking: the probability density of its motion, and overturning.
 
 ``Scene`` or ``load_scene`` states a problem, and ``solve_fpk`` solves its Fokker-Planck equation for the joint density
-of angle and velocity. The package ``montecarlo`` has independent Monte Carlo engines, ``studies`` has sweeps and
-fragility curves.
+of angle and velocity. The package ``montecarlo`` has independent Monte Carlo engines, ``fpk_rocking.studies``
+has sweeps and fragility curves.
 """
 
 import importlib

@@ -249,9 +249,9 @@ def _compare(options):
 def _fragility(options):
     from fpk_rocking.output import summary
     from fpk_rocking.output.progress import reporting
-    from studies import fragility
-    from studies.picture import curves_figure, surface_figure
-    from studies.tables import fragility_table
+    from fpk_rocking.studies import fragility
+    from fpk_rocking.studies.picture import curves_figure, surface_figure
+    from fpk_rocking.studies.tables import fragility_table
 
     scenes, over = [_scene(path) for path in options.scenes], None
     if options.over is not None:
@@ -341,7 +341,7 @@ def _checked(options, density, beside=None):
     if options.no_check or not density.closure:
         return density
     from fpk_rocking.output.progress import reporting
-    from studies import checking
+    from fpk_rocking.studies import checking
 
     if beside is not None and beside.scene == density.scene and beside.realizations >= checking.PATHS:
         return density.checked(beside)

@@ -247,7 +247,7 @@ class DensityResult(SurvivalResult):
         Parameters
         ----------
         paths : Ensemble or Tally
-            Of the scene as it is, at the times of this result or more; `studies.checked` samples them.
+            Of the scene as it is, at the times of this result or more; `fpk_rocking.studies.checked` samples them.
 
         Returns
         -------

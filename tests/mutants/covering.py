@@ -16,7 +16,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PLACE = ROOT / "build" / "mutants"
-PACKAGES = "fpk_rocking", "montecarlo", "studies"
+PACKAGES = "fpk_rocking", "montecarlo"
 PYTEST = sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"
 _NO_TESTS = 5
 
@@ -33,7 +33,8 @@ def watched(anew):
     if anew:
         shutil.rmtree(kept, ignore_errors=True)
     kept.mkdir(parents=True, exist_ok=True)
-    for test in sorted((ROOT / "tests").glob("test_*.py")):
+    tests = (one for one in (ROOT / "tests").glob("*/test_*.py") if one.parent.name != "robustness")
+    for test in sorted(tests):
         out = kept / f"{test.stem}.json"
         if not out.exists():
             print(f"which functions run in {test.name}", flush=True)

@@ -37,10 +37,10 @@ def test_every_engine_gives_the_same_bits_for_any_number_of_threads():
 
 
 USE = """
-import fpk_rocking, montecarlo, numpy, studies
+import fpk_rocking, montecarlo, numpy
 from fpk_rocking import load_scene, solve_fpk, __version__
 from montecarlo import simulate
-for package in (fpk_rocking, montecarlo, studies):
+for package in (fpk_rocking, montecarlo):
     print(package.__file__)
 assert load_scene("record").forcing.duration > 0
 scene = load_scene("scene.toml")

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from fpk_rocking import Record, load_scene, solve_fpk
 from fpk_rocking.density import Evolution
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.studies import fragility, grid, sweep
 from montecarlo import (
     bin_errors,
     first_passage,
@@ -23,7 +24,6 @@ from montecarlo import (
     split,
     tally,
 )
-from studies import fragility, grid, sweep
 
 BAND = fuzz.scene(noise=fuzz.BandNoise(0.04, (0.0, 10.0), 3))
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))

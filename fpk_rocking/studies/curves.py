@@ -1,0 +1,199 @@
+"""`fragility`: the probability of overturning as a function of the scale of the shaking."""
+
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, File, Progress
+from fpk_rocking.results.times import result_times
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.execution.cells import Cell, seed_of
+from fpk_rocking.studies.result import Fragility
+from fpk_rocking.studies.scenes import grid, scaled
+from fpk_rocking.studies.sweeping import checked_scenes, run
+from fpk_rocking.studies.verbs import VERBS, engine_of
+
+_ENGINES = ("exact", "rk4", "white", "filtered", "density")
+_MOST = 10_000
+_REPLACED = (
+    "At every scale {} noise of equal Melnikov variance replaces that of the scene: an approximation, which Monte "
+    "Carlo under the noise of the scene can check."
+)
+
+
+def fragility(
+    scene: Scene | Sequence[Scene],
+    *,
+    scale: ArrayLike,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    engine: str | None = None,
+    levels: ArrayLike = (),
+    over: Mapping[str, ArrayLike] | None = None,
+    scale_noise: bool = True,
+    realizations: int = 10_000,
+    tol: float = 1e-2,
+    seed: int = 1,
+    workers: int | Executor = 1,
+    store: File | None = None,
+    progress: Progress | None = None,
+) -> Fragility:
+    """Compute the probability of overturning as a function of the scale of the shaking.
+
+    The result is a curve, a curve for each of several scenes, or a surface over a parameter. Each level x gives the
+    probability P(max |Θ| ≥ x) too. The samples of different scales and of different scenes are independent of each
+    other, as the fit supposes. Levels share random numbers, and so do the values of a parameter, so their differences
+    have less sampling noise; the curves of two levels never cross under band noise or none.
+
+    Parameters
+    ----------
+    scene : Scene, or sequence of Scene
+        The scene at scale 1, or several, such as one for each recorded motion.
+    scale : sequence of float
+        Factors of the acceleration of the forcing and of the noise, above 0.
+    cycles : int, optional
+        Number of forcing cycles in which the block may overturn. Required where the forcing repeats, refused where it
+        does not.
+    times : sequence of float, optional
+        For a pulse or a record: ascending nondimensional times; overturning counts until the last one. By default it
+        counts until 10 units of time after the end of each motion.
+    engine : {"exact", "rk4", "white", "filtered", "density"}, optional
+        A method of `montecarlo.simulate`, or "density" for `fpk_rocking.solve_fpk`. "white" and "filtered" replace band
+        noise. By default the Monte Carlo method that fits the noise.
+    levels : sequence of float
+        Angles x in units of θ_cr, between the start and overturning.
+    over : dict of str to sequence of float, optional
+        One parameter of a single scene with its values, for a surface: ``{"size": [0.5, 1.0, 2.0]}``. Names are those
+        of `fpk_rocking.studies.scenes.varied`.
+    scale_noise : bool
+        Whether the noise is scaled with the forcing.
+    realizations : int
+        Number of realizations of each sample. Deterministic scenes have one path each whatever the number.
+    tol : float
+        Wanted error of the engine "density".
+    seed : int
+        Seed of the random numbers, at least 0.
+    workers, store, progress
+        As for `fpk_rocking.studies.sweep`.
+
+    Returns
+    -------
+    Fragility
+        Where the engine refuses some of the scales, the probability is nan there and `Fragility.reasons` says why.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, the engine refuses all scales, or the store belongs to another study.
+    """
+    started = time.perf_counter()
+    scenes, axis, places = _scenes(scene, over)
+    factors = tuple(sorted(checks.several("scale", scale, most=_MOST, above=0.0)))
+    if len(set(factors)) != len(factors):
+        raise ValueError(checks.refusal("scale", scale, "numbers that differ from each other"))
+    levels = () if isinstance(levels, tuple | list) and not levels else checks.several("levels", levels, most=_MOST)
+    _check_levels(levels, scenes)
+    seed = checks.count("seed", seed, at_least=0)
+    engine, shaken, closure = _engine(engine, scenes)
+    for one in shaken:
+        result_times(one, cycles, times)
+    lasting = {} if cycles is None else {"cycles": int(cycles)}
+    lasting |= {} if times is None else {"times": [float(time) for time in times]}
+    options, realizations = _options(engine, shaken, lasting, realizations, tol)
+    shape, cells = (len(scenes), 1 + len(levels), len(factors)), []
+    for m, which, n in np.ndindex(shape):
+        own = seed_of(seed, n if over else m * len(factors) + n)
+        level = levels[which - 1] if which else None
+        cells.append(Cell(len(cells), _at(shaken[m], factors[n], level, scale_noise), own))
+    verb = VERBS["fpk" if engine == "density" else "mc"]
+    rows = run(verb, cells, options, workers=workers, store=store, progress=progress)
+    values = [row["values"] for row in rows]
+    if not any(values):
+        raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
+    if any(one.get("closure") for one in values):
+        closure = _REPLACED.format("white")
+    return Fragility(
+        scenes=scenes,
+        axis=axis,
+        place=np.array(places, float),
+        level=np.array(levels, float),
+        scale=np.array(factors),
+        probability=np.array([_overturned(one) for one in values]).reshape(shape),
+        error_estimate=np.array([one.get("error_estimate", np.nan) for one in values]).reshape(shape),
+        engine=engine,
+        realizations=realizations,
+        noise_scaled=bool(scale_noise),
+        options=options | {"seed": seed},
+        closure=closure,
+        reasons={
+            ",".join(map(str, np.unravel_index(row["cell"], shape))): row["reason"] for row in rows if row["reason"]
+        },
+        wall_s=time.perf_counter() - started,
+    )
+
+
+def _scenes(scene, over):
+    """Return the scenes at scale 1, the name of what they differ in, and its values."""
+    if over is None:
+        scenes = (scene,) if isinstance(scene, Scene) else checked_scenes("scene", scene)
+        return scenes, "scene", range(len(scenes))
+    made = grid(scene, over)
+    if len(made.axes) != 1 or "scale" in made.axes:
+        raise ValueError(checks.refusal("over", over, 'one parameter other than the scale, {"size": [0.5, 1.0]}'))
+    ((axis, places),) = made.axes.items()
+    return made.scenes, axis, places
+
+
+def _check_levels(levels, scenes):
+    """Refuse a level at which a block starts, or that only an overturned one reaches."""
+    least = max(abs(scene.start.angle) for scene in scenes)
+    most = min(scene.overturning.angle for scene in scenes)
+    for number, level in enumerate(levels):
+        if not least < level < most:
+            accepted = f"an angle above that of the start, {least:g}, and below that of overturning, {most:g}"
+            raise ValueError(checks.refusal(f"levels[{number}]", level, accepted))
+
+
+def _engine(engine, scenes):
+    """Return the name of the engine, the scenes with the noise that it takes, and what was done to the noise."""
+    if engine is not None and engine not in _ENGINES:
+        accepted = ", ".join(map(repr, _ENGINES)) + " or None (the Monte Carlo method that fits the noise)"
+        raise ValueError(checks.refusal("engine", engine, accepted))
+    if engine is None:
+        kinds = {engine_of(scene) for scene in scenes}
+        if len(kinds) != 1:
+            accepted = "scenes whose noise one method takes, or an `engine` that replaces it"
+            raise ValueError(checks.refusal("scene", f"methods {sorted(kinds)}", accepted))
+        return kinds.pop(), scenes, ""
+    if engine in {"white", "filtered"}:
+        made = tuple(getattr(scene, f"{engine}_equivalent")() for scene in scenes)
+        replaced = made != tuple(scenes)
+        return engine, made, _REPLACED.format(engine) if replaced else ""
+    return engine, scenes, ""
+
+
+def _options(engine, scenes, lasting, realizations, tol):
+    """Return the options of the verb, and the realizations of a sample, 0 of a density."""
+    if engine == "density":
+        return lasting | {"tol": tol}, 0
+    realizations = checks.count("realizations", realizations)
+    realizations = 1 if all(scene.deterministic for scene in scenes) else realizations
+    return lasting | {"realizations": realizations, "method": engine}, realizations
+
+
+def _at(scene, factor, level, scale_noise):
+    """Return the scene at a scale, with the cut-off at a level or where it is."""
+    shaken = scaled(scene, factor, noise=scale_noise)
+    return shaken if level is None else shaken.varied(overturning={"angle": level})
+
+
+def _overturned(values):
+    """Probability of having overturned, of a row's values: as a share of whole numbers, where these are known."""
+    if not values:
+        return np.nan
+    if "survivors" in values:
+        return (values["realizations"] - values["survivors"]) / values["realizations"]
+    return 1.0 - values["survival"][-1]

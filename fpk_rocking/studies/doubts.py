@@ -1,0 +1,83 @@
+"""What speaks against fragility curves: the noise, missing answers, fits that the data reject, few motions."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results.remarks import doubts
+from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.lognormal import MISFIT, REJECTED
+from montecarlo.results.sample import path_doubts
+
+__all__ = ["doubts_of"]
+
+
+def doubts_of(result) -> list[Doubt]:
+    """Return what speaks against a `studies.Fragility`, each kind once."""
+    found = _unanswered(result) + _noise(result) + _rejected(result)
+    if result.mixture:
+        found += _few_motions(result)
+    if result.deterministic.any():
+        found += path_doubts(result.engine)
+    return found
+
+
+def _unanswered(result):
+    if not result.reasons:
+        return []
+    count, first = result.probability.size, next(iter(result.reasons.values()))
+    sentence = f"The engine gave no answer for {len(result.reasons)} of {count} probabilities: {first}"
+    return [Doubt(CAUTION if len(result.reasons) < count else UNUSABLE, sentence, "unanswered")]
+
+
+def _noise(result):
+    """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
+    kinds = {}
+    for scene in result.scenes:
+        for doubt in doubts(_Told(scene, result.closure)):
+            kinds.setdefault(doubt.kind, {})[doubt] = None
+    found = []
+    for kind in kinds.values():
+        first, *others = sorted(kind, key=lambda doubt: -doubt.weight)
+        likewise = f" (Other scenes: {len(others)} likewise.)" * bool(others)
+        found.append(first._replace(sentence=first.sentence + likewise))
+    return found
+
+
+def _rejected(result):
+    """Lognormal fits that do not describe the probabilities."""
+    curves = [fit for fits in result.fits for fit in fits]
+    rejected = [fit for fit in curves if fit.rejected]
+    if not rejected:
+        return []
+    worst = max(rejected, key=lambda fit: fit.misfit)
+    which = f" of {len(rejected)} of {len(curves)} curves" if len(curves) > 1 else ""
+    rule = f"misfit above {MISFIT:g}" if np.isnan(worst.p_value) else f"p = {worst.p_value:.2g}, below {REJECTED:g}"
+    sentence = (
+        f"The lognormal fit{which} is rejected ({rule}): it is off by up to {worst.misfit:.2g}. Use the probabilities "
+        "themselves."
+    )
+    return [Doubt(CAUTION, sentence, "fit")]
+
+
+def _few_motions(result):
+    """How little some motions tell of others of their kind."""
+    count = len(result.scenes)
+    known = result.probability[np.isfinite(result.probability)]
+    half = 0.5 * float(np.diff(wilson_interval(known * count, count)).max(initial=0.0))
+    if half <= UNASKED:
+        return []
+    sentence = (
+        f"The mean is over {count} motion{'s' * (count > 1)} alone: for others of their kind its probabilities are "
+        f"known to ±{half:.2g} at worst (95 %, had these been drawn at random), above {UNASKED:g}."
+    )
+    return [Doubt(CAUTION, sentence, "few motions")]
+
+
+class _Told(NamedTuple):
+    """A scene as `fpk_rocking.results.remarks.doubts` takes a result."""
+
+    scene: Scene
+    closure: str

@@ -1,0 +1,195 @@
+"""Pictures of fragility: curves with their intervals and fits, and a surface over a parameter and the scale."""
+
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fpk_rocking.base.types import File
+from fpk_rocking.output import style
+from fpk_rocking.output.intervals import error_bars
+from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results.times import SETTLING
+from fpk_rocking.studies.lognormal import P_VALUE
+from fpk_rocking.studies.tables import size_of
+
+__all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "small_figure", "surface_figure"]
+
+NAMES = {
+    "size": "half diagonal R, m",
+    "slenderness": "height over width",
+    "width": "width, m",
+    "height": "height, m",
+}
+"""What the parameters of a block are called on an axis."""
+
+_MARKERS = "osD^"
+_PANELS = 3
+_SIZE, _ROW = 8.5, 4.6
+_WIDE, _LINE = 5.2, 0.22
+_ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+
+
+def curves_figure(path: File, results: Sequence[Any], title: str, which: int | None = 0) -> pathlib.Path:
+    """Draw the fragility curves of one or two results, a panel for each scene; the first result has its fit drawn too.
+
+    Parameters
+    ----------
+    path : path
+        File to write; the suffix chooses the format.
+    results : sequence of Fragility
+        One or two results on the same scenes, by different engines.
+    title : str
+        Title of the figure.
+    which : int or None
+        Index of the probability: 0 overturning, 1, 2, ... the levels; None draws all of them.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+    """
+    first = results[0]
+    count = len(first.place)
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    shown = range(len(first.names)) if which is None else [which]
+    notes = [first.describe(m, one) for m in range(count) for one in shown]
+    notes += [P_VALUE] * first.tested + _notes(results)
+    size = (_WIDE * columns if columns > 1 else _SIZE, _ROW * rows + _LINE * len(notes) + 0.8)
+    with style.page(path, size, title, notes) as figure:
+        panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
+        for panel in panels[count:]:
+            panel.set_visible(False)
+        for m, axes in enumerate(panels[:count]):
+            _curves(axes, first, m, shown)
+            for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
+                _curve(axes, other, m, shown[0], colour, "x", fit=False)
+            axes.set_title(first.label(m) if count > 1 else "")
+            if m % columns == 0:
+                axes.set_ylabel("probability" if which is None else _event(first, which))
+            axes.legend(loc="best")
+    return path
+
+
+def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathlib.Path:
+    """Draw the probability over the scale and the parameter in which the scenes differ, with the medians of the fits.
+
+    Parameters
+    ----------
+    path, title, which
+        As for `curves_figure`.
+    result : Fragility
+        A result over a parameter.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+    """
+    notes = _notes([result])
+    with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
+        axes = figure.subplots()
+        filled = draw_surface(axes, result, which)
+        axes.legend(**_ABOVE)
+        figure.colorbar(filled, ax=axes, label=_event(result, which))
+    return path
+
+
+def draw_surface(axes, result, which=0):
+    """Draw what `surface_figure` draws on axes, and return the filled contours."""
+    filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
+    medians = np.array([fits[which].median for fits in result.fits])
+    axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
+    axes.set(xlabel="scale of the shaking", ylabel=NAMES.get(result.axis, result.axis))
+    return filled
+
+
+def draw_map(axes, across, up, probability):
+    """Draw probabilities (up, across) over two positive parameters as contours, and return the filled ones."""
+    values = np.clip(probability, 0.0, 1.0)
+    filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
+    lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
+    axes.clabel(lines, fmt="%g")
+    axes.grid(visible=False)
+    logarithmic(axes.set_xscale, axes.xaxis)
+    logarithmic(axes.set_yscale, axes.yaxis)
+    axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
+    return filled
+
+
+def small_figure(result):
+    """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
+
+    def surface(figure, axes):
+        figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
+        axes.legend(**_ABOVE)
+
+    if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
+        return figure_of(surface)
+    shown, count = range(len(result.names)), len(result.place)
+    panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
+    figure = figure_of(*panels)
+    figure.axes[0].set_ylabel("probability")
+    if count > _PANELS:
+        figure.suptitle(f"The first {_PANELS} of {count} curves", fontsize=9)
+    for m, axes in enumerate(figure.axes):
+        axes.set_title(result.label(m) if count > 1 else "")
+        samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
+        axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
+    return figure
+
+
+def _curves(axes, result, m, shown):
+    for one in shown:
+        _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
+    # Set, for there may be no answer at all, and nothing that a logarithmic axis could begin with.
+    axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03), xlabel="scale of the shaking")
+    logarithmic(axes.set_xscale, axes.xaxis)
+
+
+def _curve(axes, result, m, which, colour, marker, *, fit):
+    known = np.isfinite(result.probability[m, which])
+    scale, values = result.scale[known], result.probability[m, which, known]
+    found, label = result.fits[m][which], f"{result.engine}, {result.names[which]}"
+    if fit and not found.reason:
+        fine = np.geomspace(result.scale[0], result.scale[-1], 200)
+        axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
+    if result.deterministic[m]:
+        look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
+        axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
+        return
+    error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
+
+
+def logarithmic(set_scale, axis):
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    set_scale("log")
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
+
+
+def _event(result, which):
+    return "P(overturned)" if which == 0 else f"P(max {result.names[which]})"
+
+
+def _notes(results):
+    first = results[0]
+    shaken = "the forcing and of the noise" if first.noise_scaled else "the forcing alone"
+    notes = [f"Scale: a factor of the acceleration of {shaken}. {_duration(first)}"]
+    for one in results:
+        sampled = one.realizations and not one.deterministic.all()
+        notes.append(f"{one.engine}: {size_of(one)}{', 95 % intervals' if sampled else ''}.")
+    return [*notes, *dict.fromkeys(sentence for one in results for sentence in one.remarks)]
+
+
+def _duration(result):
+    if "cycles" in result.options:
+        return f"Within {result.options['cycles']} forcing cycles."
+    if "times" in result.options:
+        return f"Until τ = {result.options['times'][-1]:g}."
+    return f"Until τ = {SETTLING:g} after the end of the motion."

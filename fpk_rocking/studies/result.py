@@ -1,0 +1,435 @@
+"""The result of `fragility`: probabilities against the scale of the shaking, with their errors and fits."""
+
+import csv
+import dataclasses
+import functools
+import io
+from collections.abc import Iterator
+from typing import Any, Self
+
+import numpy as np
+
+from fpk_rocking.base.types import Array, File
+from fpk_rocking.results import storage
+from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.trust import Trust, trust_of
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.doubts import doubts_of
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, no_fit
+from fpk_rocking.studies.measures import Intensities, intensities
+from montecarlo.results.sample import EXACT_PATH
+
+_LEVEL = 0.95
+"""Confidence of the intervals of the fits."""
+
+_LAYOUT = Layout(
+    {
+        "place": "f8 m",
+        "level": "f8 l",
+        "scale": "f8 n",
+        "probability": "f8 m l+1 n",
+        "error_estimate": "f8 m l+1 n",
+    },
+    {
+        "engine": str,
+        "axis": str,
+        "realizations": int,
+        "noise_scaled": bool,
+        "mixture": bool,
+        "options": dict,
+        "closure": str,
+        "reasons": dict,
+        "wall_s": float,
+    },
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Fragility(Shown):
+    """Fragility curves: the probability of overturning, or of reaching an angle, against the scale of the shaking.
+
+    There are m curves, one for each scene, n scales and l levels, which are angles below that of overturning.
+
+    Parameters
+    ----------
+    scenes : tuple of Scene, (m,)
+        The scenes at scale 1. Of a mixture all of its scenes, while m = 1.
+    axis : str
+        Name of the parameter in which the scenes differ, as `fpk_rocking.studies.scenes.varied` takes it; "scene" for
+        scenes that were given one by one.
+    place : ndarray, shape (m,)
+        Values of this parameter; numbers from 0 for "scene", nan for a mixture.
+    level : ndarray, shape (l,)
+        Levels of the largest |Θ|, in units of θ_cr.
+    scale : ndarray, shape (n,)
+        Factors of the shaking, ascending.
+    probability : ndarray, shape (m, l + 1, n)
+        Probability within the time of the study: [:, 0] that the block overturns, [:, 1:] that |Θ| reaches each level.
+        nan where the engine gave no answer.
+    error_estimate : ndarray, shape (m, l + 1, n)
+        Estimated error of a density; nan for a sample.
+    engine : str
+        "exact", "rk4", "white", "filtered" or "density".
+    realizations : int
+        Number of realizations of each sample; 0 for a density. A deterministic scene has one path whatever the number.
+    noise_scaled : bool
+        Whether the scale multiplies the noise as well.
+    options : dict
+        Cycles, seed and settings of the engine, as given to `fpk_rocking.studies.fragility`.
+    closure : str
+        Which noise replaced that of the scenes, as a sentence; empty where none did.
+    reasons : dict of str to str
+        Why the engine gave no answer, by the indices "scene,level,scale" into `probability`.
+    wall_s : float
+        Seconds that the call took.
+    mixture : bool
+        Whether the one curve is for a motion drawn from the scenes with equal probability (`pooled`).
+    """
+
+    scenes: tuple[Scene, ...]
+    axis: str
+    place: np.ndarray
+    level: np.ndarray
+    scale: np.ndarray
+    probability: np.ndarray
+    error_estimate: np.ndarray
+    engine: str
+    realizations: int
+    noise_scaled: bool
+    options: dict[str, Any]
+    closure: str
+    reasons: dict[str, str]
+    wall_s: float
+    mixture: bool = False
+
+    def __post_init__(self):
+        for name in _LAYOUT.arrays:
+            getattr(self, name).flags.writeable = False
+
+    @property
+    def overturned(self) -> Array:
+        """Probability that the block overturns, shape (m, n)."""
+        return self.probability[:, 0]
+
+    @property
+    def reached(self) -> Array:
+        """Probability that |Θ| reaches each level, shape (m, l, n)."""
+        return self.probability[:, 1:]
+
+    @property
+    def deterministic(self) -> Array:
+        """Whether nothing is random behind a curve, so that each scale has one outcome of each scene, shape (m,)."""
+        found = [scene.deterministic and self.realizations > 0 for scene in self.scenes]
+        return np.array([all(found)] if self.mixture else found)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return limits of the probabilities.
+
+        Parameters
+        ----------
+        level : float
+            Confidence of each interval of a sample, in (0, 1). For a density it has no effect.
+
+        Returns
+        -------
+        ndarray, shape (m, l + 1, n, 2)
+            Wilson's confidence limits of a sample; for a density, its error estimate to either side within [0, 1]; the
+            probability itself where nothing is random.
+        """
+        if self.realizations:
+            limits = wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
+            return np.where(self.deterministic[:, None, None, None], self.probability[..., None], limits)
+        limits = np.stack([self.probability - self.error_estimate, self.probability + self.error_estimate], axis=-1)
+        return np.clip(limits, 0.0, 1.0)
+
+    @functools.cached_property
+    def fits(self) -> list[list[LognormalFit]]:
+        """Lognormal fit of each curve, with 95 % intervals of a sample: a list (m) of lists (l + 1) of `LognormalFit`.
+
+        The outcomes of one deterministic scene are not fitted. A mixture of such scenes is, without intervals: its
+        probabilities are no counts of independent samples.
+        """
+        return [[self._fit(curve, still) for curve in curves] for curves, still in self._curves]
+
+    @property
+    def tested(self) -> bool:
+        """Whether a fit has a p-value."""
+        return any(np.isfinite(fit.p_value) for fits in self.fits for fit in fits)
+
+    @property
+    def _curves(self):
+        return zip(self.probability, self.deterministic, strict=True)
+
+    def _fit(self, curve, deterministic):
+        if deterministic and not self.mixture:
+            return no_fit(_LEVEL, f"deterministic: {_outcomes(self.scale, curve)}")
+        return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None, level=_LEVEL)
+
+    @functools.cached_property
+    def intensities(self) -> list[Intensities]:
+        """Intensity measures of each scene at scale 1, a list (m); they are proportional to the scale.
+
+        Of a mixture those that its scenes have in common, and nan where they differ.
+        """
+        found = [intensities(scene) for scene in self.scenes]
+        return [Intensities(*map(_common, zip(*found, strict=True)))] if self.mixture else found
+
+    @functools.cached_property
+    def pooled(self) -> Self:
+        """Fragility of a motion drawn from the scenes with equal probability: the mean over them, as one scene.
+
+        Its intervals and fits are for a motion drawn from these scenes, not for other motions of their kind; the
+        verdict says how much less is known of those.
+        """
+        if self.mixture:
+            return self
+        mean = self.probability.mean(axis=0, keepdims=True)
+        error = self.error_estimate.mean(axis=0, keepdims=True)
+        return dataclasses.replace(
+            self,
+            axis="scene",
+            place=np.full(1, np.nan),
+            probability=mean,
+            error_estimate=error,
+            # Values of a parameter share random numbers, so together they are no larger sample.
+            realizations=self.realizations * (len(self.scenes) if self.axis == "scene" else 1),
+            reasons={",".join(["0", *place.split(",")[1:]]): reason for place, reason in self.reasons.items()},
+            mixture=True,
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """Labels of the l + 1 probabilities."""
+        return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
+
+    def label(self, scene: int) -> str:
+        """Return a label of a scene: its value of the parameter, the size of its block, or its number.
+
+        Parameters
+        ----------
+        scene : int
+            Number of the scene, from 0.
+
+        Returns
+        -------
+        str
+        """
+        if self.mixture:
+            return f"mean of {len(self.scenes)} scenes"
+        sizes = [one.block.dimensions for one in self.scenes]
+        if self.axis != "scene":
+            return f"{self.axis} {self.place[scene]:.4g}"
+        if None not in sizes and len(set(sizes)) == len(sizes):
+            return f"{sizes[scene].width:.3g} m × {sizes[scene].height:.3g} m"
+        return f"scene {scene}"
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
+        of = [*(getattr(scene.noise, "remark", "") for scene in self.scenes), self.closure]
+        return [*dict.fromkeys(filter(None, of)), *(doubt.sentence for doubt in self._doubts)]
+
+    @functools.cached_property
+    def _doubts(self):
+        return doubts_of(self)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Engine, sizes, and the largest error over the probabilities that have an answer, as plain values by name."""
+        limits = self.interval()
+        own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
+        own = {} if self.deterministic.all() else own
+        own = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
+        tol = {"tol": self.options["tol"]} if "tol" in self.options else {}
+        return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | own | tol
+
+    @functools.cached_property
+    def trust(self) -> Trust:
+        """Verdict with its reasons: "ok", "caution" or "do not use"."""
+        return trust_of(self.facts, self._doubts, EXACT_PATH if self.deterministic.all() else "")
+
+    @property
+    def headline(self) -> str:
+        """Engine, scales and the median of the fit, as a line of text."""
+        count, (low, high) = len(self.place), self.scale[[0, -1]]
+        fit = self.fits[0][0]
+        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if count == 1 and not fit.reason else ""
+        scenes = self.label(0) if self.mixture else f"{count} scene{'s' * (count > 1)}"
+        return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
+
+    def describe(self, scene: int, which: int = 0) -> str:
+        """Return the lognormal fit of a curve as a sentence.
+
+        Parameters
+        ----------
+        scene : int
+            Number of the scene, from 0.
+        which : int
+            Index of the probability: 0 overturning, 1, 2, ... the levels.
+
+        Returns
+        -------
+        str
+        """
+        fit, name = self.fits[scene][which], self.names[which]
+        where = f"{name}, {self.label(scene)}" if len(self.place) > 1 else name
+        if fit.reason:
+            return f"Lognormal ({where}): no fit, {fit.reason}."
+        text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
+        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
+        return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
+
+    def columns(self) -> dict[str, Array]:
+        """Table of `to_csv`: arrays by column name."""
+        rows = list(self.rows())
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Arrays with named dimensions, and their coordinates, for `to_xarray`; overturning has the level inf."""
+        limits, dims = self.interval(), (self.axis, "level", "scale")
+        values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
+        places = {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale}
+        return {name: (dims, one) for name, one in values.items()}, places
+
+    def plot(self) -> Any:
+        """Draw the curves with their fits, or the surface over a parameter; returns a matplotlib figure."""
+        from fpk_rocking.studies.picture import small_figure
+
+        return small_figure(self)
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the rows of `to_csv`, a dict for each probability."""
+        limits, angles = self.interval(), [scene.overturning.angle for scene in self.scenes]
+        angles = [_common(angles)] if self.mixture else angles
+        for m, measure in enumerate(self.intensities):
+            for n, scale in enumerate(self.scale):
+                for which, level in enumerate([angles[m], *self.level]):
+                    low, high = limits[m, which, n]
+                    yield {
+                        self.axis: self.place[m],
+                        "scale": scale,
+                        "level": level,
+                        "event": "overturned" if which == 0 else "reached",
+                        "probability": self.probability[m, which, n],
+                        "low": low,
+                        "high": high,
+                        **{name: scale * value for name, value in measure._asdict().items()},
+                        "reason": self.reasons.get(f"{m},{which},{n}", ""),
+                    }
+
+    def to_csv(self, path: File) -> None:
+        """Write all probabilities, with their limits and the intensity measures of the motion, as a CSV file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write.
+        """
+        rows, text = list(self.rows()), io.StringIO()
+        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+        storage.write_text(path, text.getvalue())
+
+    def summary(self) -> dict[str, Any]:
+        """Return all but the scenes as plain values, for JSON."""
+        return {
+            "engine": self.engine,
+            "realizations": self.realizations,
+            "noise_scaled": self.noise_scaled,
+            "mixture": self.mixture,
+            "deterministic": self.deterministic.tolist(),
+            "options": self.options,
+            "axis": self.axis,
+            "place": _plain(self.place),
+            "scale": self.scale.tolist(),
+            "level": self.level.tolist(),
+            "overturned": _plain(self.overturned),
+            "reached": _plain(self.reached),
+            "interval": _plain(self.interval()),
+            "error_estimate": _plain(self.error_estimate),
+            "fits": [[_plain(fit._asdict()) for fit in row] for row in self.fits],
+            "intensities": [_plain(one._asdict()) for one in self.intensities],
+            "reasons": self.reasons,
+            "trust": self.trust.plain,
+            "remarks": self.remarks,
+            "wall_s": self.wall_s,
+        }
+
+    def save(self, path: File) -> None:
+        """Save the result to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
+        arrays, attributes = _LAYOUT.of(self)
+        scenes = [scene.to_toml() for scene in self.scenes]
+        storage.write_result(path, "fragility", self.scenes[0], arrays, attributes | {"scenes": scenes})
+
+    @classmethod
+    def load(cls, path: File) -> Self:
+        """Load a saved result.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Returns
+        -------
+        Fragility
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
+        layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
+        _, arrays, attributes = storage.read_result(path, "fragility", layout)
+        scenes = attributes.pop("scenes")
+        if len(arrays["place"]) != (1 if attributes["mixture"] else len(scenes)):
+            told = f"{len(scenes)} scenes for {len(arrays['place'])} places"
+            raise ValueError(f"{path}: not the content of a saved result: {told}")
+        try:
+            scenes = tuple(Scene.from_toml(text) for text in scenes)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+        return cls(scenes=scenes, **arrays, **attributes)
+
+
+def _outcomes(scale, curve):
+    """Say at which scales one path overturns, or reaches a level: curve (n,) of 0, 1 and nan."""
+    over = curve == 1.0
+    if not over.any():
+        return f"happens at none of {over.size} scales"
+    always = np.flatnonzero(~over)
+    always = always[-1] + 1 if always.size else 0
+    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
+    return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
+
+
+def _common(values):
+    """Return what all values are, nan where they differ."""
+    return values[0] if all(value == values[0] for value in values) else np.nan
+
+
+def _limits(interval):
+    """Return confidence limits as a text; of what has none an empty one."""
+    return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""
+
+
+def _plain(value):
+    """Return lists in place of arrays and tuples, and None in place of nan."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

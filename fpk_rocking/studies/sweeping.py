@@ -1,0 +1,289 @@
+"""`sweep`: a verb on every scene of a list or a grid, on any workers, kept as it comes."""
+
+import concurrent.futures
+import contextlib
+import csv
+import dataclasses
+import functools
+import importlib.metadata
+import io
+import itertools
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fpk_rocking.base import ahead, checks
+from fpk_rocking.base.types import Array, File, Progress
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, Trust, verdict
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.execution.cells import Cell, seed_of
+from fpk_rocking.studies.execution.store import Store
+from fpk_rocking.studies.execution.workers import rows_of
+from fpk_rocking.studies.scenes import Grid
+from fpk_rocking.studies.verbs import VERBS, tasks_of
+
+_LABELLED = 8
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Shown):
+    """Results of a sweep over scenes, a row for each.
+
+    Parameters
+    ----------
+    rows : tuple of dict
+        For each scene, in order: "cell", its number; "seed" of its random numbers; "digest" of scene and seed;
+        "wall_s", its seconds; "values", what the function returned; and "reason", why it failed, else empty.
+    axes : dict of str to tuple of float
+        Values of the parameters of a grid by name; empty for a list of scenes.
+    wall_s : float
+        Seconds that the call took.
+    """
+
+    rows: tuple[dict[str, Any], ...]
+    axes: dict[str, tuple[float, ...]]
+    wall_s: float
+
+    @property
+    def failed(self) -> tuple[dict[str, Any], ...]:
+        """Rows of the scenes that failed."""
+        return tuple(row for row in self.rows if row["reason"])
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each parameter of a grid; the number of scenes of a list."""
+        return tuple(map(len, self.axes.values())) or (len(self.rows),)
+
+    def values(self, name: str) -> Array:
+        """Return one number of every row, by its name.
+
+        Parameters
+        ----------
+        name : str
+            Name among the values of the rows, such as "survival"; of a list the last entry is taken.
+
+        Returns
+        -------
+        ndarray, shape of the grid or (scenes,)
+            nan where a scene failed.
+
+        Raises
+        ------
+        ValueError
+            No row has such a value.
+        """
+        known = {key for row in self.rows for key in row["values"]}
+        if name not in known:
+            raise ValueError(checks.refusal("name", name, ", ".join(map(repr, sorted(known))) or "none: all failed"))
+        found = (row["values"].get(name, np.nan) for row in self.rows)
+        return np.array([one[-1] if isinstance(one, list) else one for one in found], float).reshape(self.shape)
+
+    def to_csv(self, path: File) -> None:
+        """Write the rows as a CSV file: number, seed, parameters, values that are one number or text, reason.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write.
+        """
+        names, text = self._names(), io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(["cell", "seed", *self.axes, *names, "wall_s", "reason"])
+        for row in self.rows:
+            own = (row["values"].get(name, "") for name in names)
+            table.writerow([row["cell"], row["seed"], *self._parameters(row), *own, row["wall_s"], row["reason"]])
+        write_text(path, text.getvalue())
+
+    def _names(self):
+        """Names of the values that are one number or text."""
+        return list(
+            dict.fromkeys(
+                key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
+            )
+        )
+
+    def _parameters(self, row):
+        return Grid((), self.axes).parameters(row["cell"]).values() if self.axes else ()
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Numbers of scenes, of those that failed and of those with each verdict, by name."""
+        told = [row["values"].get("trust") for row in self.rows]
+        counts = {name: told.count(name) for name in VERDICTS if name in told}
+        return {"scenes": len(self.rows), "failed": len(self.failed)} | counts | {"wall_s": self.wall_s}
+
+    @functools.cached_property
+    def trust(self) -> Trust:
+        """The worst verdict of its scenes; "caution" where one failed or has none, "do not use" where all failed."""
+        found, count = [], len(self.rows)
+        if self.failed:
+            sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
+            found.append(Doubt(CAUTION if len(self.failed) < count else UNUSABLE, sentence, "failed"))
+        unjudged = count - len(self.failed) - sum(self.facts.get(name, 0) for name in VERDICTS)
+        if unjudged:
+            sentence = f'{unjudged} of {count} scenes have no verdict: their function returned none as "trust".'
+            found.append(Doubt(CAUTION, sentence, "unjudged"))
+        for weight in (CAUTION, UNUSABLE):
+            name = VERDICTS[weight]
+            if name in self.facts:
+                found.append(Doubt(weight, f'{self.facts[name]} of {count} scenes have the verdict "{name}".', name))
+        judged = self.facts.get(VERDICTS[0], 0)
+        return verdict(found, f'{judged} of {count} scenes have the verdict "{VERDICTS[0]}".')
+
+    @property
+    def headline(self) -> str:
+        """Number of scenes, parameters and failures, as a line of text."""
+        over = " × ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
+        return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
+
+    def columns(self) -> dict[str, Array]:
+        """Table of `to_csv`: arrays by column name."""
+        found = {"cell": [row["cell"] for row in self.rows]}
+        found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
+        found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}
+        found |= {name: [row[name] for row in self.rows] for name in ("wall_s", "reason")}
+        return {name: np.array(values) for name, values in found.items()}
+
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """All numbers among the values over the axes of the grid, or over the scenes of a list, for `to_xarray`."""
+        dims = tuple(self.axes) or ("cell",)
+        return {name: (dims, self.values(name)) for name in self._numbers()}, dict(self.axes)
+
+    def _numbers(self):
+        found = {key: value for row in self.rows for key, value in row["values"].items()}
+        last = {name: value[-1] if isinstance(value, list) and value else value for name, value in found.items()}
+        return [name for name, value in last.items() if isinstance(value, int | float)]
+
+    def plot(self, name: str | None = None) -> Any:
+        """Draw one of the values over the first parameter, with a line for each combination of the others.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the value, as `values` takes it; by default the first.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from fpk_rocking.results.pictures import figure_of
+
+        name = name or next(iter(self._numbers()), "")
+        values = self.values(name) if name else np.full(self.shape, np.nan)
+        first, *others = self.axes.items() or [("scene", range(len(self.rows)))]
+
+        def panel(_, axes):
+            lines = values.reshape(len(first[1]), -1).T
+            for line, place in zip(lines, itertools.product(*(given for _, given in others)), strict=True):
+                label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
+                axes.plot(first[1], line, marker="o", markersize=4.0, label=label or None)
+            axes.set(xlabel=first[0], ylabel=name)
+            if others and len(lines) <= _LABELLED:
+                axes.legend(fontsize=8)
+
+        return figure_of(panel)
+
+
+def sweep(
+    scenes: Sequence[Scene] | Grid,
+    verb: str | Callable[..., dict[str, Any]] = "mc",
+    *,
+    workers: int | concurrent.futures.Executor = 1,
+    seed: int = 1,
+    store: File | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Sweep:
+    """Run Monte Carlo, the density solver, or a function of your own on many scenes.
+
+    The result is the same to the last bit for any number of workers: the random numbers of a scene depend on `seed` and
+    on its number in the sweep alone.
+
+    Parameters
+    ----------
+    scenes : sequence of Scene, or Grid
+        The scenes, such as those of `fpk_rocking.studies.grid`.
+    verb : str or callable
+        "mc" for `montecarlo.simulate`; "fpk" for `fpk_rocking.solve_fpk`; or a function that is called as
+        ``verb(scene, seed=seed, **options)`` and returns a dict of numbers, texts and lists. Return only what you need
+        of a result: rows are sent over the network and stored. Worker processes have to be able to import the function.
+    workers : int or concurrent.futures.Executor
+        1 runs one scene after the other, each on all processors. A larger number starts as many processes, each on one
+        processor. An executor, such as that of a Dask cluster (``client.get_executor()``), runs one scene on each of
+        its processors. "mc" and "fpk" are compiled before the workers start.
+    seed : int
+        Seed of the random numbers, at least 0.
+    store : path, optional
+        Text file that keeps the rows as they come, by custom with the suffix .jsonl. Where it exists, the sweep goes on
+        from it: scenes may have been added at the end, all else has to be the same. A scene that failed is not run
+        again.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after each row. An exception that it raises ends the sweep.
+    **options
+        Passed on: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes `cycles`
+        or `times`, `tol`, `bins_tol` (inf, as rows hold survival alone) and `closure`.
+
+    Returns
+    -------
+    Sweep
+        A scene that fails, or that ends its worker process, has a row with the reason.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, or the store belongs to another sweep.
+    """
+    scenes, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
+    scenes = checked_scenes("scenes", scenes)
+    seed = checks.count("seed", seed, at_least=0)
+    function = VERBS.get(verb, verb) if isinstance(verb, str) else verb
+    if not callable(function):
+        raise ValueError(checks.refusal("verb", verb, f"{', '.join(map(repr, VERBS))}, or a function"))
+    cells = [Cell(number, scene, seed_of(seed, number)) for number, scene in enumerate(scenes)]
+    started = time.perf_counter()
+    rows = run(function, cells, options, workers=workers, store=store, progress=progress)
+    return Sweep(rows, axes, time.perf_counter() - started)
+
+
+def checked_scenes(name, scenes):
+    """Return a tuple of scenes, at least one."""
+    accepted = "one or more scenes"
+    scenes = checks.sequence(name, scenes, accepted)
+    if not scenes:
+        raise ValueError(checks.refusal(name, scenes, accepted))
+    return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))
+
+
+def run(verb, cells, options, *, workers, store=None, progress=None):
+    """Run a verb on cells, or take their rows from a store; parameters as in `sweep`.
+
+    Returns
+    -------
+    tuple of dict
+        Rows in the order of the cells.
+    """
+    if not isinstance(workers, concurrent.futures.Executor):
+        workers = checks.count("workers", workers)
+    checks.report(progress)
+    about = {
+        "verb": f"{verb.__module__}.{getattr(verb, '__qualname__', type(verb).__qualname__)}",
+        "options": options,
+        "version": importlib.metadata.version("fpk-rocking"),
+    }
+    kept = Store(store, about, cells)
+    left = [cell for cell in cells if cell.number not in kept.rows]
+    if progress is not None:
+        progress(len(kept.rows), len(cells))
+    if left and workers != 1:
+        for task in tasks_of(verb, left, options):
+            ahead.ready(task)
+    with kept.appending() as add, contextlib.closing(rows_of(verb, left, options, workers)) as rows:
+        for row in rows:
+            add(row)
+            if progress is not None:
+                progress(len(kept.rows), len(cells))
+    return tuple(kept.rows[cell.number] for cell in cells)

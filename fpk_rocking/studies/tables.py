@@ -1,0 +1,59 @@
+"""Fragility curves as a table on standard output."""
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from fpk_rocking.output.tables import told
+from fpk_rocking.studies.lognormal import P_VALUE
+
+__all__ = ["fragility_table", "size_of"]
+
+
+def size_of(result):
+    """Return how many paths are behind each probability, as a text."""
+    mean = f"{result.label(0)}, " * result.mixture
+    if result.deterministic.all():
+        return f"{mean}one path a point"
+    return mean + (f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates")
+
+
+def fragility_table(result):
+    """Return title, table and closing sentences for the probabilities at each scale, for `output.tables.show`.
+
+    Parameters
+    ----------
+    result : Fragility
+
+    Returns
+    -------
+    title : str
+    table : rich.table.Table
+    sentences : tuple of str
+        The verdict, the fits, notes on the columns, the seconds, and the remarks.
+    """
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    many, still = len(result.place) > 1, result.deterministic
+    for name in ([result.axis] if many else []) + ["scale", "p PGV / (g tan θ_cr)"]:
+        table.add_column(name, justify="right")
+    limits = result.interval()
+    for name in result.names:
+        table.add_column(name, justify="right")
+        if not still.all():
+            table.add_column("95 %" if result.realizations else "± estimate", justify="center")
+    for m, place in enumerate(result.place):
+        for n, scale in enumerate(result.scale):
+            velocity = scale * result.intensities[m].relative_velocity
+            cells = [f"{place:g}"] * many + [f"{scale:.4g}", f"{velocity:.3f}" if np.isfinite(velocity) else "-"]
+            for which in range(len(result.names)):
+                value, (low, high) = result.probability[m, which, n], limits[m, which, n]
+                error = "exact" if still[m] else f"{low:.4f}–{high:.4f}"
+                shown = [f"{value:z.4f}", error] if np.isfinite(value) else ["-", "-"]
+                cells += shown[: 1 if still.all() else 2]
+            table.add_row(*cells)
+        table.add_section()
+    title = f"Fragility by {result.engine}, {size_of(result)}"
+    fits = [result.describe(m, which) for m in range(len(result.place)) for which in range(len(result.names))]
+    notes = [P_VALUE] if result.tested else []
+    notes.append("p PGV / (g tan θ_cr): peak velocity of the shaking without noise, nondimensional.")
+    return title, table, told(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)

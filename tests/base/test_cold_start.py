@@ -1,0 +1,232 @@
+"""The first answer on a new machine: what is compiled, by whom, and what a command loads."""
+
+import importlib
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from fpk_rocking.base import ahead, jit
+from montecarlo.engines.running import ENGINES
+
+ROOT = pathlib.Path(__file__).parents[2]
+CLI = (sys.executable, "-m", "fpk_rocking.cli")
+
+SCENE = """
+block.restitution = 0.5
+forcing = { amplitude = 4.6, frequency = 2.7, phase = 3.14 }
+noise = { kind = "band", variance = 0.04, band = [0.0, 10.0], harmonics = 10 }
+start = { angle = 0.0, velocity = 0.0 }
+overturning.angle = 1.5707963267948966
+"""
+
+TOUCH = """
+import sys
+from numba.core.dispatcher import Dispatcher
+
+compile_for, touched = Dispatcher.compile, []
+
+def noted(self, signature):
+    touched.append(f"{self.py_func.__module__}.{self.py_func.__qualname__}")
+    return compile_for(self, signature)
+
+Dispatcher.compile = noted
+from fpk_rocking import cli
+from fpk_rocking.base import ahead
+
+ahead.perform(sys.argv[1])
+assert touched, "the task is at work with no kernel"
+touched.clear()
+cli.main(sys.argv[2:])
+sys.stderr.write(f"compiled or loaded {touched}")
+"""
+"""A task, and then a command: which kernels the command asks for that the task has not."""
+
+COUNT = """
+import sys
+from fpk_rocking import cli
+from numba.core import event
+
+with event.install_recorder("numba:compile") as seen:
+    cli.main(sys.argv[1:])
+names = [data.data["dispatcher"].py_func.__name__ for _, data in seen.buffer]
+sys.stderr.write(f"compiled {names}")
+"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return str(path)
+
+
+def run(command, cache, check=True):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    return subprocess.run(command, check=check, env=environment, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("asked", ["--version", "--help"])
+def test_what_the_command_line_is_loads_nothing_heavy(asked):
+    heavy = ("numpy", "numba", "scipy", "matplotlib", "skfem", "rich", "fpk_rocking.scene")
+    code = f"""
+import sys
+from fpk_rocking import cli
+try:
+    cli.main([{asked!r}])
+except SystemExit as end:
+    assert end.code == 0
+sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stderr.strip() == "[]"
+    assert "fpk-rocking" in done.stdout
+
+
+def test_a_density_loads_no_library_that_it_does_not_use(scene):
+    heavy = ("scipy.ndimage", "scipy.stats", "matplotlib", "skfem", "rich", "meshio")
+    code = f"""
+import sys
+from fpk_rocking import load_scene, solve_fpk
+solve_fpk(load_scene({scene!r}), cycles=1, tol=1e-2)
+sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
+    assert done.stderr.splitlines()[-1] == "[]"
+
+
+WHITE = "montecarlo.ahead:white"
+
+
+def test_every_engine_and_every_call_has_its_task():
+    named = {f"montecarlo.ahead:{method}" for method in ENGINES}
+    for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
+        named.update(re.findall(r'ahead\.before\("([\w.:]+)"', path.read_text(encoding="utf-8")))
+    assert named <= set(ahead.TASKS)
+    for task in ahead.TASKS:
+        module, name = task.split(":")
+        assert callable(getattr(importlib.import_module(module), name))
+
+
+@pytest.mark.parametrize(
+    ("task", "asked"),
+    [
+        ("fpk_rocking.density.ahead:solve", ["fpk", "--no-check", "--cycles", "4"]),
+        (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
+        ("montecarlo.ahead:exact", ["mc", "--method", "exact", "--cycles", "2"]),
+        ("montecarlo.ahead:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
+    ],
+)
+def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
+    """In one process, which asks for every kernel and signature once, be it on the disk or not."""
+    command = [sys.executable, "-c", TOUCH, task, asked[0], scene, *asked[1:]]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+    assert done.stderr == "compiled or loaded []"
+
+
+@pytest.mark.slow
+def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
+    """Else a helper works in vain: what it has compiled must be what the solver calls."""
+    code = "from fpk_rocking.base import ahead; ahead.perform('fpk_rocking.density.ahead:flight')"
+    run([sys.executable, "-c", code], tmp_path)
+    done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
+    compiled = done.stderr.rpartition("compiled ")[2]
+    assert "deposit" in compiled
+    for name in ("shear_angle", "shear_velocity", "finish_rows", "fill_blocks", "to_values", "landing_range"):
+        assert repr(name) not in compiled
+
+
+def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
+    """As many at once as would collide: each answers, and the kernel is compiled once."""
+    code = """
+import sys
+from fpk_rocking.physics.contact import chatter_time
+print(chatter_time(0.25, 0.0, 0.0), sum(chatter_time.stats.cache_misses.values()))
+"""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    where = {"env": environment, "stdout": subprocess.PIPE, "text": True}
+    runs = [subprocess.Popen([sys.executable, "-c", code], **where) for _ in range(4)]
+    answers = [run.communicate(timeout=120)[0].split() for run in runs]
+    assert {answer[0] for answer in answers} == {"0.5"}
+    assert sorted(answer[1] for answer in answers) == ["0", "0", "0", "1"]
+
+
+@pytest.mark.parametrize("rounds", [1, pytest.param(20, marks=pytest.mark.slow)])
+def test_two_cold_commands_side_by_side_on_one_cache_answer(rounds, scene, tmp_path):
+    """The first of them says that it compiles; a third, later, has nothing to say."""
+    asked = [*CLI, "mc", scene, "--method", "white", "--cycles", "1", "--realizations", "9", "--json"]
+    says = f"compiling machine code for this machine, once: about {ahead.TASKS[WHITE]} s\n"
+    for k in range(rounds):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(k))}
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        both = [subprocess.Popen(asked, env=environment, **pipes) for _ in range(2)]
+        answers = [one.communicate(timeout=300) for one in both]
+        assert [one.returncode for one in both] == [0, 0], answers
+        later = run(asked, tmp_path / str(k))
+        assert {said for _, said in answers} <= {says, ""}
+        assert (says in (said for _, said in answers), later.stderr) == (True, "")
+        printed = [*(out for out, _ in answers), later.stdout]
+        assert len({json.dumps(json.loads(out)["survival"]) for out in printed}) == 1
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupted_warmup_ends_at_once_with_its_helpers(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    warmup = subprocess.Popen([*CLI, "warmup"], env=environment, **pipes)
+    # Helpers hold the locks of the kernels that they compile.
+    while not list(tmp_path.rglob("*.lock")) and warmup.poll() is None:
+        time.sleep(0.05)
+    warmup.send_signal(signal.SIGINT)
+    begin = time.monotonic()
+    out, err = warmup.communicate(timeout=60)
+    assert (warmup.returncode, out) == (130, "")
+    assert err.splitlines()[-1] == "fpk-rocking: interrupted; files written so far are whole"
+    assert time.monotonic() - begin < 5.0
+
+
+def test_warmup_runs_all_tasks_and_says_which_failed(monkeypatch, capsys):
+    from fpk_rocking import cli
+
+    monkeypatch.setattr(ahead, "TASKS", {"json:dumps": 1, "fpk_rocking.base.checks:nothing": 1})
+    assert cli.main(["warmup"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("compiling machine code for this machine: about")
+    assert sum(line.startswith("fpk-rocking warmup: not compiled: ") for line in said) == 2
+    assert said[-1].startswith("fpk-rocking warmup: 2 of 2 parts were not compiled")
+
+
+def test_kernels_give_the_same_where_each_is_compiled_apart(tmp_path):
+    """As with a numba whose libraries cannot be extended."""
+    code = """
+from fpk_rocking.base import jit
+from fpk_rocking.physics.contact import chatter_time
+print(jit.WHOLE, chatter_time(0.25, 0.3, 0.7))
+"""
+    answers = []
+    for apart in ({}, {"FPK_ROCKING_COMPILE_APART": "1"}):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(len(answers)))} | apart
+        done = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+        answers.append(done.stdout.split())
+    assert [answer[0] for answer in answers] == ["True", "False"]
+    assert answers[0][1] == answers[1][1]
+
+
+def test_a_kernel_that_another_calls_can_be_called_from_python_too():
+    @jit.kernel
+    def inner(x):
+        return 2.0 * x
+
+    @jit.kernel
+    def outer(x):
+        return inner(x) + 1.0
+
+    assert outer(3.0) == 7.0
+    assert inner(3.0) == 6.0
+    assert outer(3) == 7.0

@@ -1,0 +1,77 @@
+"""The cases of fragility, re-run coarse, and the examples of docs/fragility.md.
+
+Seeds are fixed. The bound of a difference of two probabilities is 4.5 standard errors, a false alarm of 7e-6 each for
+another seed.
+"""
+
+import pathlib
+import re
+
+import numpy as np
+import pytest
+from test_cases_montecarlo import written
+
+DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "fragility.md"
+
+
+def test_blocks(case, tmp_path, monkeypatch):
+    """Paths and density under the same white noise, in the first two seconds of the motion."""
+    module = case("fragility_of_blocks")
+    monkeypatch.setattr(module, "END", module.BEGIN + 2.0)
+    scales = {"bookcase": (0.6, 0.7, 0.8)}
+    values = module.run(tmp_path, blocks=("bookcase",), scales=scales, realizations=400, tol=5e-2)
+    block = values["blocks"]["bookcase"]
+    paths, density = (np.array(block[engine]["overturned"][0]) for engine in ("white", "density"))
+    assert (paths.shape, density.shape) == ((3,), (2,))
+    apart, estimate = paths[::2] - density, np.array(block["density"]["error_estimate"])[0, 0]
+    assert np.all(np.abs(apart) < 4.5 * np.sqrt(density * (1.0 - density) / 400) + estimate)
+    told = block["largest_difference"]
+    assert abs(told["difference"]) == np.abs(apart).max()
+    assert told["interval"][0] < told["difference"] < told["interval"][1]
+    assert written(tmp_path, "blocks", values)
+
+
+def test_surface(case, tmp_path):
+    coarse = {
+        "sizes": (0.4, 1.0, 2.0),
+        "slendernesses": (3.0, 5.0, 8.0),
+        "scales": (0.7, 1.5, 4.0),
+        "realizations": 300,
+    }
+    values = case("fragility_surface").run(tmp_path, **coarse)
+    overturned, spread = np.array(values["overturned"]), 4.5 * np.sqrt(2.0 * 0.25 / 300)
+    # Larger blocks stand better, slender ones worse.
+    assert np.all(np.diff(overturned, axis=0) < spread)
+    assert np.all(np.diff(overturned, axis=1) > -spread)
+    assert np.ptp(overturned) > 0.9
+    assert written(tmp_path, "surface", values)
+
+
+def test_examples_of_the_document(tmp_path, monkeypatch, capsys):
+    """They write the files that the page names."""
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    for text in blocks:
+        exec(compile(text.replace("4.0, 20)", "4.0, 5)"), DOCUMENT, "exec"), {})
+    assert {path.name for path in tmp_path.iterdir()} == {"rack.csv", "rack.npz"}
+    assert "Lognormal (overturned): " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["fragility_of_blocks", "fragility_surface"])
+def test_command_lines_of_the_cases(case, name, monkeypatch):
+    """Every option of a command line reaches the case."""
+    module, asked = case(name), {}
+
+    def run(out, **options):
+        asked.update(out=str(out), **options)
+        return {key: {"engine": "", "axis": "", "wall_s": 0.0, "fits": [], "place": []} for key in KEYS} | {
+            "blocks": {}
+        }
+
+    monkeypatch.setattr(module, "run", run)
+    monkeypatch.setattr("sys.argv", [name, "--out", "folder", "--realizations", "7", "--seed", "3"])
+    assert module.main() == 0
+    assert (asked["out"], asked["realizations"], asked["seed"]) == ("folder", 7, 3)
+
+
+KEYS = "paths", "density", "by_size", "by_slenderness"

@@ -1,0 +1,188 @@
+"""Every option of the command line acts: the numbers are those of the call with it, and others than without it."""
+
+import contextlib
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+from fpk_rocking import cli, solve_fpk
+from fpk_rocking.compare import compare
+from fpk_rocking.density import solver
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.scene import BandNoise, Block, Forcing, Pulse, Scene, WhiteNoise
+from fpk_rocking.studies import Fragility, curves, fragility
+from montecarlo import Ensemble, Tally, simulate
+
+PERIODIC = Scene(Block(0.5), Forcing(5.2, 2.7, math.pi), BandNoise(0.09, (0.0, 10.0), 100))
+ENDING = Scene(Block(0.8), Pulse("one-sine", 2.0, 2.5), WhiteNoise(0.03))
+SAMPLED = {"cycles": 2, "realizations": 200, "seed": 1, "method": "rk4", "steps_per_cycle": 40}
+SOLVED = {"cycles": 1, "tol": 0.03, "bins_tol": math.inf}
+SCALED = {"scales": "0.9,1.1", "cycles": 3, "realizations": 200, "seed": 1}
+ELSEWHERE = {"help", "version", "out", "report", "json", "checkpoint"}
+"""Options that test_cli.py, test_report.py and test_checkpoint.py try."""
+
+
+def asked(options):
+    """Words of the command line for options by name; True stands for one without a value."""
+    for name, value in options.items():
+        yield f"--{name.replace('_', '-')}"
+        if value is not True:
+            yield from map(str, value if isinstance(value, list) else [value])
+
+
+@pytest.fixture
+def run(tmp_path):
+    """What a command prints as JSON, and what it saves, by its words and options."""
+
+    def command(name, scene, **options):
+        (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+        words = name, str(tmp_path / "scene.toml"), *asked(options), "--json", "--out", str(tmp_path / "out")
+        out, err = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            status = cli.main(list(words))
+        assert status == 0, err.getvalue()
+        return json.loads(out.getvalue()), tmp_path / "out" / "result.npz"
+
+    return command
+
+
+def test_no_option_is_left_out():
+    """A new one belongs into a test below."""
+    commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
+    known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
+    tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
+    assert known - ELSEWHERE == tried | {"times", "tally", "closure", "scales", "workers", "no_check"}
+
+
+OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cycle", 60), ("method", "exact")]
+
+
+@pytest.mark.parametrize(("option", "value"), OF_SAMPLES)
+def test_options_of_samples(run, option, value):
+    found = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {option: value})[1])
+    direct, plain = simulate(PERIODIC, **SAMPLED | {option: value}), simulate(PERIODIC, **SAMPLED)
+    assert np.array_equal(found.angle, direct.angle, equal_nan=True)
+    assert not np.array_equal(found.angle, plain.angle, equal_nan=True)
+
+
+@pytest.mark.parametrize("method", ["white", "filtered"])
+def test_methods_that_replace_the_noise(run, method):
+    found = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {"method": method})[1])
+    direct = simulate(getattr(PERIODIC, f"{method}_equivalent")(), **SAMPLED | {"method": method})
+    assert np.array_equal(found.angle, direct.angle, equal_nan=True)
+
+
+def test_times_and_tallies(run):
+    own = {"realizations": 200, "times": [0.7, 3.1, 4.0]}
+    found = Ensemble.load(run("mc", ENDING, **own)[1])
+    assert found.times.tolist() == [0.0, 0.7, 3.1, 4.0]
+    assert np.array_equal(found.angle, simulate(ENDING, **own).angle, equal_nan=True)
+    values, path = run("mc", ENDING, **own, tally=True)
+    assert Tally.load(path).counts.times.tolist() == [0.0, 0.7, 3.1, 4.0]
+    assert values["survival"] == found.survival.tolist()
+
+
+OF_DENSITIES = [("tol", 5e-3), ("bins_tol", 3e-3), ("cycles", 2)]
+
+
+@pytest.fixture(scope="module")
+def solved():
+    return solve_fpk(PERIODIC, **SOLVED)
+
+
+@pytest.mark.parametrize(("option", "value"), OF_DENSITIES)
+def test_options_of_densities(run, solved, option, value):
+    found = Evolution.load(run("fpk", PERIODIC, **SOLVED | {option: value}, no_check=True)[1])
+    direct = solve_fpk(PERIODIC, **SOLVED | {option: value})
+    assert np.array_equal(found.coefficients, direct.coefficients)
+    assert found.coefficients.shape != solved.coefficients.shape
+
+
+def test_the_check_of_replaced_noise_can_be_left_out(run):
+    checked, plain = (run("fpk", PERIODIC, **SOLVED, **option)[0] for option in ({}, {"no_check": True}))
+    assert checked["survival"] == plain["survival"]
+    assert checked["replacement"]["difference"][1][0] != 0.0
+    assert "replacement" not in plain
+    assert plain["trust"]["reasons"][0].startswith("Replaced, not checked")
+    assert not checked["trust"]["reasons"][0].startswith("Replaced, not checked")
+
+
+def test_the_closure_reaches_the_solver(monkeypatch, run):
+    seen = []
+    monkeypatch.setattr(solver, "NodePropagator", lambda scene, *_: seen.append(scene.noise) or 1 / 0)
+    with pytest.raises(AssertionError, match="division by zero"):
+        run("fpk", PERIODIC, **SOLVED, closure="filtered")
+    assert seen == [PERIODIC.filtered_equivalent().noise]
+
+
+def test_times_reach_the_solver(monkeypatch, run):
+    seen = []
+    monkeypatch.setattr("fpk_rocking.density.solve_fpk", lambda *_, times, **__: seen.append(times) or 1 / 0)
+    with pytest.raises(AssertionError, match="division by zero"):
+        run("fpk", ENDING, times=[0.5, 2.5])
+    assert seen == [[0.5, 2.5]]
+
+
+def test_options_of_both_engines(run, solved):
+    """Each engine gets its own, and both get the cycles."""
+    both = {"cycles": 1, "seed": 7}
+    values, _ = run("compare", PERIODIC, **SAMPLED | SOLVED | both)
+    direct = compare(simulate(PERIODIC, **SAMPLED | both), solved)
+    assert values["survival"] == direct.survival.tolist()
+    assert values["l1"] == direct.l1.tolist()
+
+
+def curve(scene=PERIODIC, scales=(0.9, 1.1), **options):
+    return fragility(scene, scale=scales, **{name: options[name] for name in options if name != "scales"})
+
+
+OF_CURVES = [
+    ("cycles", 4, {"cycles": 4}),
+    ("realizations", 300, {"realizations": 300}),
+    ("seed", 2, {"seed": 2}),
+    ("engine", "white", {"engine": "white"}),
+    ("levels", "0.8,1.2", {"levels": (0.8, 1.2)}),
+    ("over", "noise.variance=0.01,0.2", {"over": {"noise.variance": (0.01, 0.2)}}),
+    ("keep_noise", True, {"scale_noise": False}),
+    ("tol", 0.03, {"tol": 0.03}),
+    ("store", "rows.jsonl", {}),
+]
+UNSCALED = {name: value for name, value in SCALED.items() if name != "scales"}
+
+
+@pytest.mark.parametrize(("option", "value", "meant"), OF_CURVES)
+def test_options_of_curves(run, tmp_path, option, value, meant):
+    base, own = (SCALED, UNSCALED)
+    if option == "tol":
+        base, own = ({"scales": "0.9,1.1", "cycles": 1, "engine": "density"}, {"cycles": 1, "engine": "density"})
+    value = tmp_path / value if option == "store" else value
+    found = Fragility.load(run("fragility", PERIODIC, **base | {option: value})[1])
+    assert np.array_equal(found.probability, curve(**own | meant).probability)
+    if option == "store":
+        assert len((tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 3
+    else:
+        assert not np.array_equal(found.probability, curve(**own).probability)
+
+
+def test_scales_and_times_of_curves(run):
+    """LOW:HIGH:COUNT is spaced evenly in the logarithm; a block that falls after the last time does not count."""
+    found = Fragility.load(run("fragility", PERIODIC, **SCALED | {"scales": "0.5:2:3"})[1])
+    assert found.scale == pytest.approx([0.5, 1.0, 2.0])
+    early, late = (
+        Fragility.load(run("fragility", ENDING, scales="1", realizations=200, times=times)[1]).probability
+        for times in ([2.5], [9.0])
+    )
+    direct = [fragility(ENDING, scale=[1.0], realizations=200, times=times).probability for times in ([2.5], [9.0])]
+    assert [early, late] == direct
+    assert early < late
+
+
+def test_workers_reach_the_sweep(monkeypatch, run):
+    seen = []
+    monkeypatch.setattr(curves, "run", lambda *_, workers, **__: seen.append(workers) or 1 / 0)
+    with pytest.raises(AssertionError, match="division by zero"):
+        run("fragility", PERIODIC, **SCALED, workers=3)
+    assert seen == [3]

@@ -1,0 +1,136 @@
+"""How `solve_fpk` holds itself to a tolerance: its estimate, its refinement, what it says when memory ends that."""
+
+import dataclasses
+import math
+import pathlib
+import types
+
+import numpy as np
+import pytest
+
+from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.density import refinement, solver
+from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.propagator import Propagator
+from fpk_rocking.density.refinement import safe_difference
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.scene import Forcing, Start, WhiteNoise
+
+MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml").white_equivalent()
+
+
+def grid_of(scene, resolution, cycles=10):
+    """The grid that `solve_fpk` uses."""
+    return resolution.of(scene, velocity_bound(scene, scene.noise.diffusion), motion_of(scene, cycles))
+
+
+@pytest.mark.parametrize(
+    ("before", "last", "bins", "lost", "expected"),
+    [
+        (1e-3, 4e-4, 1e-3, 0.0, 1.4 * 4e-4),  # the last difference rules
+        (1e-3, 2e-4, 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
+        (1e-2, 2e-4, 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
+        (1e-6, 1e-6, 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
+        (1e-6, 1e-6, 1e-6, -3e-3, 3e-3),  # what was lost is an error
+    ],
+)
+def test_estimate_from_three_solutions(before, last, bins, lost, expected):
+    gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
+    level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None))
+    found = solver.Solved.error(level, safe_difference(before, last), bins)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
+    """Where nearly all overturns it is that of the first cycle, however many follow."""
+    scene = MAIN.varied(forcing={"amplitude": 6.0})
+    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
+    monkeypatch.setattr(solver, "motion_of", lambda white, _: motion_of(white, 3))  # one mesh for both
+    first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
+    assert last.survival[3] < 0.1
+    assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
+
+
+def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
+    """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
+    monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
+    found = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
+    cells = [grid_of(MAIN, resolution, 1).cells[0] for resolution in RESOLUTIONS]
+    assert cells.index(found.settings["angle_cells"]) > 2
+    assert found.error_estimate <= 1e-3
+    assert found.bins_error_estimate <= 5e-3
+
+
+def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
+    for wrong in (0.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match=r"^bins_tol: got "):
+            solve_fpk(MAIN, cycles=1, tol=1e-2, bins_tol=wrong)
+    left_out, wanted = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 5e-3))
+    assert left_out.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+    assert left_out.bins_error_estimate > 5e-3 >= wanted.bins_error_estimate
+
+
+def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
+    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
+    monkeypatch.setattr(refinement, "USUAL", {1e-4: 2})
+    with pytest.warns(
+        RuntimeWarning, match=r"not within the tolerance: estimated error .* in survival \(1.0e-04 wanted\)"
+    ) as caught:
+        found = solve_fpk(MAIN, cycles=2, tol=1e-4)
+    assert caught[0].filename == __file__
+    assert found.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+
+
+@pytest.mark.slow
+def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
+    """At rest under weak forcing and weak noise: a layer far below the cells."""
+    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
+    with pytest.raises(ValueError, match=r"scene: got a density .*negative mass .*diffusion 0.00628.*Monte"):
+        solve_fpk(dataclasses.replace(MAIN, forcing=Forcing(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
+
+
+def test_a_gaussian_that_its_window_does_not_resolve_is_refused():
+    start = Start(0.3, 0.0, ((0.09, 0.089973), (0.089973, 0.09)))
+    with pytest.raises(ValueError, match=r"start.covariance: got .*, accepted: a wider Gaussian"):
+        solve_fpk(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)
+
+
+def test_meshes_and_steps_follow_what_the_block_does():
+    """Fine cells where the pilot saw the motion, growing ones up to the bounds; short steps where blocks rest."""
+
+    def scene(amplitude, frequency, diffusion):
+        forcing = dataclasses.replace(MAIN.forcing, amplitude=amplitude, frequency=frequency)
+        return dataclasses.replace(MAIN, forcing=forcing, noise=WhiteNoise(diffusion))
+
+    whole, small, slow = (
+        grid_of(one, RESOLUTIONS[2]) for one in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
+    )
+    assert whole.steps == 12
+    assert slow.steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
+    motion = motion_of(scene(2.8, 9.5, 0.002), 10)
+    assert motion.angle < 0.2
+    for lines, usual in ((small.angle_lines, motion.angle), (small.velocity_lines, motion.velocity)):
+        assert usual in lines
+        sizes = np.diff(lines[lines >= 0.0])
+        assert np.all(np.diff(sizes) > -1e-12)
+        assert (sizes[1:] / sizes[:-1])[-4:] == pytest.approx(1.3, rel=0.05)
+    assert small.angle_lines[-1] == MAIN.overturning.angle
+    assert np.diff(small.angle_lines).min() < 0.05 * np.diff(whole.angle_lines).min()
+
+
+def test_what_is_not_covered_is_little_and_counted_as_lost():
+    """A run that covers all cells from the start, against one that covers what holds something."""
+    grid, found = grid_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
+    for negligible in (0.0, 1e-8):
+        run = Propagator(MAIN, grid, negligible)
+        departure = Departure(run.dynamics, MAIN.start, grid.windows, MAIN.period)
+        found.append(run.evolve(2, departure))
+        covered = np.mean([step.trace.active.mean() for step in run.leg])
+    whole, part = found
+    assert covered < 0.6
+    assert 0.0 < abs(part.gone[2, 2] - whole.gone[2, 2]) < 1e-5
+    assert np.abs(part.inside - whole.inside).max() < 1e-5
+    assert part.inside + part.gone.sum(axis=1) == pytest.approx(np.ones(3), abs=1e-13)

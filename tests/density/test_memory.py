@@ -1,0 +1,303 @@
+"""The density under filtered noise: the filter at nodes, held noise, starts, rest, limits, and sampled paths."""
+
+import dataclasses
+import importlib.util
+import math
+import pathlib
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from fpk_rocking import Block, FilteredNoise, Forcing, Scene, Start, WhiteNoise, load_scene, solve_fpk
+from fpk_rocking.density import solver
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.memory.nodes import Nodes
+from fpk_rocking.density.memory.propagator import NodePropagator
+from fpk_rocking.density.memory.resolution import NodeGrid, node_grid
+from fpk_rocking.density.memory.start import Flight
+from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.refinement import bins_tolerance
+from fpk_rocking.density.refusals import warn_unresolved
+from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.output.summary import result_summary
+from fpk_rocking.physics import filters
+from fpk_rocking.results.remarks import remarks
+from montecarlo import simulate
+
+SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
+NOISES = (
+    FilteredNoise("exponential", 0.03, 2.0),
+    FilteredNoise("low-pass", 0.04, 6.0, 0.7),
+    FilteredNoise("kanai-tajimi", 0.05, 4.0, 0.5),
+)
+KINDS = pytest.mark.parametrize("noise", NOISES, ids=lambda noise: noise.filter)
+MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), FilteredNoise("exponential", 0.04, 6.25))
+EDGES = np.linspace(-1.6, 1.6, 9), np.linspace(-4.0, 4.0, 9)
+
+
+def grid_of(scene, number, nodes, steps, points=8):
+    white = scene.white_equivalent()
+    plane = RESOLUTIONS[number].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, 4))
+    return NodeGrid(plane, nodes, points, even_marks(scene, steps))
+
+
+def even_marks(scene, steps):
+    legs = 2 if scene.forcing.half_antisymmetric else 1
+    return np.linspace(0.0, 1.0 / legs, steps // legs + 1)
+
+
+@KINDS
+def test_mixing_keeps_mass_and_has_the_law_of_the_filter(noise):
+    nodes, lag = Nodes(noise, (7, 6)), 0.13
+    mixing, weights = nodes.mixing(lag), nodes.weights.ravel()
+    assert mixing.sum(axis=0) == pytest.approx(np.ones(len(weights)), abs=1e-12)
+    assert mixing @ weights == pytest.approx(weights, abs=1e-13)
+    eta = np.repeat(nodes.values, nodes.weights.shape[1])
+    later, joint = np.linalg.matrix_power(mixing, 3), filters.autocovariance(noise, 3 * lag)
+    assert eta @ later @ (eta * weights) == pytest.approx(joint, abs=1e-12)
+    # Fourth moment of a Gaussian pair (Isserlis).
+    assert eta**2 @ later @ (eta**2 * weights) == pytest.approx(noise.variance**2 + 2.0 * joint**2, abs=1e-12)
+
+
+@KINDS
+def test_held_noise_has_the_melnikov_variance(noise):
+    nodes, step = Nodes(noise, (2, 2)), 0.3
+    factor = nodes.held(step)
+
+    def weighed(lag):
+        place = abs(lag) / step
+        low, part = math.floor(place), place - math.floor(place)
+        held = [filters.autocovariance(noise, k * step) for k in (low, low + 1)]
+        return ((1.0 - part) * held[0] + part * held[1]) * (1.0 + abs(lag)) * math.exp(-abs(lag))
+
+    found = sum(2.0 * integrate.quad(weighed, k * step, (k + 1) * step)[0] for k in range(130))
+    assert factor**2 * found == pytest.approx(filters.melnikov_variance(noise), rel=1e-9)
+
+
+@KINDS
+def test_a_flight_has_the_covariance_of_its_noise(noise):
+    scene, time = MAIN.varied(noise=noise), 0.7
+    run = NodePropagator(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
+    flight = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics)
+    _, found = flight.at(time)
+    for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
+        wanted = integrate.dblquad(
+            lambda s, t, first=kernels[0], second=kernels[1]: (
+                first(time - s) * second(time - t) * filters.autocovariance(noise, s - t)
+            ),
+            0.0,
+            time,
+            0.0,
+            time,
+            epsabs=1e-6,
+        )[0]
+        assert found[i, j] == pytest.approx(wanted, rel=1e-4)
+    assert found[2:, 2:] == pytest.approx(np.eye(len(found) - 2), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("noise", "nodes"), [(MAIN.noise, (8,)), (NOISES[1], (6, 6)), (NOISES[2], (6, 6))], ids=lambda part: str(part)[:30]
+)
+def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
+    """One false alarm in a thousand or fewer: 3.5 standard errors at four cycles, and a tolerance of the mesh."""
+    scene, paths, cycles = MAIN.varied(noise=noise), 40_000, 4
+    run = NodePropagator(scene, grid_of(scene, 1, nodes, 12), 1e-8)
+    found = run.evolve(cycles)
+    sample = simulate(scene, cycles=cycles, realizations=paths, seed=3)
+    error = np.sqrt(sample.survival * (1.0 - sample.survival) / paths)
+    assert np.all(np.abs(found.inside - sample.survival) <= 3.5 * error + 3e-3)
+    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    assert np.abs(found.gone[:, 2]).max() < 1e-5
+    bins, sampled = (
+        run.space.bin_integrals(found.coefficients, *EDGES)[cycles],
+        sample.bin_probabilities(cycles, *EDGES),
+    )
+    floor = np.sqrt(2.0 / math.pi * sampled / paths).sum()
+    assert np.abs(bins - sampled).sum() < 1.3 * floor + 0.01
+
+
+def test_fast_noise_is_white_noise():
+    """At a fixed diffusion the difference from white noise falls with the correlation time, in first order."""
+    white = MAIN.varied(noise=WhiteNoise(0.00628))
+    wanted = solve_fpk(white, cycles=4, tol=1e-2).survival[4]
+    differences, frequencies = [], np.array([5.0, 10.0, 1000.0])
+    for frequency in frequencies:
+        variance = 0.00628 * (1.0 + frequency) ** 2 / (2.0 + frequency)
+        scene = MAIN.varied(noise=FilteredNoise("exponential", variance, frequency))
+        assert scene.white_equivalent().noise.diffusion == pytest.approx(0.00628)
+        run = NodePropagator(scene, grid_of(scene, 2, (6,), 16), 1e-8)
+        differences.append(run.evolve(4).inside[4] - wanted)
+    assert abs(differences[2]) < 1.5e-3
+    first, second = np.array(differences[:2]) - differences[2]
+    assert first > second > 0.5e-3
+
+
+def test_slow_noise_is_a_mixture_over_constant_forces():
+    """A noise that hardly changes: each node moves as under its own constant force."""
+    start = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
+    scene = MAIN.varied(noise=FilteredNoise("exponential", 0.04, 1e-3), start=start)
+    found = NodePropagator(scene, grid_of(scene, 1, (16,), 12), 1e-8).evolve(2).inside[2]
+    sample = simulate(scene, cycles=2, realizations=20_000, seed=5).survival[2]
+    assert found == pytest.approx(sample, abs=3.5 * math.sqrt(sample * (1.0 - sample) / 20_000) + 0.01)
+
+
+def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
+    """It was solved for minutes before, wrong by .03 and more, and refused in the end for its negative mass."""
+    scene = Scene(Block(0.6), Forcing(3.0, 2.7, math.pi), FilteredNoise("exponential", 0.03, 0.1))
+    monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
+    with pytest.raises(ValueError, match=r"noise.frequency: got 0.1, accepted: at least about 0.17 .* Monte Carlo"):
+        solve_fpk(scene, cycles=1)
+    with pytest.raises(ValueError, match=r"noise.frequency: got 0.001, accepted: at least about 0.17 "):
+        solve_fpk(scene.varied(noise=FilteredNoise("exponential", 0.03, 1e-3)), cycles=1)
+    wide = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
+    smooth = scene.varied(noise=FilteredNoise("low-pass", 0.03, 1.5, 0.7))
+    with pytest.raises(ValueError, match=r"noise.frequency: got 1.5, accepted: at least about 1.6 "):
+        solve_fpk(smooth, cycles=1)
+    for answered in (scene.varied(noise=FilteredNoise("exponential", 0.03, 0.2)), scene.varied(start=wide)):
+        with pytest.raises(ZeroDivisionError):
+            solve_fpk(answered, cycles=1)
+
+
+def test_noise_that_is_not_refused_as_slow_is_answered():
+    """One false alarm in a thousand or fewer: 3.5 standard errors at two cycles, and the tolerance."""
+    scene, paths = (
+        MAIN.varied(forcing=Forcing(3.0, 2.7, math.pi), noise=FilteredNoise("exponential", 0.03, 0.4)),
+        40_000,
+    )
+    found = solve_fpk(scene, cycles=2, tol=1e-2, bins_tol=math.inf)
+    sample = simulate(scene, cycles=2, realizations=paths, seed=4)
+    error = np.sqrt(sample.survival * (1.0 - sample.survival) / paths)
+    assert np.all(np.abs(found.survival - sample.survival) <= 3.5 * error + 1e-2)
+    assert found.error_estimate <= 1e-2
+
+
+@pytest.fixture(scope="module")
+def resting():
+    """A block that nothing lifts off."""
+    return solve_fpk(Scene(Block(0.8), Forcing(0.3, 2.0), FilteredNoise("exponential", 1e-4, 3.0)), cycles=1, tol=1e-2)
+
+
+def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
+    assert resting.at_rest == pytest.approx(np.ones(2), abs=1e-12)
+    assert resting.survival == pytest.approx(np.ones(2), abs=1e-12)
+    assert resting.atom
+    assert resting.bin_probabilities(1, *EDGES)[4, 4] == pytest.approx(1.0, abs=1e-12)
+    resting.save(tmp_path / "rest.npz")
+    again = Evolution.load(tmp_path / "rest.npz")
+    assert again.atom
+    assert np.array_equal(again.at_rest, resting.at_rest)
+
+
+def test_rest_that_is_not_resolved_is_told(resting):
+    wanted = bins_tolerance(1e-2)
+    below, above = (dataclasses.replace(resting, rest_error_estimate=part * wanted) for part in (0.9, 1.1))
+    assert list(remarks(below)) == result_summary(below)["remarks"] == []
+    assert list(remarks(above)) == result_summary(above)["remarks"] == [above.unresolved]
+    assert result_summary(above)["rest_error_estimate"] == above.rest_error_estimate
+    with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.037"):
+        warn_unresolved(above, wanted, stacklevel=1)
+
+
+LIFTED = Scene(Block(0.5), Forcing(0.8, 1.5), FilteredNoise("exponential", 0.04, 2.0))
+"""Blocks that are lifted off now and then."""
+
+
+def test_rest_and_motion_add_up_on_a_coarse_mesh():
+    """Of 20,000 paths about as much rests: within .03, ten of their standard errors."""
+    run = NodePropagator(LIFTED, node_grid(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
+    found = run.evolve(1)
+    assert run.space.masses(found.coefficients[1]).sum() == pytest.approx(found.inside[1] - found.at_rest[1], abs=1e-9)
+    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    at_rest, survival = sampled_rest()
+    assert found.at_rest[1] == pytest.approx(at_rest, abs=0.03)
+    assert np.all(np.abs(found.inside - survival) <= 1e-2)
+
+
+def sampled_rest():
+    """Of 20,000 paths of `LIFTED`: part at rest after a cycle, and survival."""
+    sample = simulate(LIFTED, cycles=1, realizations=20_000, seed=2)
+    at_rest = np.mean((sample.angle[:, 1] == 0.0) & (sample.velocity[:, 1] == 0.0))
+    assert 0.05 < at_rest < 0.95
+    return at_rest, sample.survival
+
+
+@pytest.mark.slow
+def test_rest_and_motion_add_up():
+    """What rests is beside the density; of paths as much does, within the estimate."""
+    with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.03"):
+        found = solve_fpk(LIFTED, cycles=1, tol=1e-2, bins_tol=0.02)
+    assert found.rest_error_estimate < bins_tolerance(1e-2)
+    assert found.mass_defect < 1e-12
+    assert found.bin_probabilities(1, *EDGES).sum() == pytest.approx(found.survival[1], abs=1e-9)
+    assert found.space.masses(found.coefficients[1]).sum() == pytest.approx(
+        found.survival[1] - found.at_rest[1], abs=1e-9
+    )
+    at_rest, survival = sampled_rest()
+    assert np.all(np.abs(found.survival - survival) <= 1e-2)
+    assert found.at_rest[1] == pytest.approx(at_rest, abs=found.rest_error_estimate + 0.01)
+
+
+def test_steps_shorten_to_the_end_of_a_cycle_where_blocks_may_rest():
+    resting, moving = (grid_with_rest(Forcing(amplitude, 2.7, math.pi)) for amplitude in (0.9, 3.0))
+    assert moving.marks == pytest.approx(np.linspace(0.0, 0.5, len(moving.marks)), abs=1e-15)
+    steps = np.diff(resting.marks)
+    assert resting.marks[[0, -1]] == pytest.approx([0.0, 0.5], abs=1e-15)
+    assert np.all(np.diff(steps) < 1e-15)
+    assert steps[-1] < 0.2 * steps[0]
+    # A block falling back at the speed of the finest cell rests within the last step.
+    speed, period = resting.plane.velocity_lines[resting.plane.velocity_lines > 0.0][0], 2.0 * math.pi / 2.7
+    assert 2.0 * speed / (1.0 - MAIN.block.restitution) < 1.01 * steps[-1] * period
+
+
+def grid_with_rest(forcing):
+    scene = MAIN.varied(forcing=forcing)
+    return node_grid(scene, grid_of(scene, 1, (1,), 4).plane, 2)
+
+
+def test_blocks_come_to_rest():
+    """After a push under a constant force of next to nothing every block ends at rest."""
+    scene = Scene(Block(0.3), Forcing(0.2, 1.0), FilteredNoise("exponential", 1e-4, 1.0), Start(0.0, 0.5))
+    run = NodePropagator(scene, grid_of(scene, 1, (3,), 32), 1e-9)
+    found = run.evolve(1)
+    assert found.at_rest[0] == 0.0
+    assert found.at_rest[1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
+    band = load_scene(SCENES / "main.toml")
+    seen = []
+    monkeypatch.setattr(solver, "NodePropagator", lambda scene, *_: seen.append(scene.noise) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        solve_fpk(band, cycles=1, tol=1e-2, closure="filtered")
+    assert seen == [band.filtered_equivalent().noise]
+    with pytest.raises(ValueError, match="closure: got 'pink', accepted: 'white' or 'filtered'"):
+        solve_fpk(band, cycles=1, closure="pink")
+
+
+def test_memory_is_known_before_the_work():
+    scene = MAIN.varied(noise=NOISES[1])
+    grid = node_grid(scene, grid_of(scene, 1, (1,), 4).plane, 1)
+    run = NodePropagator(scene, grid, 1e-8)
+    run.evolve(1)
+    assert 0.2 < run.memory / grid.memory < 1.1
+    with pytest.raises(ValueError, match=r"scene: got a mesh .* bytes, accepted: up to 4e\+09"):
+        solve_fpk(scene.varied(noise=FilteredNoise("low-pass", 0.04, 3000.0, 0.01)), cycles=1)
+
+
+def test_a_case_looks_into_a_density():
+    spec = importlib.util.spec_from_file_location("rest", SCENES.parent / "rest.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.STEPS = 16
+    scene = load_scene(module.SCENE).filtered_equivalent()
+    found = module.look_inside(scene, 0)
+    resting, noise = np.array(found["resting"]), np.array(found["noise"])
+    assert found["times"][0] == 0.0
+    assert found["times"][-1] == 1.0
+    assert resting.shape == (len(found["times"]), len(noise))
+    # At the end of the second cycle the force is -A: under these values of the noise nothing rests.
+    assert resting[-1][noise < -0.3] == pytest.approx(0.0, abs=1e-12)
+    assert resting[-1][noise > 0.3].min() > 0.3
+    assert np.array(found["angles"]).shape == (len(noise), len(module.ANGLE_EDGES) - 1)

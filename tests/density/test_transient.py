@@ -1,0 +1,239 @@
+"""The density solver under pulses and envelopes, against paths of white noise and exact flights."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from flight_moments import flight_moments
+
+from fpk_rocking import (
+    Block,
+    Dimensions,
+    Evolution,
+    Forcing,
+    Pulse,
+    Record,
+    Scene,
+    Start,
+    Trapezoid,
+    WhiteNoise,
+    solve_fpk,
+)
+from fpk_rocking.density import solver
+from fpk_rocking.density.passage import Passage
+from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.rest import Hold, resting
+from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.density.step.step import FAINTEST, Dynamics
+from montecarlo import simulate
+
+SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)
+SHAKEN = Scene(
+    Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.45), WhiteNoise(0.004, Trapezoid(1.0, 8.0, 4.0))
+)
+PULSED = Scene(Block(0.8), Pulse("one-cosine", 2.6, 3.0), WhiteNoise(0.02))
+
+
+def at_resolution(number, scene, times):
+    """Space and densities of one of the solutions of `solve_fpk` at tol = 1e-2, without those that tell its error."""
+    times = np.append(0.0, times)
+    grid = solver._grids(scene, scene, motion_of(scene, times), 1e-2)[number]
+    run = Passage(scene, grid, 1e-2 * solver.NEGLIGIBLE, times[-1])
+    return run.space, run.evolve(times)
+
+
+def test_a_pulse_agrees_with_paths(tmp_path):
+    # False alarms: 1e-3 for the 4 times together.
+    times, size = [0.5, 1.0, PULSED.forcing.duration, PULSED.forcing.duration + 6.0], 40_000
+    found = solve_fpk(PULSED, times=times, tol=1e-2)
+    paths = simulate(PULSED, times=times, realizations=size, seed=3)
+    assert found.times.tolist() == [0.0, *times]
+    assert found.cycles is None
+    error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
+    assert (np.abs(found.survival - paths.survival) <= found.error_estimate + error).all()
+    assert 0.1 < found.survival[-1] < 0.5
+    assert np.abs(found.overturned[-1] - paths.overturned[-1]).max() < 0.01
+    assert found.mass_defect < 1e-12
+    assert found.lost[-1] < 1e-4
+    edges = np.linspace(-1.6, 1.6, 9), np.linspace(-9.0, 9.0, 9)
+    assert found.bin_probabilities(3, *edges).sum() == pytest.approx(found.survival[3], abs=1e-6)
+    found.save(tmp_path / "density.npz")
+    again = Evolution.load(tmp_path / "density.npz")
+    assert again.scene == PULSED
+    assert again.times.tobytes() == found.times.tobytes()
+
+
+def test_a_flight_under_an_envelope_has_the_exact_moments():
+    # Steps have the mean of D: second order in them, about 1e-3 of the covariance here.
+    start = Start(0.9, -0.2, ((0.002, 0.0), (0.0, 0.003)))
+    noise = WhiteNoise(0.004, Trapezoid(0.4, 0.3, 0.4))
+    scene = Scene(Block(0.8), Pulse("one-sine", 0.6, 3.0), noise, start)
+    times = np.array([0.25, 0.6])
+    found = solve_fpk(scene, times=times, tol=1e-2)
+    mean, gathered = flight_moments(scene, times, None)
+    for k, time in enumerate(times):
+        flow = np.array([[np.cosh(time), np.sinh(time)], [np.sinh(time), np.cosh(time)]])
+        covariance = gathered[k] + flow @ np.array(start.covariance) @ flow.T
+        assert found.at(k + 1).mean == pytest.approx(mean[k], abs=2e-5)
+        assert found.at(k + 1).covariance == pytest.approx(covariance, abs=5e-3 * np.abs(covariance).max())
+
+
+def test_dynamics_have_the_diffusion_of_a_step():
+    noise = WhiteNoise(0.004, Trapezoid(1.0, 1.0, 1.0))
+    dynamics = Dynamics.of(Scene(Block(0.8), Forcing(1.0, 2.0), noise))
+    assert dynamics.during(1.2, 0.3).diffusion == pytest.approx(0.004, rel=1e-12)
+    assert dynamics.during(0.0, 0.3).diffusion == pytest.approx(0.004 * 0.03, rel=1e-12)
+    assert dynamics.during(5.0, 0.3).diffusion == pytest.approx(0.004 * FAINTEST)
+    assert dynamics.covariance(0.0, 0.6)[2] < dynamics.covariance(1.1, 0.6)[2]
+
+
+def test_blocks_that_come_to_rest_after_a_record_are_held_there():
+    # Steps over a layer at rest that no mesh resolves let a signed density grow without bound.
+    # False alarms: 1e-3 for the 3 times together.
+    end, size = SHAKEN.forcing.duration, 4_000
+    times = np.array([0.6 * end, end, end + 5.0, end + 60.0])
+    space, found = at_resolution(0, SHAKEN, times)
+    paths = simulate(SHAKEN, times=times[:3], realizations=size, seed=4)
+    error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
+    assert (np.abs(found.inside[:4] - paths.survival) <= 1e-2 + error).all()
+    assert 0.1 < found.inside[-1] < 0.9
+    assert found.coefficients[-1] == pytest.approx(found.inside[-1] * resting(space), abs=1e-12)
+    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    assert space.negative_mass(found.coefficients[-1]) == 0.0
+
+
+def test_a_record_that_never_stirs_a_block_leaves_it_at_rest():
+    scene = SHAKEN.varied(forcing={"scale": 0.05}, noise={"diffusion": 0.001})
+    found = solve_fpk(scene, tol=1e-2)
+    assert (found.survival == 1.0).all()
+    assert found.at_rest[1:] == pytest.approx(1.0, abs=1e-12)
+
+
+def hold(noise, memory, amplitude=0.9, restitution=0.8):
+    """Hold of a block under two periods of a sine of period 20."""
+    scene = Scene(Block(restitution), Pulse("n-sine", amplitude, 0.1 * np.pi, 2), noise)
+    return Hold(Dynamics.of(scene), 45.0, memory)
+
+
+def test_a_block_is_held_until_it_would_remember_it_at_the_lift_off():
+    """The rate 9 (1 - e²)² (1 - f²)² / (256 D), integrated here by Simpson's rule."""
+    diffusion, memory, lift_off = 4e-4, 3.0, 20.0 / (2.0 * np.pi) * np.arcsin(1.0 / 1.3)
+
+    def forgotten(begin):
+        times = np.linspace(begin, lift_off, 2001)
+        rate = 9.0 * 0.36**2 * (1.0 - (1.3 * np.sin(0.1 * np.pi * times)) ** 2) ** 2 / (256.0 * diffusion)
+        return (times[1] - times[0]) / 3.0 * (rate[0] + 4.0 * rate[1::2].sum() + 2.0 * rate[2:-1:2].sum() + rate[-1])
+
+    one = hold(WhiteNoise(diffusion), memory, 1.3)
+    assert one.lift_off(0.0) == pytest.approx(lift_off, abs=0.02)
+    assert memory <= forgotten(one.until(0.0)) < memory + 0.25
+    assert hold(WhiteNoise(diffusion), 2.0 * memory, 1.3).until(0.0) < one.until(0.0) - 0.1
+    assert one.until(lift_off + 0.05) == pytest.approx(lift_off + 0.05)
+
+
+def test_a_block_is_held_only_where_its_layer_is_thin():
+    # Scale of the speeds 4 D / (3 (1 - e²)(1 - f²)): at most an eighth of .1, here D = .00216 at f = .6, and at most
+    # (1 - f) / 25, here D = .000205 at f = .9.
+    for amplitude, diffusion in ((0.6, 2.16e-3), (0.9, 2.05e-4)):
+        assert hold(WhiteNoise(0.98 * diffusion), 1.0, amplitude).until(0.0) == np.inf
+        assert hold(WhiteNoise(1.02 * diffusion), 1.0, amplitude).until(0.0) < 5.0
+    assert hold(WhiteNoise(0.02), 1.0).until(41.0) == 41.0
+    assert hold(WhiteNoise(0.02, Trapezoid(0.0, 30.0, 1.0)), 1.0).until(41.0) == np.inf
+
+
+def test_what_still_hops_long_before_a_lift_off_stops_and_what_hops_just_before_it_does_not():
+    space = Space(np.linspace(-0.004, 0.004, 17), np.linspace(-0.1, 0.1, 21), 2)
+    one = hold(WhiteNoise(1e-6), 1.0, 1.3)
+    lift_off = one.lift_off(0.0)
+    assert one.stopped(0.0, space).all()
+    assert one.stopped(lift_off + 10.0, space).sum() < space.areas.size
+    early, late = (one.stopped(lift_off - before, space).sum() for before in (2.0, 1.2))
+    assert 4 < late < early < space.areas.size
+    assert one.stopped(lift_off - 0.04, space).sum() == 4
+
+
+def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
+    noise = WhiteNoise(0.01, Trapezoid(2.0, 3.0, 4.0))
+    scene = Scene(Block(0.8), Pulse("one-sine", 1.3, 0.5), noise)
+    times, origin = np.array([0.0, 12.0]), 1.3
+    run = Passage(scene, solver._grids(scene, scene, motion_of(scene, times), 1e-2)[0], 1e-8, times[-1])
+    late = run._release(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).departure.dynamics
+    for time in (0.0, 0.9, 3.0):
+        assert late.forcing.value(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
+        strength = run.dynamics.during(origin + time, 0.1).diffusion
+        assert late.during(time, 0.1).diffusion == pytest.approx(strength, rel=1e-12)
+        assert late.covariance(time, 0.4) == pytest.approx(run.dynamics.covariance(origin + time, 0.4), rel=1e-12)
+
+
+def test_the_estimate_is_four_times_as_large_where_blocks_rested_and_were_lifted_off():
+    space = Space(np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5), 1)
+    found = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)))
+    edges = [np.linspace(-1.0, 1.0, 4)] * 2
+    for released, error in ((0.0, 1e-3), (0.9e-3, 1e-3), (1.1e-3, 4e-3)):
+        level = solver.Solved(SimpleNamespace(space=space), found._replace(released=released), edges)
+        assert level.error(1e-3, 0.0) == pytest.approx(error)
+
+
+def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():
+    noise = WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))
+    _, found = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
+    assert 0.1 < found.released <= 1.0
+    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.3, 0.8), WhiteNoise(1e-5)), [1.5])
+    assert found.released == 0.0
+
+
+FROM_REST = {
+    "noise that rises in a long flight": (
+        Scene(Block(0.93), Pulse("one-cosine", 4.13, 0.635), WhiteNoise(0.019, Trapezoid(3.85, 0.07, 1.75))),
+        [0.98, 1.0],
+        1,
+        3e-3,
+    ),
+    "thick layer": (
+        Scene(Block(0.845), Pulse("antisymmetric-ricker", 1.2866, 1.3232), WhiteNoise(0.035385)),
+        [11.5, 12.5, 17.0],
+        0,
+        3e-3,
+    ),
+    "atom after the noise": (
+        Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))),
+        [8.0, 14.0],
+        1,
+        1e-2,
+    ),
+    "record with a silent begin": (
+        Scene(
+            Block(None, Dimensions(0.5, 1.8)),
+            Record(0.01, np.append(np.zeros(150), 0.45 * np.sin(0.08 * np.arange(200))), "g"),
+            WhiteNoise(0.02, Trapezoid(6.0, 8.0, 4.0)),
+        ),
+        [7.0, 12.0],
+        0,
+        3e-3,
+    ),
+}
+"""Scene, times, number of the resolution, and what it is right to within, as finer ones tell."""
+
+
+@pytest.mark.parametrize("name", FROM_REST)
+def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
+    """Survival off by .03 to 1 where a block at rest was left there until |f| = .5, and by .03 where a long flight had
+    the mean of D; false alarms 1e-3 a scene.
+    """
+    (scene, times, number, within), size = FROM_REST[name], 10_000
+    _, found = at_resolution(number, scene, times)
+    paths = simulate(scene, times=times, realizations=size, seed=6)
+    error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
+    assert (np.abs(found.inside - paths.survival) <= within + error).all()
+    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+
+
+def test_a_start_is_carried_on_windows_past_the_time_within_which_a_mesh_should_take_over():
+    # A record that overturns a block at once leaves no step at which the mesh resolves the density.
+    dynamics, target = Dynamics.of(PULSED), Space(np.linspace(-1.57, 1.57, 9), np.linspace(-4.0, 4.0, 9), 2)
+    departure = Departure(dynamics, PULSED.start, RESOLUTIONS[0].windows, 0.1)
+    coefficients, gone = departure.land(0.2, target)
+    assert target.masses(coefficients).sum() + gone.sum() == pytest.approx(1.0, abs=1e-12)

@@ -1,0 +1,397 @@
+"""A result of every kind, made of arrays that no two readings can share: rows, sides, limits and scenes all differ.
+
+Beside a result stand the columns and grids that it has to give, from these arrays and by other formulas than its own.
+"""
+
+import functools
+import itertools
+import math
+import types
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpk_rocking import BandNoise, Block, CycleOperator, Forcing, Pulse, Scene, WhiteNoise
+from fpk_rocking.compare import compare
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.realizations import RealizationAverage
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.horizon.plane import PlaneMap
+from fpk_rocking.results import distances
+from fpk_rocking.results.binning import joint_edges, shown_edges
+from fpk_rocking.studies import Fragility, Sweep
+from montecarlo import Ensemble, Histories, Splitting, Tally
+from montecarlo.results.counts import PARTS, Counts
+
+CYCLES, PATHS = 150, 400
+MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+WHITE = MAIN.varied(noise=WhiteNoise(0.006))
+PULSE = WHITE.varied(forcing=Pulse("one-sine", 1.5, 1.1))
+WHOLE = MAIN.period * np.arange(CYCLES + 1)
+UNEVEN = np.append(0.0, np.cumsum(np.random.default_rng(0).uniform(0.01, 0.2, CYCLES)))
+SPACE = Space(np.array([-1.6, -0.7, 0.0, 0.4, 1.6]), np.array([-3.0, -1.1, 0.0, 0.8, 3.2]), 1)
+
+
+class Made(NamedTuple):
+    """A result; what `columns` has to return; and what `grids` has to: (dimensions, array) by name, and coordinates."""
+
+    result: Any
+    columns: dict
+    variables: dict
+    places: dict
+
+
+def wilson(share, size):
+    """Wilson's limits (n, 2) at 95 %: the roots c of (share - c)² = z² c (1 - c)/size."""
+    z = 1.959963984540054**2 / size
+    roots = [np.sort(np.roots([1.0 + z, -2.0 * p - z, p * p]).real) for p in share]
+    return np.array(
+        [[0.0 if p == 0.0 else low, 1.0 if p == 1.0 else high] for p, (low, high) in zip(share, roots, strict=True)]
+    )
+
+
+def _survival_grids(result, times, survival, overturned, limits=None):
+    edges = result.bin_edges
+    bins = np.stack([result.bin_probabilities(row, *edges) for row in range(len(times))])
+    variables = {
+        "survival": (("time",), survival),
+        "overturned": (("time", "side"), overturned),
+        "bin_probability": (("time", "bin_angle", "bin_velocity"), bins),
+    }
+    middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
+    places = {"time": times, "side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
+    if limits is not None:
+        variables["survival_interval"], places["limit"] = (("time", "limit"), limits), ["low", "high"]
+    return variables, places
+
+
+def _survival_columns(scene, times, survival, overturned, limits=None):
+    columns = {} if scene.period is None else {"cycle": np.arange(len(times))}
+    columns |= {"time": times, "survival": survival}
+    if limits is not None:
+        columns |= {"survival_low": limits[:, 0], "survival_high": limits[:, 1]}
+    return columns | {"overturned_left": overturned[:, 0], "overturned_right": overturned[:, 1]}
+
+
+def evolution(scene=MAIN, times=WHOLE, seed=1, **settings):
+    rng, rows = np.random.default_rng(seed), len(times)
+    overturned = np.cumsum(rng.uniform(0.2, 1.0, (rows, 2)) * [0.6, 0.15] / rows, axis=0)
+    overturned -= overturned[0]
+    lost = 1e-7 * np.sqrt(np.arange(rows))
+    survival = 1.0 - overturned.sum(axis=1) - lost
+    at_rest = survival * rng.uniform(0.1, 0.3, rows)
+    coefficients = np.zeros((rows, *SPACE.shape))
+    masses = rng.uniform(0.5, 1.5, (rows, *SPACE.areas.shape))
+    masses *= ((survival - at_rest * ("nodes" in settings)) / masses.sum(axis=(1, 2)))[:, None, None]
+    coefficients[..., 0, 0] = masses / SPACE.areas
+    coefficients[..., 0, 1] = 0.3 * coefficients[..., 0, 0] * rng.uniform(-1.0, 1.0, masses.shape)
+    result = Evolution(
+        scene=scene,
+        diffusion=0.00628,
+        closure="White noise stands for the band." * (scene.noise.kind == "band"),
+        tol=1e-3,
+        times=times,
+        survival=survival,
+        overturned=overturned,
+        lost=lost,
+        at_rest=at_rest,
+        error_estimate=4e-4,
+        bins_error_estimate=3e-3,
+        rest_error_estimate=2e-3,
+        mass_defect=1e-15,
+        negative_mass=5e-4,
+        moving_negative_mass=0.5 * 5e-4,
+        wall_s=1.5,
+        settings=settings,
+        coefficients=coefficients,
+        space=SPACE,
+    )
+    columns = _survival_columns(scene, times, survival, overturned) | {"lost": lost, "at_rest": at_rest}
+    return Made(result, columns, *_survival_grids(result, times, survival, overturned))
+
+
+def average():
+    parts, weights = [evolution(WHITE, seed=seed) for seed in (2, 3, 4)], np.array([0.2, 0.5, 0.3])
+    result = RealizationAverage(MAIN, np.array([0.004, 0.006, 0.009]), weights, tuple(one.result for one in parts))
+    survival, left, right = (
+        sum(weight * one.columns[name] for weight, one in zip(weights, parts, strict=True))
+        for name in ("survival", "overturned_left", "overturned_right")
+    )
+    overturned = np.stack([left, right], axis=1)
+    columns = _survival_columns(MAIN, WHOLE, survival, overturned)
+    return Made(result, columns, *_survival_grids(result, WHOLE, survival, overturned))
+
+
+def _paths(times, seed, paths=PATHS):
+    """States (paths, rows), nan after overturning, and the times and sides of that; three in four go left."""
+    rng, rows = np.random.default_rng(seed), len(times)
+    ends = rng.uniform(0.0, 1.4 * times[-1], paths)
+    side = np.where(ends > times[-1], 0, np.where(rng.random(paths) < 0.75, -1, 1)).astype("i1")
+    angle, velocity = rng.uniform(-1.0, 1.4, (paths, rows)), rng.normal(0.3, 0.8, (paths, rows))
+    for states in (angle, velocity):
+        states[times >= ends[:, None]] = math.nan
+    ends[side == 0] = math.nan
+    return angle, velocity, ends, side
+
+
+def ensemble(scene=MAIN, times=WHOLE, seed=5, method="rk4"):
+    angle, velocity, ends, side = _paths(times, seed)
+    result = Ensemble(scene, method, seed, 200, 2.5, times, angle, velocity, ends, side)
+    gone = np.array([[np.sum((ends <= time) & (side == one)) for one in (-1, 1)] for time in times]) / PATHS
+    survival = 1.0 - gone.sum(axis=1)
+    limits = wilson(survival, PATHS)
+    variables, places = _survival_grids(result, times, survival, gone, limits)
+    variables |= {"angle": (("realization", "time"), angle), "velocity": (("realization", "time"), velocity)}
+    variables |= {"overturn_time": (("realization",), ends), "overturn_side": (("realization",), side)}
+    return Made(result, _survival_columns(scene, times, survival, gone, limits), variables, places)
+
+
+def tally():
+    rng, (angles, velocities) = np.random.default_rng(7), joint_edges(MAIN)
+    passages = rng.integers(0, [5, 2], (PARTS * CYCLES + 1, 2))
+    passages[0] = 0
+    gone = np.array([passages[: PARTS * k + 1].sum(axis=0) for k in range(CYCLES + 1)])
+    size = int(gone[-1].sum()) + 2000
+    standing = size - gone.sum(axis=1)
+    share = rng.dirichlet(np.full((angles.size - 1) * (velocities.size - 1), 0.5))
+    histogram = rng.multinomial(standing, share).reshape(CYCLES + 1, angles.size - 1, -1).astype(np.int32)
+    sums, products = np.zeros((CYCLES + 1, 2), np.int64), np.zeros((CYCLES + 1, 3, 2), np.int64)
+    quantum = np.array([2.0**-30, 2.0**-28])
+    counts = Counts(WHOLE, angles, velocities, quantum, standing, passages, histogram, sums, products)
+    result = Tally(MAIN, "exact", 7, 200, 3.5, counts)
+    survival, overturned = standing / size, gone / size
+    limits = wilson(survival, size)
+    columns = _survival_columns(MAIN, WHOLE, survival, overturned, limits)
+    return Made(result, columns, *_survival_grids(result, WHOLE, survival, overturned, limits))
+
+
+def histories():
+    samples, paths = 40, 5
+    times = MAIN.period * np.arange(4 * samples + 1) / samples
+    angle, velocity, ends, side = _paths(times, 8, paths)
+    rng = np.random.default_rng(9)
+    impacts = np.sort(rng.integers(0, paths, 17)), rng.uniform(0.0, times[-1], 17), rng.normal(0.0, 1.0, 17)
+    result = Histories(MAIN, "rk4", 8, 200, samples, 0.5, times, angle, velocity, ends, side, *impacts)
+    numbers, time = map(np.array, zip(*itertools.product(range(paths), times), strict=True))
+    columns = {
+        "realization": numbers,
+        "time": time,
+        "angle": np.concatenate(angle),
+        "velocity": np.concatenate(velocity),
+    }
+    variables = {"angle": (("realization", "time"), angle), "velocity": (("realization", "time"), velocity)}
+    variables |= {"overturn_time": (("realization",), ends), "overturn_side": (("realization",), side)}
+    names = "impact_realization", "impact_time", "impact_velocity"
+    variables |= {name: (("impact",), values) for name, values in zip(names, impacts, strict=True)}
+    return Made(result, columns, variables, {"time": times})
+
+
+def splitting(repeats=30):
+    rng = np.random.default_rng(10)
+    estimates = np.cumsum(1e-7 * rng.uniform(0.5, 1.5, (repeats, CYCLES + 1, 2)) * [3.0, 1.0], axis=1)
+    estimates[:, 0] = 0.0
+    levels, killed = rng.integers(5, 9, repeats), rng.integers(60, 90, repeats)
+    result = Splitting(WHITE, 100, 10, 200, 0.5, estimates, levels, killed)
+    totals = estimates[..., 0] + estimates[..., 1]
+    error = np.sqrt(((totals - totals.mean(axis=0)) ** 2).sum(axis=0) / (repeats * (repeats - 1)))
+    columns = {"cycle": np.arange(CYCLES + 1), "probability": totals.mean(axis=0), "standard_error": error}
+    left, right = (sum(estimates[:, :, side]) / repeats for side in (0, 1))
+    variables = {name: (("cycle",), columns[name]) for name in ("probability", "standard_error")}
+    variables["repeat_overturned"] = ("repeat", "cycle", "side"), estimates
+    variables |= {"levels": (("repeat",), levels), "killed": (("repeat",), killed)}
+    places = {"cycle": np.arange(CYCLES + 1), "side": ["left", "right"]}
+    return Made(result, columns | {"overturned_left": left, "overturned_right": right}, variables, places)
+
+
+JOINT = [3, 70, 149]
+
+
+def comparison():
+    sample, density = ensemble(), evolution()
+    result = compare(sample.result, density.result, JOINT)
+    first, second = sample.columns, density.columns
+    pair = first["survival"], second["survival"]
+    # Of a sample and a law the common probability is that of the law.
+    error = np.sqrt(pair[1] * (1.0 - pair[1]) / PATHS)
+    with np.errstate(invalid="ignore"):
+        scores = np.where(pair[0] == pair[1], 0.0, (pair[0] - pair[1]) / error)
+    limits = first["survival_low"], first["survival_high"]
+    nothing = np.full(CYCLES + 1, math.nan)
+    columns = {"cycle": np.arange(CYCLES + 1), "time": WHOLE}
+    columns |= {"survival_first": pair[0], "low_first": limits[0], "high_first": limits[1]}
+    columns |= {"survival_second": pair[1], "low_second": nothing, "high_second": nothing}
+    columns |= {"difference": pair[0] - pair[1], "standard_error": error, "z": scores}
+    variables = {name: (("cycle",), columns[name]) for name in ("difference", "standard_error", "z")}
+    bins = [[one.result.bin_probabilities(cycle, *joint_edges(MAIN)) for cycle in JOINT] for one in (sample, density)]
+    found = {
+        "l1": [np.abs(one - other).sum() for one, other in zip(*bins, strict=True)],
+        "l1_floor": [distances.l1_floor(law, PATHS, math.inf) for law in bins[1]],
+        "hellinger": [math.sqrt(0.5 * ((np.sqrt(a) - np.sqrt(b)) ** 2).sum()) for a, b in zip(*bins, strict=True)],
+        "hellinger_floor": [distances.hellinger_floor(law, PATHS, math.inf) for law in bins[1]],
+    }
+    for name, values in found.items():
+        columns[name] = nothing.copy()
+        columns[name][JOINT] = values
+        variables[name] = ("joint_cycle",), np.array(values)
+    empty = np.stack([nothing, nothing], axis=1)
+    variables["survival"] = ("cycle", "result"), np.stack(pair, axis=1)
+    variables["interval"] = ("cycle", "result", "limit"), np.stack([np.stack(limits, axis=1), empty], axis=1)
+    sides = [np.stack([one["overturned_left"], one["overturned_right"]], axis=1) for one in (first, second)]
+    variables["leakage"] = ("during", "result", "side"), np.stack([one[1:] - one[:-1] for one in sides], axis=1)
+    places = {"cycle": np.arange(CYCLES + 1), "during": np.arange(1, CYCLES + 1), "joint_cycle": np.array(JOINT)}
+    return Made(result, columns, variables, places | {"limit": ["low", "high"], "side": ["left", "right"]})
+
+
+BLOCKS = tuple(
+    Scene.from_block(width, height, peak, 1.5, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 5.0))
+    for width, height, peak in ((0.6, 2.4, 3.0), (0.5, 1.8, 4.0), (0.9, 2.0, 5.0))
+)
+LEVELS, SCALES = np.array([0.5, 1.1]), np.geomspace(0.4, 2.3, 20)
+
+
+def fragility(axis="scene", sampled=True):
+    rng = np.random.default_rng(11)
+    shape = len(BLOCKS), 1 + LEVELS.size, SCALES.size
+    rising = np.sort(rng.uniform(0.02, 0.98, shape), axis=-1)
+    error = np.full(shape, math.nan) if sampled else rng.uniform(1e-3, 1e-2, shape)
+    probability = np.round(rising * 1000) / 1000 if sampled else rising
+    probability[1, 2, 3] = error[1, 2, 3] = math.nan
+    reason = "ValueError: refused"
+    place = np.array([1.5, 2.5, 4.0]) if axis != "scene" else np.arange(3.0)
+    result = Fragility(
+        scenes=BLOCKS,
+        axis=axis,
+        place=place,
+        level=LEVELS,
+        scale=SCALES,
+        probability=probability,
+        error_estimate=error,
+        engine="exact" if sampled else "density",
+        realizations=1000 if sampled else 0,
+        noise_scaled=True,
+        options={"cycles": 4, "seed": 1} | ({} if sampled else {"tol": 1e-2}),
+        closure="",
+        reasons={"1,2,3": reason},
+        wall_s=1.0,
+    )
+    limits = wilson(np.nan_to_num(probability.ravel()), 1000).reshape(*shape, 2)
+    if not sampled:
+        limits = np.clip(np.stack([probability - error, probability + error], axis=-1), 0.0, 1.0)
+    limits[1, 2, 3] = math.nan
+    rows = []
+    for (m, block), (n, scale), which in itertools.product(enumerate(BLOCKS), enumerate(SCALES), range(3)):
+        size, at = block.block.dimensions, (m, which, n)
+        unit, velocity = size.gravity * size.critical_angle, block.forcing.amplitude / block.forcing.frequency
+        row = {axis: place[m], "scale": scale, "level": [block.overturning.angle, *LEVELS][which]}
+        row |= {"event": "reached" if which else "overturned", "probability": probability[at]}
+        row |= {"low": limits[at][0], "high": limits[at][1]}
+        row |= {"acceleration": scale * block.forcing.amplitude, "velocity": scale * velocity}
+        row |= {"pga": row["acceleration"] * unit, "pgv": row["velocity"] * unit / size.frequency_parameter}
+        relative = row["velocity"] * size.critical_angle / math.tan(size.critical_angle)
+        rows.append(row | {"relative_velocity": relative, "reason": reason * (at == (1, 2, 3))})
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    dims = axis, "level", "scale"
+    variables = {"probability": (dims, probability), "low": (dims, limits[..., 0]), "high": (dims, limits[..., 1])}
+    return Made(result, columns, variables, {axis: place, "level": [math.inf, *LEVELS], "scale": SCALES})
+
+
+def sweep(gridded=True):
+    rng, count = np.random.default_rng(12), 132
+    axes = {"a": tuple(np.arange(11.0)), "b": tuple(10.0 + np.arange(12.0) ** 2)} if gridded else {}
+    survival, seconds, seeds = (
+        rng.uniform(0.0, 1.0, (count, 3)),
+        rng.uniform(0.0, 1.0, count),
+        rng.integers(1, 99, count),
+    )
+    failed = count - 5
+    rows = tuple(
+        {
+            "cell": k,
+            "seed": int(seeds[k]),
+            "digest": "",
+            "wall_s": seconds[k],
+            "values": {} if k == failed else {"survival": survival[k].tolist(), "peak": 2.0 * k, "trust": "ok"},
+            "reason": "ValueError: refused" * (k == failed),
+        }
+        for k in range(count)
+    )
+    wrong = np.arange(count) == failed
+    peaks, last = np.where(wrong, math.nan, 2.0 * np.arange(count)), np.where(wrong, math.nan, survival[:, -1])
+    columns = {"cell": np.arange(count)}
+    if gridded:
+        columns |= {"a": np.repeat(axes["a"], 12), "b": np.tile(axes["b"], 11)}
+    columns |= {"peak": peaks, "trust": np.where(wrong, "nan", "ok"), "wall_s": seconds}
+    columns["reason"] = np.where(wrong, "ValueError: refused", "")
+    shape, dims = ((11, 12), ("a", "b")) if gridded else ((count,), ("cell",))
+    variables = {"survival": (dims, last.reshape(shape)), "peak": (dims, peaks.reshape(shape))}
+    return Made(Sweep(rows, axes, 2.0), columns, variables, {name: np.array(values) for name, values in axes.items()})
+
+
+def operator():
+    """Without its meshes: what is shown is its numbers, and one density."""
+    result = CycleOperator.__new__(CycleOperator)
+    density = evolution().result.coefficients[5]
+    density = density / SPACE.masses(density).sum()
+    values = np.array([0.93, 0.4 + 0.3j, 0.4 - 0.3j, -0.2])
+    leakage = np.array([0.05, 0.02])
+    own = {"scene": MAIN, "closure": "", "diffusion": 0.006, "tol": 1e-3, "escape_rate": -math.log(0.93)}
+    own |= {"escape_error": 1e-4, "refinement": [(10, 0.07)], "leakage": leakage, "lost": 0.0, "eigenvalues": values}
+    own |= {"residuals": np.full(4, 1e-9), "negative_mass": 1e-5, "settings": {}}
+    vars(result).update(own, _fine=types.SimpleNamespace(space=SPACE, quasi_stationary=density))
+    edges = shown_edges(joint_edges(MAIN), SPACE.bin_integrals(density, *joint_edges(MAIN)), 64)
+    columns = {"mode": np.arange(4), "modulus": np.array([0.93, 0.5, 0.5, 0.2])}
+    columns |= {"real": np.array([0.93, 0.4, 0.4, -0.2]), "imaginary": np.array([0.0, 0.3, -0.3, 0.0])}
+    variables = {name: (("mode",), columns[name]) for name in ("modulus", "real", "imaginary")}
+    variables |= {"leakage": (("side",), leakage)}
+    variables |= {"bin_probability": (("bin_angle", "bin_velocity"), SPACE.bin_integrals(density, *edges))}
+    middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
+    return Made(
+        result, columns, variables, {"side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
+    )
+
+
+def plane_map():
+    return PlaneMap(SPACE, evolution().result.coefficients[9], 0.3, 1e-3)
+
+
+KINDS = {
+    "density": evolution,
+    "density with rest": functools.partial(evolution, nodes=(6, 6)),
+    "density after a pulse": functools.partial(evolution, PULSE, UNEVEN),
+    "average": average,
+    "ensemble": ensemble,
+    "ensemble after a pulse": functools.partial(ensemble, PULSE, UNEVEN, method="white"),
+    "tally": tally,
+    "histories": histories,
+    "splitting": splitting,
+    "comparison": comparison,
+    "fragility": fragility,
+    "fragility by density": functools.partial(fragility, sampled=False),
+    "surface": functools.partial(fragility, "size"),
+    "sweep": sweep,
+    "list": functools.partial(sweep, gridded=False),
+    "operator": operator,
+}
+"""Functions that make each kind."""
+
+WITH_ROWS = [name for name in KINDS if name.startswith(("density", "average", "ensemble", "tally"))]
+"""Those with rows of survival, and with bins."""
+
+SAMPLES = [name for name in WITH_ROWS if name.startswith(("ensemble", "tally"))]
+"""Those with intervals."""
+
+
+@functools.cache
+def kind(name):
+    """Return what is made of a kind; once, as nothing changes it."""
+    return KINDS[name]()
+
+
+def equal(found, wanted, name=""):
+    """Hold arrays against each other: texts and whole numbers exactly, others to 1e-9."""
+    found, wanted = np.asarray(found), np.asarray(wanted)
+    assert found.shape == wanted.shape, name
+    if wanted.dtype.kind in "fc":
+        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12, err_msg=name)
+    else:
+        assert found.tolist() == wanted.tolist(), name

@@ -1,0 +1,210 @@
+"""Every line, band, bar and colour of a picture is the array of the result that it stands for."""
+
+import math
+
+import made_results
+import meshio
+import numpy as np
+import pytest
+from made_results import SAMPLES, WITH_ROWS, equal, kind
+
+from fpk_rocking.output import curves, maps, motion, style, vtk
+from fpk_rocking.studies.picture import draw_surface
+from montecarlo.poincare import MeanMap
+from montecarlo.results.histograms import Histogram
+
+
+def band(collection):
+    """Lower and upper limits of a filled band at its places, in their order."""
+    vertices = collection.get_paths()[0].vertices
+    places = np.unique(vertices[:, 0])
+    heights = [vertices[vertices[:, 0] == place, 1] for place in places]
+    return places, np.array([one.min() for one in heights]), np.array([one.max() for one in heights])
+
+
+def bars(container):
+    """Lower and upper ends of error bars."""
+    segments = np.array(container[2][0].get_segments())
+    return segments[:, 0, 1], segments[:, 1, 1]
+
+
+@pytest.mark.parametrize("name", WITH_ROWS)
+def test_pictures_of_survival_and_bins(name):
+    result, columns, _, _ = kind(name)
+    figure = result.plot(cycle=97)
+    axes, plane = figure.axes[:2]
+    x = columns["time"] if result.scene.period is None else columns["cycle"]
+    error = result.facts.get("error_estimate", math.nan)
+    low, high = columns["survival"] - error, columns["survival"] + error
+    if name in SAMPLES:
+        low, high = columns["survival_low"], columns["survival_high"]
+    (line,), (filled,) = axes.lines, axes.collections
+    equal(line.get_xydata(), np.stack([x, columns["survival"]], axis=1))
+    for found, wanted in zip(band(filled), (x, low, high), strict=True):
+        equal(found, wanted)
+    (mesh,) = plane.collections
+    coordinates = mesh.get_coordinates()
+    edges = coordinates[0, :, 0], coordinates[:, 0, 1]
+    areas = np.multiply.outer(*map(np.diff, edges))
+    equal(mesh.get_array(), (result.bin_probabilities(97, *edges) / areas).T)
+    assert plane.get_title().endswith(f"survival {columns['survival'][97]:.4f}")
+
+
+def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypatch):
+    figures = []
+    monkeypatch.setattr(style, "save", lambda figure, path: figures.append(figure) or path)
+    density, sample = kind("density"), kind("ensemble")
+    curves.survival_figure(tmp_path / "survival.png", [density.result, sample.result], "Survival")
+    survival, tail, leakage, difference = figures[0].axes
+    for axes in (survival, tail):
+        equal(axes.lines[0].get_ydata(), density.columns["survival"])
+        equal(axes.containers[0][0].get_ydata(), sample.columns["survival"])
+        for found, wanted in zip(bars(axes.containers[0]), ("survival_low", "survival_high"), strict=True):
+            equal(found, sample.columns[wanted])
+    for place, columns in enumerate((density.columns, sample.columns)):
+        above, below = (leakage.lines[2 * place + k] for k in (0, 1))
+        equal(above.get_ydata(), np.diff(columns["overturned_right"]))
+        equal(below.get_ydata(), -np.diff(columns["overturned_left"]))
+    wanted = kind("comparison").columns
+    equal(difference.containers[0][0].get_ydata(), wanted["difference"])
+    equal(bars(difference.containers[0])[1], wanted["difference"] + 1.96 * wanted["standard_error"])
+    maps.density_maps(tmp_path / "maps.png", [density.result, sample.result], [2, 140], "Maps")
+    for axes, (columns, row) in zip(
+        figures[1].axes, ((one.columns, row) for one in (density, sample) for row in (2, 140)), strict=False
+    ):
+        left, right = columns["overturned_left"][row], columns["overturned_right"][row]
+        assert axes.get_title().endswith(f"overturned {left:.3f} left, {right:.3f} right")
+
+
+def test_pictures_of_a_comparison():
+    result, columns, _, _ = kind("comparison")
+    survival, difference = result.plot().axes
+    error = result.error_estimate[1]
+    second = columns["survival_second"]
+    for which, (name, low, high) in enumerate(
+        (
+            ("survival_first", columns["low_first"], columns["high_first"]),
+            ("survival_second", second - error, second + error),
+        )
+    ):
+        equal(survival.lines[which].get_ydata(), columns[name])
+        for found, wanted in zip(band(survival.collections[which])[1:], (low, high), strict=True):
+            equal(found, wanted)
+    equal(difference.containers[0][0].get_ydata(), columns["difference"])
+    for found, sign in zip(bars(difference.containers[0]), (-1.0, 1.0), strict=True):
+        equal(found, columns["difference"] + sign * 1.96 * columns["standard_error"])
+
+
+def test_pictures_of_splitting_and_histories():
+    result, columns, _, _ = kind("splitting")
+    (axes,) = result.plot().axes
+    equal(axes.containers[0][0].get_xdata(), columns["cycle"][1:])
+    equal(axes.containers[0][0].get_ydata(), columns["probability"][1:])
+    for found, sign in zip(bars(axes.containers[0]), (-2.0, 2.0), strict=True):
+        equal(found, (columns["probability"] + sign * columns["standard_error"])[1:])
+    result, _, variables, places = kind("histories")
+    angles, plane = result.plot(4).axes
+    for number in range(4):
+        states = [variables[one][1][number] for one in ("angle", "velocity")]
+        equal(angles.lines[number].get_xydata(), np.stack([places["time"], states[0]], axis=1))
+        equal(plane.lines[number].get_xydata(), np.stack(states, axis=1))
+
+
+@pytest.mark.parametrize("name", ["fragility", "fragility by density"])
+def test_pictures_of_curves(name):
+    result, _, variables, places = kind(name)
+    arrays = {one: values for one, (_, values) in variables.items()}
+    for m, axes in enumerate(result.plot().axes):
+        assert len(axes.containers) == 3
+        for which, container in enumerate(axes.containers):
+            known = np.isfinite(arrays["probability"][m, which])
+            equal(container[0].get_xdata(), places["scale"][known])
+            equal(container[0].get_ydata(), arrays["probability"][m, which, known])
+            for found, end in zip(bars(container), ("low", "high"), strict=True):
+                equal(found, arrays[end][m, which, known])
+            assert result.names[which] in container.get_label()
+            fit = result.fits[m][which]
+            lines = [line for line in axes.lines if line.get_label() == f"lognormal fit of {container.get_label()}"]
+            drawn = lines[0].get_xydata() if lines else axes.lines[2 * which].get_xydata()
+            equal(drawn[:, 1], fit(drawn[:, 0]))
+
+
+def test_pictures_of_surfaces_and_sweeps(monkeypatch):
+    result, _, variables, places = kind("surface")
+    seen = {}
+    figure = result.plot()
+    axes = figure.axes[0]
+    equal(axes.lines[0].get_xydata(), np.stack([[fits[0].median for fits in result.fits], places["size"]], axis=1))
+    monkeypatch.setattr(
+        "fpk_rocking.studies.picture.draw_map", lambda _, *given: seen.update(zip("xyz", given, strict=True))
+    )
+    draw_surface(axes, result, 1)
+    equal(seen["x"], places["scale"])
+    equal(seen["y"], places["size"])
+    equal(seen["z"], variables["probability"][1][:, 1])
+    result, _, variables, places = kind("sweep")
+    (axes,) = result.plot("survival").axes
+    assert len(axes.lines) == len(places["b"])
+    for k, line in enumerate(axes.lines):
+        equal(line.get_xydata(), np.stack([places["a"], variables["survival"][1][:, k]], axis=1))
+    result, _, variables, _ = kind("list")
+    (line,) = result.plot("peak").axes[0].lines
+    equal(line.get_ydata(), variables["peak"][1])
+
+
+def test_pictures_and_files_of_functions_of_the_plane(tmp_path):
+    result, columns, _, _ = kind("operator")
+    density, modes, *_ = result.plot().axes
+    equal(modes.lines[1].get_xydata(), np.stack([columns["real"], columns["imaginary"]], axis=1))
+    plane = made_results.plane_map()
+    for axes, function in ((density, result.quasi_stationary), (plane.plot().axes[0], plane)):
+        (mesh,) = axes.collections
+        x, y = np.moveaxis(mesh.get_coordinates(), -1, 0)
+        middle = [0.25 * (one[1:, 1:] + one[1:, :-1] + one[:-1, 1:] + one[:-1, :-1]) for one in (x, y)]
+        equal(mesh.get_array(), function(*middle))
+    vtk.write_function(tmp_path / "map.vtu", plane, "survival")
+    mesh = meshio.read(tmp_path / "map.vtu")
+    inside = np.all([~np.isin(mesh.points[:, axis], lines) for axis, lines in enumerate(plane.mesh_lines)], axis=0)
+    quads = mesh.points[mesh.cells_dict["quad"]].mean(axis=1)
+    values = mesh.point_data["survival"][mesh.cells_dict["quad"]].mean(axis=1)
+    assert not inside.any()  # of degree 1 all points are on lines, and the mean is the value in the middle
+    equal(values, plane(quads[:, 0], quads[:, 1]))
+
+
+def test_the_picture_of_motions(tmp_path, monkeypatch):
+    """Histories with impacts and overturning, points of the last cycle, their mean, and two histograms."""
+    figures = []
+    monkeypatch.setattr(style, "save", lambda figure, path: figures.append(figure) or path)
+    result, _, told, _ = kind("histories")
+    paths, states = result.realizations, kind("ensemble").variables
+    few = {name: values for name, (_, values) in told.items()}
+    rng, edges = np.random.default_rng(13), np.array([0.0, 1.0, 3.0, 4.0])
+    means = MeanMap(rng.normal(size=(5, 2)), rng.uniform(size=(5, 2)), np.full(5, 9), None)
+    bins = [Histogram(edges, np.zeros(3), *_with_limits(rng.uniform(1.0, 2.0, 3))) for _ in range(2)]
+    motion.motion_figure(tmp_path / "motion.png", result, kind("ensemble").result, {"mean": means}, *bins, "Motions")
+    panels = {axes.get_title() or axes.get_ylabel(): axes for axes in figures[0].axes[paths:]}
+    for number, axes in enumerate(figures[0].axes[:paths]):
+        curves = {line.get_marker(): line for line in axes.lines[3:]}
+        equal(curves["None"].get_ydata(), few["angle"][number])
+        equal(curves["o"].get_xdata(), few["impact_time"][few["impact_realization"] == number])
+        side = few["overturn_side"][number]
+        assert ("x" in curves) == (side != 0)
+        if side:
+            cut = result.scene.overturning.angle
+            equal(curves["x"].get_xydata(), [[few["overturn_time"][number], side * cut]])
+    (points,) = (axes for title, axes in panels.items() if title.startswith("Poincaré points"))
+    equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
+    standing = np.isfinite(states["angle"][1][:, -1]).sum()
+    assert f"of the {standing} that stand after {made_results.CYCLES} cycles" in points.get_title()
+    for column, axes in enumerate(
+        (panels["Mean Poincaré points; overturned clamped or left out"], panels["mean velocity"])
+    ):
+        equal(axes.containers[0][0].get_ydata(), means.points[:, column])
+        equal(bars(axes.containers[0])[1], means.points[:, column] + 1.96 * means.standard_error[:, column])
+    for title, wanted in zip(("Time of overturning", "Speed just before an impact"), bins, strict=True):
+        equal(panels[title].patches[0].get_data().values, wanted.density)
+        equal(np.array(bars(panels[title].containers[0])), wanted.interval.T)
+
+
+def _with_limits(density):
+    return density, np.stack([0.9 * density, 1.2 * density], axis=1)

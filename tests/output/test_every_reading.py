@@ -1,0 +1,295 @@
+"""From the arrays of a result to every place where somebody reads them, for every kind of result, row by row."""
+
+import base64
+import csv
+import importlib
+import json
+import math
+import pkgutil
+import re
+
+import made_results
+import meshio
+import numpy as np
+import pytest
+from made_results import KINDS, SAMPLES, WITH_ROWS, equal, kind
+
+import fpk_rocking
+import montecarlo
+from fpk_rocking import studies
+from fpk_rocking.compare import compare
+from fpk_rocking.output import report, summary, tables, vtk
+from fpk_rocking.results.shown import Shown
+from fpk_rocking.studies.tables import fragility_table
+
+CURVES = ["fragility", "fragility by density", "surface"]
+
+
+def test_no_kind_is_missing():
+    """Every class of results in the packages is among those made here."""
+
+    def below(cls):
+        return {cls}.union(*map(below, cls.__subclasses__()))
+
+    packages = fpk_rocking, montecarlo, studies
+    for package in packages:
+        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            importlib.import_module(module.name)
+    names = tuple(package.__name__ for package in packages)
+    known = {one for one in below(Shown) if one.__module__.startswith(names)}
+    abstract = {one for one in known if any(other in known for other in one.__subclasses__())}
+    assert known - abstract == {type(kind(name).result) for name in KINDS}
+
+
+@pytest.mark.parametrize("name", [name for name in KINDS if name != "operator"])
+def test_the_made_rows_tell_mistakes_apart(name):
+    """More rows than a film has frames; left is not right, and no row is like the one before it."""
+    columns = kind(name).columns
+    assert len(next(iter(columns.values()))) > report._FRAMES
+    for one, other in (("overturned_left", "overturned_right"), ("survival_low", "survival_high")):
+        if one in columns:
+            pair = np.array([columns[one], columns[other]])
+            assert np.mean(pair[0] != pair[1]) > 0.95
+            assert np.mean(np.abs(np.diff(pair)).max(axis=0) > 0.0) > 0.5
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_columns_are_the_arrays(name):
+    found, wanted = kind(name).result.columns(), kind(name).columns
+    assert list(found) == list(wanted)
+    for column, values in wanted.items():
+        equal(found[column], values, column)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_datasets_and_data_frames_are_the_arrays(name):
+    result, columns, variables, places = kind(name)
+    arrays, coordinates = result.grids()
+    assert (arrays.keys(), coordinates.keys()) == (variables.keys(), places.keys())
+    for one, (dims, values) in variables.items():
+        found = arrays[one][0]
+        assert ((found,) if isinstance(found, str) else tuple(found)) == dims, one
+        equal(arrays[one][1], values, one)
+    for one, values in places.items():
+        equal(coordinates[one], values, one)
+    pytest.importorskip("xarray")
+    data = result.to_xarray()
+    assert data.attrs["trust"] == result.trust.verdict
+    for one, (_, values) in variables.items():
+        equal(data[one].values, values, one)
+    if "side" in places and "overturned" in variables:
+        equal(data.overturned.sel(side="left").values, columns["overturned_left"])
+    frame = result.to_dataframe()
+    assert list(frame.columns) == list(columns)
+    for column, values in columns.items():
+        equal(frame[column].to_numpy(values.dtype), values, column)
+
+
+def printed(table):
+    """Texts of a table by their header; of two equal headers as a list of columns."""
+    found = {}
+    for column in table.columns:
+        found.setdefault(column.header, []).append([str(cell) for cell in column.cells])
+    return {name: texts[0] if len(texts) == 1 else texts for name, texts in found.items()}
+
+
+def limits(low, high, digits):
+    return [f"{a:.{digits}f}–{b:.{digits}f}" for a, b in zip(low, high, strict=True)]
+
+
+@pytest.mark.parametrize("name", WITH_ROWS)
+def test_every_printed_row(name):
+    result, columns, _, _ = kind(name)
+    counted = {"cycles": [f"{k}" for k in range(made_results.CYCLES + 1)]}
+    if result.scene.period is None:
+        counted = {"τ": [f"{time:g}" for time in columns["time"]]}
+    wanted = counted | {"survival": [f"{value:.5f}" for value in columns["survival"]]}
+    if name in SAMPLES:
+        wanted |= {"95 % interval": limits(columns["survival_low"], columns["survival_high"], 5)}
+    for side in ("left", "right"):
+        wanted |= {f"overturned {side}": [f"{value:.5f}" for value in columns[f"overturned_{side}"]]}
+    assert printed(tables.result_table(result)[1]) == wanted
+
+
+def test_every_printed_row_of_comparisons():
+    """Two samples against one density: a row of the reference and one of each sample, cycle by cycle."""
+    reference, samples = kind("density"), [kind("comparison"), None]
+    other = made_results.ensemble(seed=6)
+    samples[1] = compare(other.result, reference.result, made_results.JOINT)
+    first = kind("ensemble").columns
+    found = printed(tables.comparison_table([kind("comparison").result, samples[1]])[1])
+    assert found["cycles"] == [text for cycle in made_results.JOINT for text in (str(cycle), "", "")]
+    survival, bounds, scores, distances = [], [], [], []
+    for place, cycle in enumerate(made_results.JOINT):
+        survival.append(f"{reference.columns['survival'][cycle]:.4f}")
+        bounds.append("")
+        scores.append("")
+        distances.append(("", ""))
+        for columns, compared in ((first, kind("comparison").result), (other.columns, samples[1])):
+            survival.append(f"{columns['survival'][cycle]:.4f}")
+            bounds += limits(columns["survival_low"][[cycle]], columns["survival_high"][[cycle]], 4)
+            scores.append(f"{compared.z[cycle]:+.1f}")
+            texts = (
+                f"{getattr(compared, one)[place]:.4f} ({getattr(compared, one + '_floor')[place]:.4f})"
+                for one in ("l1", "hellinger")
+            )
+            distances.append(tuple(texts))
+    assert (found["survival"], found["95 % interval"], found["z"]) == (survival, bounds, scores)
+    assert list(zip(found["L1 (floor)"], found["Hellinger (floor)"], strict=True)) == distances
+    assert found["result"] == ["Fokker-Planck density", "Monte Carlo rk4", "Monte Carlo rk4"] * len(made_results.JOINT)
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_every_printed_row_of_curves(name):
+    result, columns, _, _ = kind(name)
+    found = printed(fragility_table(result)[1])
+    first = columns["event"] == "overturned"
+    assert found.pop(result.axis) == [f"{value:g}" for value in columns[result.axis][first]]
+    assert found.pop("scale") == [f"{value:.4g}" for value in columns["scale"][first]]
+    assert found.pop("p PGV / (g tan θ_cr)") == [f"{value:.3f}" for value in columns["relative_velocity"][first]]
+    bounds = found.pop("95 %" if result.realizations else "± estimate")
+    assert list(found) == ["overturned", "|Θ| ≥ 0.5", "|Θ| ≥ 1.1"]
+    for which, texts in enumerate(found.values()):
+        low, high, values = (columns[one][which::3] for one in ("low", "high", "probability"))
+        known = np.isfinite(values)
+        assert texts == [f"{value:.4f}" if there else "-" for value, there in zip(values, known, strict=True)]
+        told = limits(low, high, 4)
+        assert bounds[which] == [text if there else "-" for text, there in zip(told, known, strict=True)]
+
+
+@pytest.mark.parametrize("name", [*CURVES, "sweep", "list"])
+def test_every_row_of_a_csv_file(name, tmp_path):
+    result, columns, _, _ = kind(name)
+    result.to_csv(tmp_path / "rows.csv")
+    rows = list(csv.DictReader((tmp_path / "rows.csv").open(encoding="utf-8")))
+    if name in CURVES:
+        assert list(rows[0]) == list(columns)
+    else:
+        assert rows[0].keys() == columns.keys() | {"seed"}
+        assert [int(row["seed"]) for row in rows] == [row["seed"] for row in result.rows]
+    for column, values in columns.items():
+        texts = [row[column] for row in rows]
+        if values.dtype.kind == "U":
+            assert [text or "" for text in texts] == np.where(values == "nan", "", values).tolist()
+        else:
+            equal([float(text or "nan") for text in texts], values.astype(float), column)
+
+
+TABLE = re.compile(r"<table>(.*?)</table>", re.DOTALL)
+
+
+def written(result, tmp_path, films=()):
+    """Header and rows of a report's table, and its film."""
+    report.write_report(tmp_path / "report.html", result, {}, films=films)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    rows = re.findall("<tr>(.*?)</tr>", TABLE.search(text)[1])
+    head, *body = (re.findall("<t[hd]>(.*?)</t[hd]>", row) for row in rows)
+    film = re.search(r"id='film'>(.*?)</script>", text)
+    return head, body, json.loads(film[1]) if film else None
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_row_of_a_report(name, tmp_path):
+    result, columns, _, _ = kind(name)
+    head, rows, _ = written(result, tmp_path)
+    known = {one: values for one, values in columns.items() if values.dtype.kind != "f" or not np.isnan(values).all()}
+    assert head == [one.replace("_", " ") for one in known]
+    assert len(rows) == len(next(iter(columns.values())))
+    for texts, values in zip(zip(*rows, strict=True), known.values(), strict=True):
+        if values.dtype.kind == "f":
+            assert list(texts) == [f"{value:.6g}" if math.isfinite(value) else "" for value in values]
+        else:
+            assert list(texts) == [str(value) for value in values.tolist()]
+
+
+@pytest.mark.parametrize("name", WITH_ROWS)
+def test_every_frame_of_a_report(name, tmp_path):
+    """121 of 151 rows, each with its own time, survival, sides and bins."""
+    result, columns, _, _ = kind(name)
+    film = written(result, tmp_path, [result])[2]
+    rows = np.floor(np.linspace(0.0, made_results.CYCLES, report._FRAMES) + 1e-9).astype(int)
+    when = [f"after {k} cycle{'s' * (k != 1)}" for k in rows.tolist()]
+    if result.scene.period is None:
+        when = [f"τ = {time:.4g}" for time in columns["time"][rows]]
+    assert film["when"] == when
+    (shown,) = film["films"]
+    equal(shown["survival"], columns["survival"][rows])
+    equal(shown["overturned"], np.stack([columns["overturned_left"], columns["overturned_right"]], axis=1)[rows])
+    edges = [np.array(film[axis]) for axis in ("angle", "velocity")]
+    areas = np.multiply.outer(*map(np.diff, edges))
+    for frame in (1, 2, 60, 120):
+        density = np.maximum(result.bin_probabilities(int(rows[frame]), *edges) / areas, 0.0)
+        codes = np.frombuffer(base64.b64decode(shown["codes"][frame]), np.uint8).reshape(areas.shape)
+        assert film["most"][frame] == pytest.approx(density.max())
+        assert np.abs(codes - 255.0 * np.sqrt(density / density.max())).max() < 0.501
+
+
+@pytest.mark.parametrize("name", WITH_ROWS)
+def test_a_summary_is_the_arrays(name):
+    result, columns, _, _ = kind(name)
+    values = json.loads(json.dumps(summary.result_summary(result), allow_nan=False))
+    equal(values["survival"], columns["survival"])
+    equal(values["overturned"], np.stack([columns["overturned_left"], columns["overturned_right"]], axis=1))
+    if result.scene.period is None:
+        equal(values["times"], columns["time"])
+    else:
+        assert values["cycles"] == made_results.CYCLES
+    if name in SAMPLES:
+        bounds = np.stack([columns["survival_low"], columns["survival_high"]], axis=1)
+        equal(values["interval"], bounds)
+        assert values["half_width"] == pytest.approx(0.5 * (bounds[:, 1] - bounds[:, 0]).max())
+    for one in {"lost", "at_rest"} & columns.keys():
+        equal(values[one], columns[one])
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_summary_of_curves_is_the_arrays(name):
+    result, _, variables, places = kind(name)
+    values = json.loads(json.dumps(result.summary(), allow_nan=False))
+    probability, low, high = (variables[one][1] for one in ("probability", "low", "high"))
+
+    def plain(array):
+        return np.where(np.isnan(array), None, array).tolist()
+
+    assert (values["overturned"], values["reached"]) == (plain(probability[:, 0]), plain(probability[:, 1:]))
+    found = np.array(values["interval"], float)
+    equal(found[..., 0], low)
+    equal(found[..., 1], high)
+    assert (values["place"], values["scale"], values["level"]) == (
+        list(places[result.axis]),
+        list(places["scale"]),
+        list(places["level"][1:]),
+    )
+
+
+def test_a_summary_of_a_comparison_is_the_arrays():
+    result, _, variables, places = kind("comparison")
+    values = result.to_dict()
+    for one, (_, array) in variables.items():
+        equal(np.array(values[one], float), array, one)
+    assert (values["cycles"], values["joint_cycles"]) == (places["cycle"].tolist(), made_results.JOINT)
+    assert values["names"] == ["Monte Carlo rk4", "Fokker-Planck density"]
+    assert values["realizations"] == [made_results.PATHS, None]
+
+
+@pytest.mark.parametrize("name", WITH_ROWS)
+def test_vtk_files_are_the_arrays(name, tmp_path):
+    result, columns, _, _ = kind(name)
+    if name == "average":  # has no one mesh, and is no sample
+        return
+    vtk.write_series(tmp_path, "jpdf", result, [1, 149])
+    for row in (1, 149):
+        mesh = meshio.read(tmp_path / f"jpdf_{row:04d}.vtu")
+        fields = {one: float(value[0]) for one, value in mesh.field_data.items()}
+        assert fields["cycle"] == row
+        assert fields["tau"] == pytest.approx(columns["time"][row])
+        for one in ("survival", "overturned_left", "overturned_right"):
+            assert fields[one] == pytest.approx(columns[one][row], rel=1e-12)
+        quads = mesh.cells_dict["quad"]
+        left = mesh.points[quads][:, :, 0].mean(axis=1) < 0.0
+        probability = mesh.cell_data_dict["probability"]["quad"]
+        angles, velocities = made_results.SPACE.lines if name.startswith("density") else result.bin_edges
+        halves = result.bin_probabilities(row, [angles[0], 0.0, angles[-1]], velocities[[0, -1]])
+        at_zero = columns["at_rest"][row] if name == "density with rest" else 0.0
+        assert probability[left].sum() == pytest.approx(halves[0].sum(), rel=1e-9)
+        assert probability[~left].sum() == pytest.approx(halves[1].sum() - at_zero, rel=1e-9)

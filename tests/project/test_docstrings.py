@@ -1,0 +1,79 @@
+"""Docstrings of the public API: everything that the reference shows says what it is and describes every parameter."""
+
+import importlib
+import inspect
+import re
+
+from test_types import functions_of, shown
+
+from fpk_rocking import melnikov
+
+SECTION = re.compile(r"^(Parameters|Attributes)\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", re.MULTILINE | re.DOTALL)
+
+
+def described(thing):
+    """Names that the sections of parameters and attributes of a docstring describe."""
+    sections = [body for _, body in SECTION.findall(inspect.getdoc(thing) or "")]
+    lines = [line for body in sections for line in body.splitlines() if line[:1].strip()]
+    return {name.strip(" *") for line in lines for name in line.split(" : ")[0].split(",")}
+
+
+def undescribed(thing):
+    return [name for name in inspect.signature(thing).parameters if name not in described(thing) | {"self", "cls"}]
+
+
+def things():
+    """Everything that the reference shows: functions, classes and their members, by name."""
+    for module, name, entry in shown():
+        thing = getattr(melnikov if module == "fpk_rocking.melnikov" else importlib.import_module(module), name)
+        yield f"{module}.{name}", thing
+        if inspect.isclass(thing) and (members := re.search(r":members:(.*)", entry)):
+            kept = members[1].replace(",", " ").split()
+            for member in functions_of(thing, ":inherited-members:" in entry):
+                if member.__name__ in (kept or [member.__name__]):
+                    yield f"{module}.{member.__qualname__}", member
+
+
+def test_everything_public_has_a_docstring():
+    assert [name for name, thing in things() if not inspect.getdoc(thing)] == []
+
+
+def test_every_parameter_is_described():
+    found = {name: undescribed(thing) for name, thing in things() if not getattr(thing, "_is_protocol", False)}
+    assert {name: lacking for name, lacking in found.items() if lacking} == {}
+    assert len(found) > 200
+
+
+def test_nothing_but_parameters_is_described():
+    functions = {name: thing for name, thing in things() if inspect.isroutine(thing)}
+    found = {name: described(one) - inspect.signature(one).parameters.keys() for name, one in functions.items()}
+    assert {name: strange for name, strange in found.items() if strange} == {}
+
+
+def test_classes_of_public_results_are_in_the_reference():
+    """What a public function returns, and what a public class holds, is described too."""
+    known = {name.rpartition(".")[2] for name, thing in things() if inspect.isclass(thing)}
+    named = set()
+    for _, thing in things():
+        told = str(inspect.signature(thing).return_annotation) if inspect.isroutine(thing) else ""
+        named |= set(re.findall(r"(?:fpk_rocking|montecarlo)[\w.]*\.([A-Z]\w+)", told))
+    assert named - known == set()
+
+
+def test_a_parameter_without_description_is_found():
+    def bare(one, two, three):
+        """Do it.
+
+        Parameters
+        ----------
+        one, three : int
+            Numbers.
+
+        Returns
+        -------
+        two : int
+        """
+        return one, two, three
+
+    assert undescribed(bare) == ["two"]
+    assert described(bare) == {"one", "three"}

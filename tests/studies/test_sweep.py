@@ -1,0 +1,279 @@
+"""Sweeps: the same rows from any workers, a row for what fails, and a store from which a stopped sweep goes on."""
+
+import concurrent.futures
+import csv
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import study_verbs
+
+from fpk_rocking.base import ahead
+from fpk_rocking.output import progress as progress_lines
+from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
+from fpk_rocking.studies import grid, sweep
+from fpk_rocking.studies.execution.cells import seed_of
+from montecarlo import simulate
+
+SCENE = Scene(block=Block(0.5), forcing=Forcing(4.6, 2.7, 0.0), noise=NoNoise())
+AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
+GRID = grid(SCENE, {"forcing.amplitude": AMPLITUDES})
+
+
+def told(rows):
+    """Rows without what a clock says."""
+    return [{name: value for name, value in row.items() if name != "wall_s"} for row in rows]
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return sweep(GRID, study_verbs.amplitude, seed=7)
+
+
+def test_rows_in_the_order_of_the_scenes(alone):
+    assert [row["cell"] for row in alone.rows] == [0, 1, 2, 3, 4]
+    assert np.array_equal(alone.values("amplitude"), AMPLITUDES)
+    assert np.array_equal(alone.values("series"), 2.0 * np.array(AMPLITUDES))
+    assert alone.failed == ()
+    with pytest.raises(ValueError, match=r"name: got 'angle', accepted: 'amplitude', 'seed', 'series'"):
+        alone.values("angle")
+
+
+def test_seeds_depend_on_seed_and_number_alone(alone):
+    seeds = [row["values"]["seed"] for row in alone.rows]
+    assert seeds == [row["seed"] for row in alone.rows] == [seed_of(7, number) for number in range(5)]
+    more = [seed_of(seed, number) for seed in range(10) for number in range(1000)]
+    assert len(set(more)) == len(more)
+    assert 0 <= min(more) <= max(more) < 2**64
+
+
+@pytest.mark.parametrize("workers", [2, "threads"])
+def test_same_rows_from_any_workers(alone, workers):
+    if workers == 2:
+        found = sweep(GRID, study_verbs.amplitude, seed=7, workers=2)
+    else:
+        with concurrent.futures.ThreadPoolExecutor(3) as pool:
+            found = sweep(GRID, study_verbs.amplitude, seed=7, workers=pool)
+    assert told(found.rows) == told(alone.rows)
+
+
+def test_monte_carlo_and_density_by_name():
+    noisy = SCENE.varied(noise=SCENE.white_equivalent().noise)
+    noisy = grid(noisy, {"noise.diffusion": (0.01, 0.02)})
+    two = sweep(noisy, "mc", workers=2, cycles=2, realizations=300)
+    one = simulate(noisy.scenes[1], cycles=2, realizations=300, seed=seed_of(1, 1))
+    assert two.rows[1]["values"]["survival"] == one.survival.tolist()
+    assert told(two.rows) == told(sweep(noisy, "mc", cycles=2, realizations=300).rows)
+    density = sweep(noisy.scenes[1:], "fpk", cycles=2, tol=1e-2)
+    near = 4.0 * np.sqrt(0.25 / 300) + density.values("error_estimate")
+    assert np.all(np.abs(density.values("survival") - two.values("survival")[1:]) < near)
+
+
+def test_kernels_are_compiled_before_workers_start(monkeypatch):
+    """Those of the engines that the scenes ask for; the test has processes start after it has been told."""
+    told = []
+    monkeypatch.setattr(ahead, "ready", told.append)
+    white = SCENE.varied(noise=WhiteNoise(0.01))
+    assert sweep([SCENE, white], "mc", workers=1, cycles=1, realizations=1).failed == ()
+    assert told == []
+    assert sweep([SCENE, white], "mc", workers=2, cycles=1, realizations=1).failed == ()
+    assert told == ["montecarlo.ahead:exact", "montecarlo.ahead:white"]
+
+
+def test_grid_has_its_last_axis_fastest():
+    made = grid(SCENE, {"forcing.amplitude": (1.0, 2.0), "block.restitution": (0.3, 0.6, 0.9)})
+    assert made.shape == (2, 3)
+    assert made.parameters(4) == {"forcing.amplitude": 2.0, "block.restitution": 0.6}
+    assert (made.scenes[4].forcing.amplitude, made.scenes[4].block.restitution) == (2.0, 0.6)
+    assert sweep(made, study_verbs.amplitude).values("amplitude").tolist() == [[1.0] * 3, [2.0] * 3]
+
+
+@pytest.mark.parametrize(
+    ("verb", "reason"),
+    [
+        (study_verbs.amplitude, "ValueError: forcing.phase: got -1.0, accepted: a number >= 0"),
+        (study_verbs.unwritable, "TypeError: Object of type Scene is not JSON serializable"),
+        (study_verbs.infinite, "ValueError: Out of range float values are not JSON compliant"),
+    ],
+)
+def test_what_fails_is_a_row_with_its_reason(tmp_path, verb, reason):
+    scenes = [SCENE.varied(forcing={"phase": -1.0}), SCENE]
+    for workers in (1, 2) if verb is study_verbs.amplitude else (1,):
+        found = sweep(scenes, verb, workers=workers)
+        assert found.rows[0]["reason"].startswith(reason)
+        assert found.rows[0]["values"] == {}
+    if verb is study_verbs.amplitude:
+        assert [row["cell"] for row in found.failed] == [0]
+        assert np.isnan(found.values("amplitude")).tolist() == [True, False]
+        found.to_csv(tmp_path / "rows.csv")
+        first, second = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
+        assert (first["amplitude"], first["reason"]) == ("", reason)
+        assert (float(second["amplitude"]), second["reason"]) == (4.6, "")
+
+
+def test_a_killed_process_is_replaced(tmp_path, alone):
+    found = sweep(GRID, study_verbs.deadly, seed=7, workers=2, folder=str(tmp_path), times=1)
+    assert told(found.rows) == told(alone.rows)
+
+
+def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path):
+    found = sweep(GRID, study_verbs.deadly, workers=2, folder=str(tmp_path), times=99)
+    assert [row["reason"] for row in found.failed] == ["its process was killed, or ran out of memory"]
+    assert found.failed[0]["cell"] == 2
+    assert len(list(tmp_path.iterdir())) <= 3
+
+
+@pytest.mark.parametrize("workers", [2, "threads"])
+def test_many_cells_go_in_packs(tmp_path, workers):
+    """Of 600 cells two a task; the one that kills its process is a row, its neighbour is not."""
+    amplitudes = tuple(np.linspace(5.0, 6.0, 600))
+    scenes = grid(SCENE, {"forcing.amplitude": (*amplitudes[:9], 3.0, *amplitudes[10:])})
+    verb, options = study_verbs.deadly, {"folder": str(tmp_path), "times": 99 if workers == 2 else 0}
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        found = sweep(scenes, verb, workers=2 if workers == 2 else pool, **options)
+    assert [row["cell"] for row in found.rows] == list(range(600))
+    assert [row["cell"] for row in found.failed] == ([9] if workers == 2 else [])
+
+
+class Refusing(concurrent.futures.ThreadPoolExecutor):
+    """An executor that cannot run a task with a certain cell, and says so in the future."""
+
+    def submit(self, function, verb, cells, options):
+        return super().submit(
+            self.refuse if any(cell.number == 9 for cell in cells) else function, verb, cells, options
+        )
+
+    def refuse(self, *_):
+        raise OSError("no worker survived it")
+
+
+def test_what_an_executor_cannot_run_is_tried_alone():
+    with Refusing(2) as pool:
+        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
+    assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
+
+
+def stopping_at(count):
+    def progress(done, _):
+        if done == count:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
+    store, reports = tmp_path / "folder" / "rows.jsonl", []
+    with pytest.raises(KeyboardInterrupt):
+        sweep(GRID, study_verbs.amplitude, seed=7, workers=workers, store=store, progress=stopping_at(2))
+    kept = store.read_bytes()
+    assert kept.count(b"\n") == 3
+    store.write_bytes(kept + b'{"cell": 4, "se' + 9000 * b" ")  # what a kill in the middle of a line leaves
+    found = sweep(GRID, study_verbs.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
+    assert told(found.rows) == told(alone.rows)
+    assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]
+    assert store.read_bytes().startswith(kept)
+    assert store.read_bytes().endswith(b"}\n")
+    # Nothing is left to do, and scenes may be added.
+    more = sweep((*GRID.scenes, SCENE), study_verbs.amplitude, seed=7, store=store)
+    assert told(more.rows[:5]) == told(alone.rows)
+    assert store.read_bytes().count(b"\n") == 7
+
+
+def test_stores_of_other_sweeps_are_refused(tmp_path):
+    store = tmp_path / "rows.jsonl"
+    sweep(GRID, "mc", store=store, cycles=1, realizations=10)
+    kept = store.read_bytes()
+    for refused, changed in {
+        "store: got .*rows.jsonl with options = .*'realizations': 10}, accepted: a new file, or that .*: 20}": {
+            "realizations": 20
+        },
+        "with another cell 0": {"seed": 2},
+        "with verb = 'fpk_rocking.studies.verbs.mc'": {"verb": "fpk"},
+    }.items():
+        with pytest.raises(ValueError, match=refused):
+            sweep(GRID, **{"verb": "mc", "store": store, "cycles": 1, "realizations": 10} | changed)
+    with pytest.raises(ValueError, match="with another cell 4"):
+        sweep(grid(SCENE, {"forcing.amplitude": AMPLITUDES[:4]}), "mc", store=store, cycles=1, realizations=10)
+    assert store.read_bytes() == kept
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "no json\n", "[]\n", '{"format": 1}\n{"cell": 0}\n', '{"format": 2}\n'], ids=repr
+)
+def test_damaged_stores_are_refused(tmp_path, text):
+    store = tmp_path / "rows.jsonl"
+    store.write_text(text)
+    with pytest.raises(ValueError, match="store: "):
+        sweep(GRID, study_verbs.amplitude, store=store)
+    assert store.read_text() == text
+
+
+def test_damage_amid_a_store_is_refused(tmp_path):
+    store = tmp_path / "rows.jsonl"
+    sweep(GRID, study_verbs.amplitude, store=store)
+    lines = store.read_text().splitlines(keepends=True)
+    store.write_text("".join([*lines[:2], lines[2][:20] + "\n", *lines[3:]]))
+    with pytest.raises(ValueError, match=r"rows.jsonl is damaged or not the file of a sweep \(line 3\)"):
+        sweep(GRID, study_verbs.amplitude, store=store)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "text"),
+    [
+        ({"scenes": SCENE}, TypeError, "scenes: got Scene.*, accepted: one or more scenes"),
+        ({"scenes": []}, ValueError, r"scenes: got \[\]|scenes: got \(\)"),
+        ({"scenes": [SCENE, 3]}, TypeError, r"scenes\[1\]: got 3, accepted: Scene"),
+        ({"verb": "rk4"}, ValueError, "verb: got 'rk4', accepted: 'mc', 'fpk', or a function"),
+        ({"workers": 0}, ValueError, "workers: got 0, accepted: a whole number >= 1"),
+        ({"workers": "two"}, TypeError, "workers: got 'two'"),
+        ({"seed": -1}, ValueError, "seed: got -1"),
+        ({"progress": 3}, TypeError, "progress: got 3"),
+        ({"store": "rows.jsonl", "option": {1, 2}}, TypeError, "options: .*set.*accepted with a store"),
+    ],
+)
+def test_bad_input_is_refused_before_any_work(tmp_path, monkeypatch, given, error, text):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(error, match=text):
+        sweep(**{"scenes": GRID, "verb": study_verbs.amplitude} | given)
+    assert list(tmp_path.iterdir()) == []
+
+
+SCRIPT = """
+import study_verbs, sys
+from test_sweep import GRID
+from fpk_rocking.studies import sweep
+if __name__ == "__main__":
+    sweep(GRID, study_verbs.slow, workers=2, store=sys.argv[1], seconds=float(sys.argv[2]))
+"""
+
+
+def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
+    store, script = tmp_path / "rows.jsonl", tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    run = subprocess.Popen(
+        [sys.executable, script, store, "0.5"], env={"PYTHONPATH": ":".join(sys.path)}, stdout=subprocess.PIPE
+    )
+    while run.poll() is None and not (store.exists() and store.read_bytes().count(b"\n") >= 2):
+        time.sleep(0.05)
+    run.kill()
+    # Workers have inherited standard output: it ends with the last of them.
+    run.communicate(timeout=20)
+    rows = store.read_bytes().count(b"\n") - 1
+    assert 1 <= rows < 5
+    found = sweep(GRID, study_verbs.slow, store=store, seconds=0.5)
+    assert len(found.rows) == 5
+    assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 0.5
+
+
+def test_progress_tells_what_is_left(monkeypatch, capsys):
+    clock = iter([0.0, 0.0, 20.0, 40.0])
+    monkeypatch.setattr(progress_lines.time, "monotonic", lambda: next(clock))
+    with progress_lines.reporting("sweep") as report:
+        report(5, 10)
+        report(6, 10)
+        report(10, 10)
+    assert capsys.readouterr().err == "sweep: 60 % after 20 s, about 80 s left\n"
