@@ -100,7 +100,7 @@ def damaged(content, damage):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@fuzz.sizes(120, 1500)
+@fuzz.sizes(120, 4000)
 def test_damaged_files(examples, kind, saved, tmp_path):
     cls, path, whole = saved[kind]
     expected = content(cls.load(path))
@@ -224,7 +224,7 @@ def changed(path, archive, change):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@fuzz.sizes(60, 600)
+@fuzz.sizes(60, 1500)
 def test_archives_of_other_content(examples, kind, saved, tmp_path):
     cls, _, whole = saved[kind]
     with np.load(io.BytesIO(whole)) as archive:

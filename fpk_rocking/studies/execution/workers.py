@@ -38,7 +38,13 @@ def rows_of(verb, cells, options, workers):
         Rows as they come.
     """
     if not isinstance(workers, int):
-        yield from _handed(workers, verb, cells, options)
+        try:
+            yield from _handed(workers, verb, cells, options)
+        except _ENDED as error:
+            raise RuntimeError(
+                "workers: the executor came to its end before all scenes were run, as where the scheduler of a cluster "
+                "ends; rows in a store are kept, and the same call with other workers goes on from there"
+            ) from error
     elif workers == 1:
         for cell in cells:
             yield perform(verb, cell, options)
