@@ -156,6 +156,20 @@ def test_what_an_executor_cannot_run_is_tried_alone():
     assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
 
 
+def test_an_executor_that_takes_no_more_is_no_failure_of_a_cell(tmp_path):
+    """It ends between the first try of a pack and the second."""
+
+    class Closing(Refusing):
+        def refuse(self, *_):
+            self.shutdown(wait=False)
+            raise OSError("no worker survived it")
+
+    store = tmp_path / "rows.jsonl"
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        sweep([SCENE] * 10, study_verbs.amplitude, workers=Closing(1), store=store)
+    assert sorted(json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]) == list(range(9))
+
+
 def test_an_executor_that_ends_is_a_plain_error_and_the_store_goes_on(tmp_path, alone):
     """Its futures are cancelled, as by Dask when the scheduler is gone, or its processes are dead."""
     for kind in (concurrent.futures.CancelledError, concurrent.futures.BrokenExecutor):

@@ -101,9 +101,11 @@ def _packs(cells):
 def _alone(executor, verb, cell, options, dies=None):
     """Return the row of a cell that an executor runs by itself; `dies` is the reason where that ends the executor."""
     begin = time.perf_counter()
+    # A tuple and not a list: Dask gives equal calls one key, and so the result of the first. An executor that takes no
+    # more work raises here: that is no failure of the cell.
+    future = executor.submit(perform_alone, verb, (cell,), options)
     try:
-        # A tuple and not a list: Dask gives equal calls one key, and so the result of the first.
-        return executor.submit(perform_alone, verb, (cell,), options).result()[0]
+        return future.result()[0]
     except _ENDED:
         if dies is None:
             raise
