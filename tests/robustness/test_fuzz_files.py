@@ -205,7 +205,8 @@ def change_header(header, kind, name, part, value):
         key = sorted(attributes)[len(name) % len(attributes)]
         wanted = type(attributes[key])
         attributes[key] = value
-        return isinstance(value, bool) or not isinstance(value, (int, float) if wanted is float else wanted)
+        taken = isinstance(value, (int, float) if wanted is float else wanted)
+        return not taken or (isinstance(value, bool) and wanted is not bool)
     attributes.popitem()
     return True
 
