@@ -235,7 +235,9 @@ def sweep(
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or the store belongs to another sweep.
+        A parameter is refused, or the store belongs to another sweep or to one that still runs.
+    RuntimeError
+        The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.
     """
     scenes, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
     scenes = checked_scenes("scenes", scenes)
