@@ -43,6 +43,7 @@ def test_rows_in_the_order_of_the_scenes(alone):
 
 
 def test_seeds_depend_on_seed_and_number_alone(alone):
+    assert sweep(GRID, study_verbs.amplitude, seed=0).rows[1]["seed"] == seed_of(0, 1)
     seeds = [row["values"]["seed"] for row in alone.rows]
     assert seeds == [row["seed"] for row in alone.rows] == [seed_of(7, number) for number in range(5)]
     more = [seed_of(seed, number) for seed in range(10) for number in range(1000)]
