@@ -87,7 +87,8 @@ def fragility(
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, the engine refuses all scales, or the store belongs to another study or to one that runs.
+        A parameter is refused, the engine refuses all scales, or the store belongs to another study or to one that
+        still runs.
     RuntimeError
         The executor came to its end, as where the scheduler of a cluster is killed. The store keeps what came.
     """
