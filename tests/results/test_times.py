@@ -26,5 +26,5 @@ def test_as_many_times_as_fit():
     assert result_times(PULSE, times=[0.0, 2.0]).tolist() == [0.0, 2.0]
     assert result_times(PULSE, times=np.arange(100_000)).size == 100_000
     for bad in ([], [0.0], np.arange(100_001), [1.0, 1.0], [-1e-9, 1.0], [1.0, np.inf]):
-        with pytest.raises(ValueError, match="^times: got "):
+        with pytest.raises(ValueError, match=r"^times: got "):
             result_times(PULSE, times=bad)
