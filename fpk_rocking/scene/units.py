@@ -13,6 +13,9 @@ import math
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Number
 
+_SMALLEST, _LARGEST = 1e-100, 1e100
+"""Of a width, height or gravity: beyond, a conversion of units divides by 0 or overflows."""
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Dimensions:
@@ -28,7 +31,7 @@ class Dimensions:
     Raises
     ------
     TypeError, ValueError
-        A value is not a finite positive number.
+        A value is not a positive number from 1e-100 to 1e100.
     """
 
     width: float
@@ -38,6 +41,7 @@ class Dimensions:
     def __post_init__(self):
         for name in ("width", "height", "gravity"):
             value = checks.number(f"block.dimensions.{name}", getattr(self, name), above=0.0)
+            checks.number(f"block.dimensions.{name}", value, at_least=_SMALLEST, at_most=_LARGEST)
             object.__setattr__(self, name, value)
 
     @property

@@ -87,7 +87,10 @@ def fragility(
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, the engine refuses all scales, or the store belongs to another study.
+        A parameter is refused, the engine refuses all scales, or the store belongs to another study or to one that
+        still runs.
+    RuntimeError
+        The executor came to its end, as where the scheduler of a cluster is killed. The store keeps what came.
     """
     started = time.perf_counter()
     scenes, axis, places = _scenes(scene, over)

@@ -235,7 +235,9 @@ def sweep(
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or the store belongs to another sweep.
+        A parameter is refused, or the store belongs to another sweep or to one that still runs.
+    RuntimeError
+        The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.
     """
     scenes, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
     scenes = checked_scenes("scenes", scenes)
@@ -274,16 +276,16 @@ def run(verb, cells, options, *, workers, store=None, progress=None):
         "options": options,
         "version": importlib.metadata.version("fpk-rocking"),
     }
-    kept = Store(store, about, cells)
-    left = [cell for cell in cells if cell.number not in kept.rows]
-    if progress is not None:
-        progress(len(kept.rows), len(cells))
-    if left and workers != 1:
-        for task in tasks_of(verb, left, options):
-            ahead.ready(task)
-    with kept.appending() as add, contextlib.closing(rows_of(verb, left, options, workers)) as rows:
-        for row in rows:
-            add(row)
-            if progress is not None:
-                progress(len(kept.rows), len(cells))
+    with contextlib.closing(Store(store, about, cells)) as kept:
+        left = [cell for cell in cells if cell.number not in kept.rows]
+        if progress is not None:
+            progress(len(kept.rows), len(cells))
+        if left and workers != 1:
+            for task in tasks_of(verb, left, options):
+                ahead.ready(task)
+        with contextlib.closing(rows_of(verb, left, options, workers)) as rows:
+            for row in rows:
+                kept.add(row)
+                if progress is not None:
+                    progress(len(kept.rows), len(cells))
     return tuple(kept.rows[cell.number] for cell in cells)

@@ -197,3 +197,12 @@ def test_the_command_line_tallies_and_goes_on(tmp_path):
     assert content(Tally.load(state)) == content(Tally.load(tmp_path / "result.npz"))
     status, out = run("compare", state, tmp_path / "result.npz", "--json")
     assert (status, json.loads(out)["l1"]) == (0, [0.0, 0.0])
+
+
+def test_a_checkpoint_is_due_at_first_and_not_again_at_once(tmp_path):
+    """Without a file it is never due."""
+    keeper, small = checkpoint.Keeper(tmp_path / "state.npz", 0), tally(MAIN, cycles=1, realizations=3)
+    assert keeper.is_due
+    keeper.keep(small)
+    assert not keeper.is_due
+    assert not checkpoint.Keeper(None, 0).is_due

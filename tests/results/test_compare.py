@@ -193,6 +193,8 @@ def test_bins_follow_the_scene():
     assert (angle[-1], velocity[-1]) == (1.0, 1.5)
     thrown = dataclasses.replace(still, start=Start(0.0, -3.0))
     assert joint_edges(thrown)[1][0] == -4.0
+    leaning = dataclasses.replace(still, start=Start(0.5, -3.0))
+    assert joint_edges(leaning)[1][0] == -4.5
     wide = dataclasses.replace(still, start=Start(0.0, 0.0, ((0.25, 0.0), (0.0, 0.25))))
     assert joint_edges(wide)[1][-1] == 5.0
     noisy = dataclasses.replace(still, noise=WhiteNoise(0.25))

@@ -15,11 +15,13 @@ import fakes
 import fuzz
 import numpy as np
 import pytest
+import study_verbs
 from test_fuzz_files import ASKED, EDGES, content, evolution
 
 from fpk_rocking import cli
 from fpk_rocking.output import curves, summary, vtk
 from fpk_rocking.results import storage
+from fpk_rocking.studies import sweep
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 
 resource = pytest.importorskip("resource", reason="limits of a process are those of Unix")
@@ -97,6 +99,22 @@ def test_a_tally_on_a_full_disk_keeps_the_last_checkpoint(tmp_path):
     assert state(tmp_path) == before
     found = tally(**ASKED | EDGES | {"realizations": 200}, checkpoint=path)
     assert content(found)[1:3] == content(tally(**ASKED | EDGES | {"realizations": 200}))[1:3]
+
+
+@pytest.mark.parametrize("room", [0, 50, 400, 700])
+def test_a_sweep_on_a_full_disk_goes_on_from_its_rows(room, tmp_path):
+    """Full before the first line is whole, and amid rows: what is kept is read, what is not is computed again."""
+    store, reported = tmp_path / "rows.jsonl", []
+    asked = {"verb": study_verbs.amplitude, "store": store}
+    with disk_with(room), pytest.raises(OSError, match=r"File too large|No space"):
+        sweep([WHITE] * 9, **asked, progress=lambda done, _: reported.append(done))
+    before = store.read_bytes()
+    assert len(before) == room
+    assert before.count(b"\n") == max(reported, default=-1) + 1
+    found = sweep([WHITE] * 9, **asked)
+    assert [row["values"] for row in found.rows] == [row["values"] for row in sweep([WHITE] * 9, asked["verb"]).rows]
+    assert [json.loads(line)["cell"] for line in store.read_text().splitlines()[1:]] == list(range(9))
+    assert store.read_bytes().startswith(before[: before.rfind(b"\n") + 1])
 
 
 def test_the_command_line_on_a_full_disk(tmp_path, capfd):

@@ -161,7 +161,7 @@ def test_any_times(examples, folder):
     fuzz.hold(examples, claim, scene=st.sampled_from(sorted(scenes)), times=times, more=more)
 
 
-@fuzz.sizes(100, 1500)
+@fuzz.sizes(100, 3000)
 def test_any_scene_file(examples, folder):
     path = folder / "any.toml"
 

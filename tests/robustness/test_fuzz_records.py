@@ -47,7 +47,7 @@ def spoiled(draw, text):
 
 
 @pytest.mark.parametrize("name", TEXTS)
-@fuzz.sizes(80, 2000)
+@fuzz.sizes(80, 4000)
 def test_spoiled_record_files(examples, name, tmp_path):
     (text, units), path = TEXTS[name], tmp_path / name
 

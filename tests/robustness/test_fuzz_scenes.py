@@ -78,18 +78,18 @@ def spoiled_texts(draw):
     return text[: draw(st.sampled_from([None] * 6 + [len(text) // 2, len(text) - 3]))]
 
 
-@fuzz.sizes(300, 4000)
+@fuzz.sizes(300, 12000)
 def test_spoiled_texts(examples):
     fuzz.hold(examples, claim_text, text=spoiled_texts())
 
 
-@fuzz.sizes(100, 1000)
+@fuzz.sizes(100, 4000)
 def test_any_text(examples):
     fuzz.hold(examples, claim_text, text=st.text(max_size=200))
 
 
 @pytest.mark.parametrize("part", fuzz.PARTS)
-@fuzz.sizes(40, 500)
+@fuzz.sizes(40, 1600)
 def test_parts_take_or_name_any_value(examples, part):
     """One parameter after another, and all at once: refused by its own name, or finite in the end."""
     cls, strategies = fuzz.PARTS[part]
@@ -97,8 +97,9 @@ def test_parts_take_or_name_any_value(examples, part):
 
     def claim(values):
         made = []
-        # What an envelope refuses of all its times together bears the envelope's name.
+        # What an envelope refuses of all its times together bears the envelope's name; some shapes take cycles.
         names = [f"{table}.{name}" for name in values] + [table] * (part == "trapezoid")
+        names += ["forcing.cycles"] * (part == "pulse")
         if not fuzz.refused(lambda: made.append(cls(**fuzz.GOOD[part] | values)), *names):
             assert repr(made[0]).count("nan") == repr(made[0]).count("inf") == 0
 
@@ -106,7 +107,7 @@ def test_parts_take_or_name_any_value(examples, part):
     fuzz.hold(examples, claim, values=one | st.fixed_dictionaries(strategies))
 
 
-@fuzz.sizes(60, 500)
+@fuzz.sizes(60, 2000)
 def test_a_block_in_metres_is_taken_or_named(examples):
     names = ["width", "height", "peak_acceleration", "frequency_hz", "restitution", "phase", "noise_rms_acceleration"]
     names += ["noise_band_hz", "harmonics", "gravity"]
@@ -123,7 +124,7 @@ def test_a_block_in_metres_is_taken_or_named(examples):
     fuzz.hold(examples, claim, values=one | st.fixed_dictionaries(noise))
 
 
-@fuzz.sizes(60, 500)
+@fuzz.sizes(60, 2000)
 def test_a_varied_scene_is_taken_or_named(examples):
     scene = fuzz.scene()
     names = ["block", "forcing", "noise", "start", "overturning"]

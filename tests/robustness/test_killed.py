@@ -10,8 +10,12 @@ import sys
 import time
 
 import pytest
+import study_verbs
 from killed import ASKED, SCENE
+from killed_sweep import SCENES
 
+from fpk_rocking.studies import sweep
+from fpk_rocking.studies.execution.cells import seed_of
 from montecarlo import Tally, simulate, tally
 
 HERE = pathlib.Path(__file__).parent
@@ -36,7 +40,7 @@ def killed_at(path, realizations, instant):
     return max(int(line) for line in lines if line.endswith("\n"))
 
 
-@pytest.mark.parametrize("kills", [pytest.param(2, id="few"), pytest.param(50, marks=pytest.mark.slow, id="many")])
+@pytest.mark.parametrize("kills", [pytest.param(2, id="few"), pytest.param(100, marks=pytest.mark.slow, id="many")])
 def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
     """One checkpoint through run after run, each killed at a random instant; the last goes on to an undisturbed one."""
     path, target, instants = tmp_path / "state.npz", 2_000_000, random.Random(7)
@@ -54,6 +58,35 @@ def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
     unfinished = [file for file in tmp_path.iterdir() if file != path]
     assert all(file.name.startswith(".state-") for file in unfinished)
     assert kills < 10 or len(unfinished) > kills // 10, "hardly a run was killed while it saved"
+
+
+@pytest.mark.slow
+def test_killed_sweeps_lose_no_row_that_they_reported(tmp_path):
+    """One store through 100 sweeps, every fifth on two processes, each killed at any instant from its very start.
+
+    Every row that was reported is there, none is there twice, and all are those of a sweep that nothing disturbs.
+    """
+    store, instants, kept, begun = tmp_path / "rows.jsonl", random.Random(8), 0, 0
+    for kill in range(100):
+        workers = 2 if kill % 5 == 0 else 1
+        command = [sys.executable, str(HERE / "killed_sweep.py"), str(store), str(workers)]
+        path = {"PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | path) as run:
+            time.sleep(instants.uniform(0.0, 3.0 * workers))
+            run.send_signal(signal.SIGKILL)
+            lines = run.stdout.read().splitlines(keepends=True)
+        reported = max((int(line) for line in lines if line.endswith("\n")), default=kept)
+        begun += bool(lines)
+        *rows, _ = store.read_bytes().split(b"\n") if store.exists() else [b""]
+        cells = [json.loads(row)["cell"] for row in rows[1:]]
+        assert len(set(cells)) == len(cells) >= reported >= kept
+        kept = len(cells)
+    assert kept < len(SCENES), "ended before it was killed"
+    assert begun > 20, "hardly a sweep was killed while it ran"
+    found = sweep(SCENES, study_verbs.slow, store=store, seconds=0.01)
+    expected = [study_verbs.amplitude(scene, seed=seed_of(1, number)) for number, scene in enumerate(SCENES)]
+    assert [row["values"] for row in found.rows] == expected
+    assert store.read_bytes().count(b"\n") == 1 + len(SCENES)
 
 
 def start(*arguments, command=COMMAND, **environment):

@@ -22,6 +22,17 @@ def test_a_block_in_round_numbers():
     assert size.radians(1.0) == size.critical_angle
 
 
+@pytest.mark.parametrize("name", ["width", "height", "gravity"])
+def test_sizes_that_no_conversion_survives_are_refused(name):
+    for good in (1e-100, 1e100):
+        size = Dimensions(**{"width": 0.5, "height": 2.0} | {name: good})
+        converted = [size.amplitude(1.0), size.frequency(1.0), size.seconds(1.0), size.tau(1.0), size.radians(1.0)]
+        assert all(0.0 < value < math.inf for value in converted)
+    for bad in (9e-101, 1.1e100, 5e-324, 1e308):
+        with pytest.raises(ValueError, match=rf"^block\.dimensions\.{name}: got .* >= 1e-100 and <= 1e\+100$"):
+            Dimensions(**{"width": 0.5, "height": 2.0} | {name: bad})
+
+
 def test_seconds_and_tau_undo_each_other_on_arrays():
     size, times = Dimensions(0.5, 2.0), np.linspace(0.0, 40.0, 7)
     np.testing.assert_allclose(size.tau(size.seconds(times)), times, rtol=1e-15)

@@ -1,7 +1,11 @@
-"""Sweeps on a Dask cluster of this machine, with a worker killed in the middle."""
+"""Sweeps on a Dask cluster of this machine, with a worker, and its scheduler, killed in the middle."""
 
+import contextlib
+import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -49,3 +53,46 @@ def test_a_cell_that_no_worker_survives_is_a_row(client, tmp_path):
     found = sweep(GRID, study_verbs.deadly, workers=client.get_executor(), folder=str(tmp_path), times=99)
     assert [row["cell"] for row in found.failed] == [2]
     assert "KilledWorker" in found.failed[0]["reason"]
+
+
+@contextlib.contextmanager
+def scheduler_and_workers(folder):
+    """Yield a scheduler, the first of three processes, and its address; the workers outlive it for a while."""
+    file, processes = folder / "scheduler.json", []
+    where = {"env": os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, "stderr": subprocess.DEVNULL}
+    begin = [sys.executable, "-m", "distributed.cli.dask_"]
+
+    def started(name, *options):
+        command = [*begin[:2], f"{begin[2]}{name}", "--scheduler-file", file, "--no-dashboard", *options]
+        processes.append(subprocess.Popen(command, **where))
+
+    try:
+        started("scheduler", "--host", "127.0.0.1", "--port", "0")
+        for _ in range(2):
+            started("worker", "--no-nanny", "--nthreads", "1", "--death-timeout", "60")
+        yield processes[0], file
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_killed_in_the_middle(tmp_path):
+    """A plain error; the rows that came are kept, and the sweep goes on from them without the cluster."""
+    store, scenes = tmp_path / "rows.jsonl", GRID.scenes * 3
+    asked = {"scenes": scenes, "verb": study_verbs.slow, "seed": 7, "store": store, "seconds": 0.2}
+    with scheduler_and_workers(tmp_path) as (scheduler, file):
+        client = distributed.Client(scheduler_file=str(file), timeout=30, set_as_default=False)
+
+        def kill(done, _):
+            if done == 4:
+                scheduler.kill()
+
+        client.wait_for_workers(2)
+        with client, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all scenes"):
+            sweep(**asked, workers=client.get_executor(), progress=kill)
+    kept = store.read_bytes()
+    assert 5 <= kept.count(b"\n") < 16
+    assert told(sweep(**asked).rows) == told(sweep(scenes, study_verbs.slow, seed=7, seconds=0.0).rows)
+    assert store.read_bytes().startswith(kept)
+    assert sorted(json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]) == list(range(15))

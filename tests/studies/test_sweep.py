@@ -43,6 +43,7 @@ def test_rows_in_the_order_of_the_scenes(alone):
 
 
 def test_seeds_depend_on_seed_and_number_alone(alone):
+    assert sweep(GRID, study_verbs.amplitude, seed=0).rows[1]["seed"] == seed_of(0, 1)
     seeds = [row["values"]["seed"] for row in alone.rows]
     assert seeds == [row["seed"] for row in alone.rows] == [seed_of(7, number) for number in range(5)]
     more = [seed_of(seed, number) for seed in range(10) for number in range(1000)]
@@ -156,6 +157,38 @@ def test_what_an_executor_cannot_run_is_tried_alone():
     assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
 
 
+def test_an_executor_that_takes_no_more_is_no_failure_of_a_cell(tmp_path):
+    """It ends between the first try of a pack and the second."""
+
+    class Closing(Refusing):
+        def refuse(self, *_):
+            self.shutdown(wait=False)
+            raise OSError("no worker survived it")
+
+    store = tmp_path / "rows.jsonl"
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        sweep([SCENE] * 10, study_verbs.amplitude, workers=Closing(1), store=store)
+    assert sorted(json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]) == list(range(9))
+
+
+def test_an_executor_that_ends_is_a_plain_error_and_the_store_goes_on(tmp_path, alone):
+    """Its futures are cancelled, as by Dask when the scheduler is gone, or its processes are dead."""
+    for kind in (concurrent.futures.CancelledError, concurrent.futures.BrokenExecutor):
+        store = tmp_path / f"{kind.__name__}.jsonl"
+
+        class Ending(concurrent.futures.ThreadPoolExecutor):
+            def submit(self, function, verb, cells, options):
+                return super().submit(function if cells[0].number < 2 else self.end, verb, cells, options)
+
+            def end(self, *_, kind=kind):
+                raise kind
+
+        with Ending(1) as pool, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all"):
+            sweep(GRID, study_verbs.amplitude, seed=7, workers=pool, store=store)
+        assert store.read_bytes().count(b"\n") == 3
+        assert told(sweep(GRID, study_verbs.amplitude, seed=7, store=store).rows) == told(alone.rows)
+
+
 def stopping_at(count):
     def progress(done, _):
         if done == count:
@@ -201,8 +234,18 @@ def test_stores_of_other_sweeps_are_refused(tmp_path):
     assert store.read_bytes() == kept
 
 
+@pytest.mark.parametrize("part", [0, 1, 40])
+def test_a_sweep_that_ended_while_it_began_its_store_goes_on(tmp_path, alone, part):
+    store = tmp_path / "rows.jsonl"
+    sweep(GRID, study_verbs.amplitude, seed=7, store=store)
+    whole = store.read_bytes()
+    store.write_bytes(whole[:part])
+    assert told(sweep(GRID, study_verbs.amplitude, seed=7, store=store).rows) == told(alone.rows)
+    assert store.read_bytes().splitlines()[0] == whole.splitlines()[0]
+
+
 @pytest.mark.parametrize(
-    "text", ["", "\n", "no json\n", "[]\n", '{"format": 1}\n{"cell": 0}\n', '{"format": 2}\n'], ids=repr
+    "text", [" ", "\n", "no json\n", "[]\n", '{"format": 1}\n{"cell": 0}\n', '{"format": 2}\n'], ids=repr
 )
 def test_damaged_stores_are_refused(tmp_path, text):
     store = tmp_path / "rows.jsonl"
@@ -267,6 +310,41 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     found = sweep(GRID, study_verbs.slow, store=store, seconds=0.5)
     assert len(found.rows) == 5
     assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 0.5
+
+
+def test_a_store_is_taken_by_one_sweep_at_a_time(tmp_path, alone):
+    """Refused while the other runs, whoever runs it, and free when that has ended, in whatever way."""
+    pytest.importorskip("fcntl", reason="without locks of files")
+    store, refused = tmp_path / "rows.jsonl", []
+    asked = {"verb": study_verbs.amplitude, "seed": 7, "store": store}
+
+    def again(done, _):
+        with pytest.raises(ValueError, match=r"store: got '.*rows\.jsonl', accepted: a file that no sweep in progress"):
+            sweep(GRID, **asked)
+        refused.append(done)
+        if done == 3 and len(refused) < 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(GRID, **asked, progress=again)
+    assert told(sweep(GRID, **asked, progress=again).rows) == told(alone.rows)
+    assert refused == [0, 1, 2, 3, 3, 4, 5]
+    assert store.read_bytes().count(b"\n") == 6
+
+
+def test_sweeps_that_begin_one_store_at_once(tmp_path):
+    """One of three processes has it; the others are refused, or come later and find its rows."""
+    pytest.importorskip("fcntl", reason="without locks of files")
+    store, script = tmp_path / "rows.jsonl", tmp_path / "script.py"
+    script.write_text(SCRIPT.replace("workers=2", "workers=1"))
+    command = [sys.executable, script, store, "0.2"]
+    pipes = {"stderr": subprocess.PIPE, "text": True, "env": {"PYTHONPATH": ":".join(sys.path)}}
+    runs = [subprocess.Popen(command, **pipes) for _ in range(3)]
+    ended = [(run.communicate(timeout=60)[1], run.returncode) for run in runs]
+    assert (("", 0)) in ended
+    assert all(code == 0 or "ValueError: store: got " in said for said, code in ended)
+    cells = [json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]]
+    assert sorted(cells) == list(range(5))
 
 
 def test_progress_tells_what_is_left(monkeypatch, capsys):

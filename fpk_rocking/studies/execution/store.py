@@ -1,21 +1,26 @@
 """The file of a sweep: its rows as they come, so that a sweep that is stopped goes on from there.
 
 A text file of one JSON object a line. The first says what sweep it is; each of the others is a row. A row is appended
-in one piece; what a kill leaves of the last line is no row and is overwritten.
+in one piece; what a kill or a full disk leaves of the last line is no row and is overwritten. One sweep at a time has
+the file: it is locked where the file system has locks, and the lock ends with the process.
 """
 
 import contextlib
 import json
 
 from fpk_rocking.base import checks
-from fpk_rocking.results.storage import write_text
+
+try:
+    import fcntl
+except ImportError:  # outside Unix
+    fcntl = None
 
 _FORMAT = 1
 _ROW = {"cell": int, "seed": int, "digest": str, "wall_s": float, "values": dict, "reason": str}
 
 
 class Store:
-    """Rows kept in a file, or in memory alone.
+    """Rows kept in a file, which is open and locked until `close`, or in memory alone.
 
     Parameters
     ----------
@@ -34,45 +39,69 @@ class Store:
     Raises
     ------
     TypeError, ValueError
-        The file is no store, is damaged, or belongs to another sweep or to other scenes; it is left as it is.
+        The file is no store, is damaged, belongs to another sweep or to other scenes, or is that of a sweep that still
+        runs; it is left as it is.
     """
 
     def __init__(self, path, about, cells):
-        self.path, self.rows = None if path is None else checks.path("store", path), {}
+        self.path, self.rows, self._file = None if path is None else checks.path("store", path), {}, None
         if self.path is None:
             return
         if self.path.exists() and not self.path.is_file():
             raise ValueError(checks.refusal("store", str(self.path), "a file, made where it is missing"))
         header = _text({"format": _FORMAT} | about)
-        if not self.path.exists():
-            write_text(self.path, header)
-        self._whole = self._read(json.loads(header), {cell.number: cell.digest for cell in cells})
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        # Appending: two processes that both find no file must not make it anew over each other's. Without a buffer:
+        # what a full disk does not take must not be tried again when the file is closed.
+        self._file = self.path.open("a+b", buffering=0)
+        try:
+            self._claim()
+            self._read(header, {cell.number: cell.digest for cell in cells})
+        except BaseException:
+            self.close()
+            raise
 
-    @contextlib.contextmanager
-    def appending(self):
-        """Yield a function that takes a row; the file is open within the block."""
-        if self.path is None:
-            yield self._take
-            return
-        with self.path.open("r+b") as file:
-            file.truncate(self._whole)
-            file.seek(self._whole)
-
-            def add(row):
-                self._take(row)
-                file.write(_text(row).encode())
-                file.flush()
-
-            yield add
-
-    def _take(self, row):
+    def add(self, row):
+        """Take a row, and append it to the file."""
         self.rows[row["cell"]] = row
+        if self._file is not None:
+            self._write(_text(row))
+
+    def close(self):
+        """Leave the file to others."""
+        if self._file is None:
+            return
+        with self._file, contextlib.suppress(OSError):
+            # Closing is not enough where a process that was forked meanwhile has the file open too.
+            if fcntl is not None:
+                fcntl.flock(self._file, fcntl.LOCK_UN)
+
+    def _write(self, text):
+        left = text.encode()
+        while left:
+            left = left[self._file.write(left) :]
+
+    def _claim(self):
+        if fcntl is None:
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            accepted = "a file that no sweep in progress writes to"
+            raise ValueError(checks.refusal("store", str(self.path), accepted)) from None
+        except OSError:
+            pass  # a file system without locks
 
     def _read(self, wanted, digests):
-        """Take the rows of the file; return the bytes up to the end of its last whole line."""
-        *lines, rest = self.path.read_bytes().split(b"\n")
-        whole = self.path.stat().st_size - len(rest)
-        header = self._entry(lines[0] if lines else b"", 1)
+        """Take the rows of the file, and end it after its last whole line; begin a new file with the header."""
+        self._file.seek(0)
+        content = self._file.read()
+        if wanted.encode().startswith(content):
+            self._file.truncate(0)
+            self._write(wanted)
+            return
+        *lines, rest = content.split(b"\n")
+        header, wanted = self._entry(lines[0] if lines else b"", 1), json.loads(wanted)
         for name in wanted | header:
             if header.get(name) != wanted.get(name):
                 raise self._of_another(f"{name} = {header.get(name)!r}", f"{name} = {wanted.get(name)!r}")
@@ -82,8 +111,8 @@ class Store:
                 raise self._damaged(number)
             if digests.get(row["cell"]) != row["digest"]:
                 raise self._of_another(f"another cell {row['cell']}", "the same scenes, in this order, and seed")
-            self._take(row)
-        return whole
+            self.rows[row["cell"]] = row
+        self._file.truncate(len(content) - len(rest))
 
     def _entry(self, line, number):
         try:

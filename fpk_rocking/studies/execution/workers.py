@@ -38,7 +38,13 @@ def rows_of(verb, cells, options, workers):
         Rows as they come.
     """
     if not isinstance(workers, int):
-        yield from _handed(workers, verb, cells, options)
+        try:
+            yield from _handed(workers, verb, cells, options)
+        except _ENDED as error:
+            raise RuntimeError(
+                "workers: the executor came to its end before all scenes were run, as where the scheduler of a cluster "
+                "ends; rows in a store are kept, and the same call with other workers goes on from there"
+            ) from error
     elif workers == 1:
         for cell in cells:
             yield perform(verb, cell, options)
@@ -95,9 +101,11 @@ def _packs(cells):
 def _alone(executor, verb, cell, options, dies=None):
     """Return the row of a cell that an executor runs by itself; `dies` is the reason where that ends the executor."""
     begin = time.perf_counter()
+    # A tuple and not a list: Dask gives equal calls one key, and so the result of the first. An executor that takes no
+    # more work raises here: that is no failure of the cell.
+    future = executor.submit(perform_alone, verb, (cell,), options)
     try:
-        # A tuple and not a list: Dask gives equal calls one key, and so the result of the first.
-        return executor.submit(perform_alone, verb, (cell,), options).result()[0]
+        return future.result()[0]
     except _ENDED:
         if dies is None:
             raise

@@ -1,0 +1,204 @@
+"""Every rule of the verdict and of the remarks, with a result just inside and just outside; limits in figures."""
+
+import dataclasses
+import math
+import types
+
+import fakes
+import numpy as np
+import pytest
+from made_results import MAIN, WHITE
+
+from fpk_rocking import Block, Dimensions
+from fpk_rocking.compare import compare
+from fpk_rocking.results import trust
+from fpk_rocking.results.remarks import doubts, remarks
+from fpk_rocking.results.replacement import Replacement
+from fpk_rocking.studies.doubts import doubts_of
+from fpk_rocking.studies.lognormal import LognormalFit, no_fit
+from montecarlo import Splitting
+
+LIMITS = {
+    "total_error": (0.01, 0.1),
+    "error_estimate": (0.002, 0.1),
+    "half_width": (0.002, 0.1),
+    "escape_error": (0.002 * math.e, 0.1 * math.e),
+    "relative_error": (0.2, 0.5),
+    "bins_error_estimate": (0.03, math.inf),
+    "lost": (0.002, 0.1),
+    "mass_defect": (1e-9, 0.002),
+    "negative_mass": (0.01, 0.1),
+    "residual": (1e-6, 0.002),
+}
+"""Of each figure for a tolerance of .002: above the first there is caution, above the second no use."""
+
+COARSE = {"total_error": (0.3, 0.3), "lost": (0.3, 0.3), "negative_mass": (0.01, 0.3), "mass_defect": (1e-9, 0.3)}
+"""Likewise for a tolerance of .3, larger than what is of no use otherwise."""
+
+
+def test_the_limits_are_these():
+    found = trust._limits(0.002, {"bins_tol": 0.03})
+    assert {name: pair for name, (_, *pair) in found.items()} == {name: [*pair] for name, pair in LIMITS.items()}
+    coarse = trust._limits(0.3, {})
+    assert {name: tuple(coarse[name][1:]) for name in COARSE} == COARSE
+    assert trust._limits(0.002, {"moving_negative_mass": 0.0})["moving_negative_mass"][1:] == (0.01, 0.1)
+    assert trust.UNASKED == 0.05
+
+
+def sized(shaking):
+    """A scene whose block has this relative error of the moment of the shaking."""
+    scene = MAIN.varied(noise=WHITE.noise)
+    return dataclasses.replace(
+        scene, block=Block(0.5, Dimensions(2.0 * math.tan(math.acos(1.0 / (1.0 + shaking))), 2.0))
+    )
+
+
+@pytest.mark.parametrize(("shaking", "said"), [(0.05 - 1e-9, False), (0.05 + 1e-9, True)])
+def test_a_block_is_squat_where_either_moment_is_off_by_a_twentieth(shaking, said):
+    """That of the shaking: the other is off by a third as much."""
+    result = fakes.FakeEvolution(sized(shaking))
+    assert [doubt.code for doubt in doubts(result)] == ["squat"] * said
+    assert result.trust.verdict == ("caution" if said else "ok")
+    assert [text.startswith("Squat block: 0.64") for text in remarks(result)] == [True] * said
+
+
+def replaced(difference, error=0.0, place=(2, 0), **given):
+    """A density whose replacement of noise was found to make this difference at one place, with no other error."""
+    arrays = np.zeros((2, 3, 3))
+    arrays[:, *place] = difference, error
+    check = Replacement(*arrays, "exact", 1000, 2, 0.1)
+    return fakes.FakeEvolution(MAIN, cycles=2, error_estimate=0.0, replacement=check, **given)
+
+
+@pytest.mark.parametrize("tol", [1e-3, 0.02])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_replacement_is_explained_where_its_error_is_above_a_hundredth_or_the_tolerance(tol, sign):
+    limit = max(0.01, tol)
+    for error, said in ((limit, False), (math.nextafter(limit, 1.0), True)):
+        found = replaced(sign * error, tol=tol)
+        assert found.trust.verdict == ("caution" if said else "ok")
+        assert [text.split()[0] for text in remarks(found)[2:]] == ["Better", "What"] * said
+
+
+@pytest.mark.parametrize("place", [(2, 0), (1, 2)])
+def test_more_paths_help_where_most_of_the_error_is_that_of_the_paths(place):
+    """Judged where the total error is largest."""
+    for error, first in ((0.02, "Better"), (math.nextafter(0.02, 1.0), "Most")):
+        assert remarks(replaced(-0.02, error, place))[2].split()[0] == first
+
+
+def splitting(alive, repeats):
+    """As many repeats as given, so many of which saw the same probability and the others none."""
+    estimates = np.zeros((repeats, 2, 2))
+    estimates[:alive, 1, 0] = 2.0**-20
+    return Splitting(WHITE, 100, 1, 200, 0.5, estimates, np.full(repeats, 7), np.full(repeats, 70))
+
+
+@pytest.mark.parametrize(
+    ("alive", "repeats", "verdict"),
+    [(20, 20, "ok"), (19, 19, "caution"), (50, 100, "ok"), (49, 100, "do not use")],
+)
+def test_splitting_takes_20_repeats_of_which_half_are_effective(alive, repeats, verdict):
+    found = splitting(alive, repeats)
+    assert found.trust.verdict == verdict
+    assert found.skewed == (verdict == "do not use")
+
+
+class Standing(fakes.FakeEvolution):
+    """A density of survival .5 after one cycle, and some less after two."""
+
+    less = 0.0
+
+    @property
+    def survival(self):
+        return np.array([1.0, 0.5, 0.5 - self.less])
+
+
+@pytest.mark.parametrize(
+    ("apart", "verdict"),
+    [
+        (2.0**-9, "ok"),
+        (2.0**-9 + 2.0**-40, "caution"),
+        (2.0**-9 + 0.1 - 1e-9, "caution"),
+        (2.0**-9 + 0.1 + 1e-9, "do not use"),
+    ],
+)
+def test_densities_may_differ_by_the_sum_of_their_errors(apart, verdict):
+    class Less(Standing):
+        less = apart
+
+    given = {"cycles": 2, "error_estimate": 2.0**-10}
+    for pair in ((Standing, Less), (Less, Standing)):
+        found = compare(*(kind(WHITE, **given) for kind in pair), joint_cycles=[1]).trust
+        assert found.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("standing", "verdict"), [(19_601, "ok"), (19_599, "caution"), (20_399, "ok"), (20_401, "caution")]
+)
+def test_a_sample_may_differ_by_four_standard_errors(standing, verdict):
+    """Of .5 by 40,000 paths one is .0025, which are 100 paths."""
+
+    class Counted(fakes.FakeEnsemble):
+        survival = np.array([1.0, 0.5, standing / 40_000])
+        overturned = np.stack([1.0 - survival, 0.0 * survival], axis=1)
+
+    sample = Counted(WHITE, cycles=2, realizations=40_000, method="white")
+    density = Standing(WHITE, cycles=2, error_estimate=0.0)
+    assert compare(sample, density, joint_cycles=[1]).trust.verdict == verdict
+
+
+NOTHING = math.nan, math.nan
+
+
+def fit(misfit=0.0, p_value=math.nan):
+    return LognormalFit(1.0, 0.4, NOTHING, NOTHING, misfit, math.nan, p_value, 0.95, "")
+
+
+def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=False):
+    """What `doubts_of` reads of fragility curves."""
+    return types.SimpleNamespace(
+        probability=np.array(probability),
+        reasons=dict.fromkeys(reasons, "refused."),
+        fits=[[one] for one in fits],
+        scenes=scenes,
+        closure="",
+        mixture=mixture,
+        deterministic=np.array([False]),
+        engine="exact",
+    )
+
+
+def test_curves_without_an_answer_are_of_no_use():
+    (some,), (none,) = (doubts_of(curves(reasons=range(count), probability=[0.5] * 4)) for count in (3, 4))
+    assert some == (trust.CAUTION, "The engine gave no answer for 3 of 4 probabilities: refused.", "unanswered")
+    assert none[:2] == (trust.UNUSABLE, "The engine gave no answer for 4 of 4 probabilities: refused.")
+    assert doubts_of(curves()) == []
+
+
+@pytest.mark.parametrize(
+    ("inside", "outside", "rule"),
+    [
+        (fit(0.3, 0.01), fit(0.3, math.nextafter(0.01, 0.0)), "(p = 0.01, below 0.01): it is off by up to 0.3. "),
+        (fit(0.05), fit(math.nextafter(0.05, 1.0)), "(misfit above 0.05): it is off by up to 0.05. "),
+        (no_fit(0.95, "too few"), fit(0.3, 0.0), "(p = 0, below 0.01): it is off by up to 0.3. "),
+    ],
+)
+def test_a_fit_is_rejected_beyond_its_limits(inside, outside, rule):
+    """Of several the worst is told, and how many there are."""
+    assert doubts_of(curves([inside])) == []
+    (one,), (two,) = doubts_of(curves([outside])), doubts_of(curves([inside, outside, outside]))
+    assert one.sentence.startswith(f"The lognormal fit is rejected {rule}")
+    assert two.sentence.startswith(f"The lognormal fit of 2 of 3 curves is rejected {rule}")
+    better = outside._replace(misfit=outside.misfit - 1e-3, p_value=0.0)
+    assert f"off by up to {outside.misfit:.2g}" in doubts_of(curves([better, outside, better]))[0].sentence
+
+
+@pytest.mark.parametrize(("count", "said"), [(381, False), (380, True)])
+def test_a_mean_over_motions_is_doubted_up_to_380_of_them(count, said):
+    """Wilson's half width at one half is z/(2 √(n + z²)): .05 at n = 380.3, z = 1.96."""
+    many = {"scenes": (WHITE,) * count, "mixture": True}
+    found = doubts_of(curves(probability=[0.0, 0.5, math.nan], **many))
+    assert [doubt.sentence.split(":")[0] for doubt in found] == [f"The mean is over {count} motions alone"] * said
+    assert doubts_of(curves(probability=[0.0, 0.5], scenes=many["scenes"])) == []
+    assert doubts_of(curves(mixture=True))[0].sentence.startswith("The mean is over 1 motion alone")
