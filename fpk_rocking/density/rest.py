@@ -5,6 +5,9 @@ at impact have the scale w = 4D / (3 (1 - e²)(1 - f²)). It forgets its state a
 of the slowest mode of its energy (docs/theory.md, section 5). Let M be the integral of this rate from the end of a hold
 to the next lift-off. Of what the layer would have been without the hold, the part exp(-M) is left at the lift-off, so
 survival changes by less than that.
+
+All this holds for hops that are short beside the time in which the force changes. Faster blocks can hop on for ever
+under |f| < 1, in step with the force, and neither they nor a layer that reaches so far are held.
 """
 
 import math
@@ -18,8 +21,13 @@ _LOOK = 0.02
 """Longest interval in which force and diffusion are taken as constant."""
 
 _INSIDE, _SAFE = 8.0, 25.0
-"""Scales w of the layer that have to be within the speed of `REST`, so that all of the layer is held, and within
-1 - |f|, the least speed that takes a block over the saddle, so that noise alone does not overturn it: exp(-25)."""
+"""Scales w of the layer that have to be within the speed of `REST` and that up to which hops die out, so that all of
+the layer is held, and within 1 - |f|, the least speed over the saddle, so that noise alone overturns nothing: exp(-25).
+"""
+
+_STEADY = 0.5
+"""Part of the speed which impacts take that a changing force may give back, where hops are to die out. This part falls
+like the square of the speed, so that they take a quarter longer."""
 
 
 class Hold:
@@ -36,22 +44,34 @@ class Hold:
     """
 
     def __init__(self, dynamics: Dynamics, end, memory):
-        self._edges = np.linspace(0.0, end, max(math.ceil(end / _LOOK), 1) + 1)
-        forces = np.abs([dynamics.forcing.value(time) for time in self._edges])
+        self._edges = np.linspace(0.0, end, max(math.ceil(end / _LOOK), 2) + 1)
+        values = np.array([dynamics.forcing.value(time) for time in self._edges])
+        forces = np.abs(values)
         most = np.minimum(np.maximum(forces[1:], forces[:-1]), 1.0)
         noise = dynamics.diffusion * np.ones(len(most))
         if dynamics.envelope is not None:
             noise *= np.diff(dynamics.envelope.squared(self._edges)) / np.diff(self._edges)
-        restitution = dynamics.restitution
-        lost, gap = 1.0 - restitution**2, 1.0 - most**2
-        pull = 3.0 * lost * gap
-        inside, safe = (4.0 * noise <= pull * size for size in (REST[1] / _INSIDE, (1.0 - most) / _SAFE))
+        lost, gap = 1.0 - dynamics.restitution**2, 1.0 - most**2
+        pull, steady = 3.0 * lost * gap, self._steady(values, 1.0 - most, 1.0 - dynamics.restitution)
+        sizes = np.minimum(REST[1], steady) / _INSIDE, (1.0 - most) / _SAFE
+        inside, safe = (4.0 * noise <= pull * size for size in sizes)
         forgetting = np.full(len(most), math.inf)
         np.divide(9.0 * (lost * gap) ** 2, 256.0 * noise, out=forgetting, where=noise > 0.0)
         self._lifting = most >= 1.0
         left = self._until_lift_off(forgetting)
         self._held = ~self._lifting & inside & safe & (left >= memory)
-        self._stopping = 0.5 * (1.0 - restitution) * self._until_lift_off(gap)
+        self._stopping = self._fastest_to_stop(0.8 * 0.5 * (1.0 - dynamics.restitution) * gap, steady)
+
+    def _steady(self, forces, pull, loss):
+        """Speeds (n,) up to which hops die out under a changing force, from the least pull and the loss 1 - e.
+
+        Two hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to 4 |f''| w³/(3 g³).
+        """
+        bend = np.pad(np.abs(np.diff(forces, 2)) / self._edges[1] ** 2, 1, mode="edge")
+        found = np.full(len(pull), math.inf)
+        gain = np.maximum(bend[1:], bend[:-1])
+        np.divide(1.5 * _STEADY * loss * pull**3, gain, out=found, where=gain > 0.0)
+        return np.sqrt(found)
 
     def _until_lift_off(self, rate):
         """Integral of a rate (n,) from the end of each interval to the next lift-off; inf where there is none."""
@@ -60,6 +80,18 @@ class Hold:
             sum_ = 0.0 if self._lifting[k] else sum_
             found[k] = sum_
             sum_ += 0.0 if self._lifting[k] else rate[k] * (self._edges[k + 1] - self._edges[k])
+        return found
+
+    def _fastest_to_stop(self, rate, steady):
+        """Largest speed (n,) at the begin of each interval that falls to 0, at a rate (n,), before the next lift-off.
+
+        On its way it stays within the speed up to which hops die out, `steady` (n,).
+        """
+        found, speed = np.empty(len(rate)), math.inf
+        for k in range(len(rate) - 1, -1, -1):
+            later = speed + rate[k] * (self._edges[k + 1] - self._edges[k])
+            speed = 0.0 if self._lifting[k] else min(steady[k], later)
+            found[k] = speed
         return found
 
     def _interval(self, time):
@@ -83,7 +115,8 @@ class Hold:
     def stopped(self, time, space):
         """Cells (angle cells, velocity cells) from which a block comes to rest before the next lift-off without noise.
 
-        A block of the speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both sides.
+        Under a constant force a block of the speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both
+        sides. A force that changes within a hop can keep it hopping for ever, though |f| < 1 (`_steady`).
         """
         angles, velocities = (0.5 * np.abs(lines[1:] + lines[:-1]) for lines in space.lines)
         speeds = np.sqrt(2.0 * angles[:, None] + velocities**2)

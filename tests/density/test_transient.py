@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import oracle
 import pytest
 from flight_moments import flight_moments
 
@@ -153,6 +154,21 @@ def test_what_still_hops_long_before_a_lift_off_stops_and_what_hops_just_before_
     early, late = (one.stopped(lift_off - before, space).sum() for before in (2.0, 1.2))
     assert 4 < late < early < space.areas.size
     assert one.stopped(lift_off - 0.04, space).sum() == 4
+
+
+def test_a_fast_force_keeps_blocks_hopping_that_a_slow_one_lets_stop():
+    """Under .5 sin 20τ a block at e = .9 can hop on for ever at w = π/40: each hop lasts half a period."""
+    scene = Scene(Block(0.9), Pulse("n-sine", 0.5, 20.0, 300), WhiteNoise(1e-9))
+    space = Space(np.linspace(-1e-6, 1e-6, 3), np.linspace(-0.1, 0.1, 81), 2)
+    stops = Hold(Dynamics.of(scene), 45.0, 1.0).stopped(0.0, space)[1, 40:]
+    hopping = []
+    for v in space.velocity_lines[40:-1] + 0.00125:
+        block = oracle.Block(0.5, 20.0, 0.5 * np.pi, 0.9, 1.5, 5e-7, v, 1)
+        block.advance(4.0)
+        hopping.append(block.side != 0)
+    assert np.count_nonzero(hopping) > 4
+    assert not (stops & hopping).any()
+    assert 1 < stops.sum() < 8
 
 
 def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
