@@ -25,8 +25,8 @@ from fpk_rocking.density.refusals import (
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.physics import filters
-from fpk_rocking.physics.equivalence import equivalent_diffusion
+from fpk_rocking.physics.noise import filters
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene

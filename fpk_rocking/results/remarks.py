@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.physics import equivalence
+from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
 
 __all__ = ["closure_of", "doubts", "noise_text", "remarks"]

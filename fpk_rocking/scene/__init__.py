@@ -1,7 +1,7 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.physics.forcing import Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene
 from fpk_rocking.scene.units import Dimensions

@@ -9,7 +9,7 @@ it, and squares of 1e200 overflow. The bounds are far from anything that rocks, 
 import math
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.filters import fastest
+from fpk_rocking.physics.noise.filters import fastest
 
 _RANGES = {
     "forcing.amplitude": (0.0, 1e4),

@@ -5,8 +5,8 @@ import math
 from typing import ClassVar
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.envelope import ENVELOPES, Exponential, Table, Trapezoid
-from fpk_rocking.physics.filters import FILTERS
+from fpk_rocking.physics.noise.envelope import ENVELOPES, Exponential, Table, Trapezoid
+from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.scene.units import Dimensions
 
 

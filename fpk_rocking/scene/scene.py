@@ -11,9 +11,9 @@ from typing import Any, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
-from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
-from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
+from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.text import read_part, table_of
 from fpk_rocking.scene.units import Dimensions

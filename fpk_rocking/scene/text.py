@@ -4,8 +4,8 @@ import dataclasses
 import pathlib
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.envelope import ENVELOPES
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Record
+from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.scene.parts import NOISES, Block, Overturning, Start
 from fpk_rocking.scene.units import Dimensions
 

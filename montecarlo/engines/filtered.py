@@ -23,9 +23,9 @@ from numba import prange
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics import filters
 from fpk_rocking.physics.flight import move_origin, segment_of
 from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.noise import filters
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import normal, open_stream

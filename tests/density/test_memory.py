@@ -22,7 +22,7 @@ from fpk_rocking.density.refusals import warn_unresolved
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output.summary import result_summary
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise import filters
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 

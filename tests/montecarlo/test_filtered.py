@@ -11,7 +11,7 @@ from filtered_paths import coupled, noise_of, with_intervals
 from scipy.stats import kstest
 
 from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, Table, Trapezoid, load_scene
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise import filters
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Forcing, Overturning, Scene
 from montecarlo import histories, simulate, split, tally

@@ -26,8 +26,8 @@ from fpk_rocking import (
     WhiteNoise,
 )  # fmt: skip
 from fpk_rocking.analytics import melnikov
-from fpk_rocking.physics.envelope import mean_squares
-from fpk_rocking.physics.filters import autocovariance
+from fpk_rocking.physics.noise.envelope import mean_squares
+from fpk_rocking.physics.noise.filters import autocovariance
 from montecarlo import simulate
 from montecarlo.poincare import restarted_poincare_map
 from montecarlo.rare.splitting import split

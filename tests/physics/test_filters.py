@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from fpk_rocking import BandNoise, FilteredNoise, NoNoise, Scene, WhiteNoise, melnikov
-from fpk_rocking.physics import equivalence, filters
+from fpk_rocking.physics.noise import equivalence, filters
 
 NOISES = [
     FilteredNoise("exponential", 0.3, 0.7),

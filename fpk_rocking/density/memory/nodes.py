@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise import filters
 
 _LONG = 40.0
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fpk_rocking.density.memory.nodes import Nodes
 from fpk_rocking.density.space.space import shapes
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise import filters
 
 REACH = 8.0
 """Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.types import Noise
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise import filters
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
@@ -25,7 +25,7 @@ def noise_variance(noise: Noise) -> float:
     ----------
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Band noise has G = variance/(b - a) on its band [a, b]; white noise has ⟨ηη⟩ = 2Dδ; for filtered noise see
-        `fpk_rocking.physics.filters`.
+        `fpk_rocking.physics.noise.filters`.
 
     Returns
     -------
