@@ -25,7 +25,6 @@ from fpk_rocking.density.refusals import (
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.physics.noise import filters
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.results.times import result_times
@@ -264,7 +263,7 @@ def _spread(noise):
     """Return the diffusion that bounds how far noise moves a flight: D, or more for noise of high frequencies."""
     if noise.kind == "white":
         return noise.diffusion
-    return max(equivalent_diffusion(noise), filters.inward_variance(noise))
+    return max(equivalent_diffusion(noise), noise.variance * noise.space.inward_variance)
 
 
 def _rest_error(rests):

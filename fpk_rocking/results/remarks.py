@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.physics.noise import equivalence
+from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
 
 __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
-
-_FILTERS = {"exponential": "exponential", "low-pass": "low-pass", "kanai-tajimi": "Kanai-Tajimi"}
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
@@ -45,8 +44,10 @@ def noise_text(noise) -> str:
     if noise.kind == "white":
         return f"white noise, diffusion {noise.diffusion:.6g}"
     if noise.kind == "filtered":
+        if not isinstance(noise.filter, str):
+            return f"{noise.filter}, variance {noise.variance:g}"
         damping = "" if noise.damping is None else f", damping {noise.damping:g}"
-        name = _FILTERS[noise.filter]
+        name = FILTERS[noise.filter].text
         return f"{name} noise, variance {noise.variance:g}, frequency {noise.frequency:g}{damping}"
     return "no noise"
 

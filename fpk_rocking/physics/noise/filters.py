@@ -1,4 +1,4 @@
-"""Filtered noise: white noise through a linear filter, its spectrum, its correlation and its exact steps in time.
+"""Filters of white noise: those with a name in a scene, and those that a user describes.
 
     exponential     η' + ω η = w
     low-pass        η'' + 2 ζ ω η' + ω² η = w
@@ -6,185 +6,146 @@
 
 with white noise w, whose intensity follows from the variance of η. The last is the acceleration of the ground above a
 rock that shakes in white noise: K. Kanai, Bull. Earthq. Res. Inst. Univ. Tokyo 35, 309-325, 1957; H. Tajimi, Proc. 2nd
-World Conf. Earthq. Eng. II, 781-797, 1960. The noise is stationary. Formulas are derived in docs/theory, "Noise"; all
-quantities are nondimensional. A scene imports this module, so scipy is imported where it is used.
+World Conf. Earthq. Eng. II, 781-797, 1960. Any other filter is a `Filter`, a class of its own with a `StateSpace`.
 """
 
+import dataclasses
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-FILTERS = ("exponential", "low-pass", "kanai-tajimi")
-"""Filters by their name in a scene."""
+from fpk_rocking.base import checks
+from fpk_rocking.physics.noise.state_space import StateSpace
+
+__all__ = ["BUTTERWORTH", "FILTERS", "Filter", "LinearFilter", "low_pass_frequency"]
 
 BUTTERWORTH = math.sqrt(0.5)
 """Damping of the low-pass filter whose spectrum is flattest at low frequencies."""
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
-_SLOWEST, _FASTEST = 1e-8, 1e8
+_SLOWEST, _FASTEST, _MOST = 1e-8, 1e8, 12
 
 
-class StateSpace(NamedTuple):
-    """A filter of n states: dz = drift z dτ + input dW, η = output z.
+class Filter:
+    """A filter of white noise; a class of filters is a frozen dataclass of its parameters that derives from this.
 
-    `drift` (n, n), `input` (n,), `output` (n,); `spread` (n,): standard deviations of the states, which are independent
-    of each other at any one time. The states are η alone; η and η'; or g and g'.
+    Attributes
+    ----------
+    kind : str
+        Name of the class in a scene file.
+    space : StateSpace
+        State space of the filter, for noise of variance 1 (`StateSpace.stationary`).
     """
 
-    drift: np.ndarray
-    input: np.ndarray
-    output: np.ndarray
-    spread: np.ndarray
+    kind: ClassVar[str]
+
+    @property
+    def space(self) -> StateSpace:
+        """State space of the filter, for noise of variance 1."""
+        raise NotImplementedError
+
+    def faster(self, factor: float) -> "Filter":
+        """Return the filter with all its rates multiplied by a factor.
+
+        Parameters
+        ----------
+        factor : float
+            Above 0.
+
+        Returns
+        -------
+        Filter
+        """
+        space = self.space
+        drift = tuple(tuple(row) for row in (factor * space.drift).tolist())
+        return LinearFilter(drift, tuple(space.input.tolist()), tuple(space.output.tolist()))
+
+    def __str__(self):
+        return f"{self.kind} noise"
 
 
-def state_space(noise):
-    """Return the `StateSpace` of a filtered noise."""
-    omega, sigma = noise.frequency, math.sqrt(noise.variance)
-    if noise.filter == "exponential":
-        return StateSpace(
-            np.array([[-omega]]), np.array([sigma * math.sqrt(2.0 * omega)]), np.ones(1), np.array([sigma])
-        )
-    zeta, output = noise.damping, np.array([1.0, 0.0])
-    if noise.filter == "kanai-tajimi":
-        sigma /= math.hypot(1.0, 2.0 * zeta)
-        output[1] = 2.0 * zeta / omega
-    return StateSpace(
-        np.array([[0.0, 1.0], [-omega * omega, -2.0 * zeta * omega]]),
-        np.array([0.0, 2.0 * sigma * omega * math.sqrt(zeta * omega)]),
-        output,
-        np.array([sigma, omega * sigma]),
-    )
+@dataclasses.dataclass(frozen=True)
+class LinearFilter(Filter):
+    """A filter of n states, given by its matrices: dz = drift z dτ + input dW, η = output z.
 
-
-def transition(drift, source, duration):
-    """Exact step of a linear system dz = drift z dτ + source dW.
+    The strength of the white noise does not count: the variance of `FilteredNoise` fixes it.
 
     Parameters
     ----------
-    drift : ndarray, shape (n, n)
-    source : ndarray, shape (n,)
-    duration : float
-        Of the step.
+    drift : sequence of n sequences of n floats
+        Rates of change of the states, per nondimensional time. Its eigenvalues have negative real parts.
+    input : sequence of n floats
+        How the white noise enters the states.
+    output : sequence of n floats
+        How the noise η follows from the states.
 
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Φ: the mean moves from z to Φ z.
-    ndarray, shape (n, n)
-        Covariance that the noise adds: ∫ Φ(t) source sourceᵀ Φ(t)ᵀ dt, by Gauss-Legendre quadrature over a part of the
-        step in which nothing moves fast, then doubled. Nothing cancels, so short steps lose no digits.
+    Raises
+    ------
+    TypeError, ValueError
+        The shapes do not fit, there are more than 12 states, the filter is not stable, or a state has no part in it.
     """
-    from scipy.linalg import expm
 
-    rate = np.abs(np.linalg.eigvals(drift)).max()
-    doublings = max(0, math.ceil(math.log2(max(rate * duration, 1.0))))
-    short = duration / 2**doublings
-    moved = expm(drift * (0.5 * short * (1.0 + _NODES))[:, None, None]) @ source
-    covariance = (moved.T * (0.5 * short * _WEIGHTS)) @ moved
-    phi = expm(drift * short)
-    for _ in range(doublings):
-        covariance = covariance + phi @ covariance @ phi.T
-        phi = phi @ phi
-    return phi, covariance
+    kind: ClassVar[str] = "linear"
+    drift: tuple[tuple[float, ...], ...]
+    input: tuple[float, ...]
+    output: tuple[float, ...]
 
+    def __post_init__(self):
+        name = "noise.filter"
+        accepted = f"{name}.drift as n rows of n numbers, {name}.input and {name}.output as n numbers, n up to {_MOST}"
+        rows = checks.sequence(f"{name}.drift", self.drift, accepted)
+        drift = tuple(checks.several(f"{name}.drift[{i}]", row, most=_MOST) for i, row in enumerate(rows))
+        sides = [checks.several(f"{name}.{side}", getattr(self, side), most=_MOST) for side in ("input", "output")]
+        if not drift or {len(drift)} != {len(one) for one in (*drift, *sides)}:
+            raise ValueError(checks.refusal(f"{name}.drift", self.drift, accepted))
+        for field, value in zip(("drift", "input", "output"), (drift, *sides), strict=True):
+            object.__setattr__(self, field, value)
+        StateSpace.stationary(*self._matrices)
 
-def fastest(noise):
-    """Return the largest rate of a filter, the size of its fastest eigenvalue: noise is sampled in parts of 1/rate."""
-    damping = noise.damping or 0.0
-    return noise.frequency * (damping + math.sqrt(damping**2 - 1.0) if damping > 1.0 else 1.0)
+    @property
+    def _matrices(self):
+        return np.array(self.drift), np.array(self.input), np.array(self.output)
 
+    @property
+    def space(self) -> StateSpace:
+        """State space of the filter, for noise of variance 1."""
+        return StateSpace.stationary(*self._matrices)
 
-def spectral_density(noise, frequency):
-    """One-sided spectral density G, whose integral over all ω > 0 is the variance.
-
-    Parameters
-    ----------
-    noise : FilteredNoise
-    frequency : array_like
-        ω, at least 0.
-
-    Returns
-    -------
-    ndarray or float
-        With r = (ω/ω₀)²: (2 σ²/(π ω₀))/(1 + r) for the exponential filter of frequency ω₀; else
-        (4 ζ σ²/(π ω₀))/((1 - r)² + 4 ζ² r), and for Kanai-Tajimi that times (1 + 4 ζ² r)/(1 + 4 ζ²).
-    """
-    ratio = np.square(np.asarray(frequency) / noise.frequency)
-    if noise.filter == "exponential":
-        return 2.0 * noise.variance / (math.pi * noise.frequency) / (1.0 + ratio)
-    level = 4.0 * noise.damping * noise.variance / (math.pi * noise.frequency)
-    loss = 4.0 * noise.damping**2
-    if noise.filter == "kanai-tajimi":
-        level = level * (1.0 + loss * ratio) / (1.0 + loss)
-    return level / (np.square(1.0 - ratio) + loss * ratio)
+    def __str__(self):
+        return f"noise of a linear filter, fastest rate {self.space.fastest:.4g}"
 
 
-def peak_density(noise):
-    """Return the largest value of `spectral_density`."""
-    square = 0.0
-    if noise.filter == "low-pass":
-        square = max(0.0, 1.0 - 2.0 * noise.damping**2)
-    if noise.filter == "kanai-tajimi":
-        # (√(1 + 8 ζ²) - 1)/(4 ζ²), which would cancel.
-        square = 2.0 / (math.sqrt(1.0 + 8.0 * noise.damping**2) + 1.0)
-    return float(spectral_density(noise, noise.frequency * math.sqrt(square)))
+class _Named(NamedTuple):
+    """A filter with a name: its `space` of frequency and damping, whether it has a damping, and its name in a text."""
+
+    space: Callable[[float, float | None], StateSpace]
+    damped: bool
+    text: str
 
 
-def autocovariance(noise, lag):
-    """Mean of η(τ) η(τ + lag).
-
-    Parameters
-    ----------
-    noise : FilteredNoise
-    lag : array_like
-        Of either sign.
-
-    Returns
-    -------
-    ndarray or float
-        σ² exp(-ω|lag|) for the exponential filter; else σ² exp(-ζω|lag|) [cos + (μ - ζω) sin /ω_d] of ω_d |lag|, with
-        ω_d = ω √(1 - ζ²) and μ of `_slope`.
-    """
-    time, omega = np.abs(lag), noise.frequency
-    if noise.filter == "exponential":
-        return noise.variance * np.exp(-omega * time)
-    # Both rates, complex below critical damping; the mean of their exponentials, and the difference over that of rates.
-    split = omega * np.sqrt(complex(noise.damping**2 - 1.0))
-    slow = omega * omega / (noise.damping * omega + split)
-    decay, twice = np.exp(-slow * time), 2.0 * split
-    even = 0.5 * decay * (1.0 + np.exp(-twice * time))
-    odd = time * decay if twice == 0.0 else -decay * np.expm1(-twice * time) / twice
-    return noise.variance * (even + (_slope(noise) - noise.damping * omega) * odd).real
+def _exponential(omega, _):
+    return StateSpace(np.array([[-omega]]), np.array([math.sqrt(2.0 * omega)]), np.ones(1), np.eye(1))
 
 
-def melnikov_variance(noise):
-    """Variance of the Melnikov process, σ_M² = ∫ 4 G/(1 + ω²)² dω over all ω > 0, in closed form.
-
-    Returns
-    -------
-    float
-        2 σ² (2 + ω)/(1 + ω)² for the exponential filter; else 2 σ² [μ d + 2 (1 + μ)(1 + ζω)]/d² with
-        d = 1 + 2ζω + ω² and μ of `_slope`.
-    """
-    omega = noise.frequency
-    if noise.filter == "exponential":
-        return 2.0 * noise.variance * (2.0 + omega) / (1.0 + omega) ** 2
-    return noise.variance * _melnikov_ratio(omega, noise.damping, _slope(noise))
+def _low_pass(omega, zeta):
+    """Return the state space of η and η'/ω."""
+    drift = omega * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
+    return StateSpace(drift, np.array([0.0, 2.0 * math.sqrt(zeta * omega)]), np.array([1.0, 0.0]), np.eye(2))
 
 
-def inward_variance(noise):
-    """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
-    if noise.filter == "exponential":
-        return noise.variance / (1.0 + noise.frequency)
-    slope, omega = _slope(noise), noise.frequency
-    return noise.variance * (1.0 + slope) / (1.0 + 2.0 * noise.damping * omega + omega * omega)
+def _kanai_tajimi(omega, zeta):
+    """Return the state space of g and g'/ω."""
+    output = np.array([1.0, 2.0 * zeta]) / math.hypot(1.0, 2.0 * zeta)
+    return _low_pass(omega, zeta)._replace(output=output)
 
 
-def _melnikov_ratio(omega, zeta, mu):
-    """σ_M²/σ² of a filter of second order."""
-    d = 1.0 + 2.0 * zeta * omega + omega * omega
-    return 2.0 * (mu * d + 2.0 * (1.0 + mu) * (1.0 + zeta * omega)) / (d * d)
+FILTERS = {
+    "exponential": _Named(_exponential, False, "exponential"),
+    "low-pass": _Named(_low_pass, True, "low-pass"),
+    "kanai-tajimi": _Named(_kanai_tajimi, True, "Kanai-Tajimi"),
+}
+"""Filters by their name in a scene."""
 
 
 def low_pass_frequency(ratio, damping=BUTTERWORTH):
@@ -207,16 +168,9 @@ def low_pass_frequency(ratio, damping=BUTTERWORTH):
     from scipy.optimize import brentq
 
     def excess(power):
-        omega = math.exp(power)
-        return _melnikov_ratio(omega, damping, 2.0 * damping * omega) - ratio
+        return _low_pass(math.exp(power), damping).melnikov_variance - ratio
 
     low, high = math.log(_SLOWEST), math.log(_FASTEST)
     if not excess(low) > 0.0 > excess(high):
         return None
     return math.exp(brentq(excess, low, high, xtol=1e-15, rtol=1e-15))
-
-
-def _slope(noise):
-    """Return μ: the Laplace transform of the autocovariance over σ² is (s + μ)/(s² + 2ζω s + ω²)."""
-    full = 2.0 * noise.damping * noise.frequency
-    return full / (1.0 + 4.0 * noise.damping**2) if noise.filter == "kanai-tajimi" else full
