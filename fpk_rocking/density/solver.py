@@ -166,6 +166,7 @@ def solve_fpk(
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},
         coefficients=fine.coefficients,
         space=run.space,
+        atom=solved.noise.kind == "filtered",
     )
     refuse_broken(result)
     _refuse_unresolved(result, found.fine.negative_mass)

@@ -86,9 +86,9 @@ def remarks(*results: Any) -> tuple[str, ...]:
     """
     sentences = []
     for result in results:
-        sentences += filter(None, (getattr(result.scene.noise, "remark", ""), result.closure))
+        sentences += filter(None, (result.scene.noise.remark, result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]
-        sentences += filter(None, [getattr(result, "check", "")])
+        sentences += filter(None, [result.check])
         sentences += _explained(result)
     return tuple(dict.fromkeys(sentences))
 
@@ -99,11 +99,18 @@ def doubts(result) -> list[Doubt]:
     A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
     """
     found = _squat(result.scene.block.dimensions)
-    if getattr(result, "unresolved", ""):
+    if result.unresolved:
         found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
-    if result.closure and getattr(result, "replacement", None) is None:
-        found.append(Doubt(CAUTION, UNCHECKED, "unchecked"))
-    return found
+    return found + _unchecked("" if result.replacement else result.closure)
+
+
+def scene_doubts(scene, closure) -> list[Doubt]:
+    """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
+    return _squat(scene.block.dimensions) + _unchecked(closure)
+
+
+def _unchecked(closure):
+    return [Doubt(CAUTION, UNCHECKED, "unchecked")] if closure else []
 
 
 def _squat(size):
@@ -120,7 +127,7 @@ def _squat(size):
 
 def _explained(result):
     """Yield what helps where the check says that the replacement of noise is off, and what may explain it."""
-    check = getattr(result, "replacement", None)
+    check = result.replacement
     if check is None or result.facts["total_error"] <= max(REPLACED, result.facts["tol"]):
         return
     worst = np.unravel_index(result.total_error.argmax(), result.total_error.shape)
@@ -140,5 +147,5 @@ def _explained(result):
     yield (
         f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
         f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
-        f"strength by {100.0 * spread:.0f} %{'' if getattr(result, 'atom', False) else rest}."
+        f"strength by {100.0 * spread:.0f} %{'' if result.atom else rest}."
     )

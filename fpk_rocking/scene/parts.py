@@ -106,6 +106,7 @@ class WhiteNoise:
     """
 
     kind: ClassVar[str] = "white"
+    remark: ClassVar[str] = ""
     diffusion: float
     envelope: Trapezoid | Exponential | Table | None = None
 
@@ -148,6 +149,7 @@ class FilteredNoise:
     """
 
     kind: ClassVar[str] = "filtered"
+    remark: ClassVar[str] = ""
     filter: str | Filter
     variance: float
     frequency: float | None = None
@@ -193,6 +195,7 @@ class NoNoise:
     """No noise: the motion is deterministic."""
 
     kind: ClassVar[str] = "none"
+    remark: ClassVar[str] = ""
     variance: ClassVar[float] = 0.0
     envelope: ClassVar = None
 

@@ -11,6 +11,7 @@ import pytest
 from filtered_paths import coupled, noise_of, with_intervals
 from scipy.stats import kstest
 from stepped_paths import soil, survival
+from two_samples import survival_test
 
 from fpk_rocking import (
     CloughPenzien,
@@ -29,7 +30,6 @@ from montecarlo import histories, simulate, split, tally
 from montecarlo.engines import filtered, running
 from montecarlo.engines.grid import Grid
 from montecarlo.engines.random import open_stream, stream_keys
-from montecarlo.results.statistics import survival_test
 
 LOW_PASS = FilteredNoise("low-pass", 0.04, 9.0, math.sqrt(0.5))
 NOISES = [
