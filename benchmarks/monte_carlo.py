@@ -12,7 +12,7 @@ from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics import noise
+from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import Start
 from montecarlo import simulate
 from montecarlo.engines import rk4
@@ -29,10 +29,10 @@ TARGET = 1e-6
 def rotation_sum(keys, problem, samples, spacing, sink):
     """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
     for r in prange(sink.size):
-        own = noise.allocate(problem.harmonics, 1)
+        own = band.allocate(problem.harmonics, 1)
         draw(open_stream(keys, r), problem, own)
-        noise.set_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
-        noise.anchor(own, 0, 0.0)
+        band.set_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
+        band.anchor(own, 0, 0.0)
         sink[r] = _rotated(own, samples[r])
 
 
@@ -55,16 +55,16 @@ def _rotated(own, samples):
 def chunked_sum(keys, problem, samples, spacing, half, sink):
     """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
     for r in prange(sink.size):
-        own = noise.allocate(problem.harmonics, half)
+        own = band.allocate(problem.harmonics, half)
         draw(open_stream(keys, r), problem, own)
-        noise.prepare(own, half, spacing)
-        noise.set_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
-        noise.anchor(own, 0, half * spacing)
+        band.prepare(own, half, spacing)
+        band.set_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
+        band.anchor(own, 0, half * spacing)
         room, total = np.zeros(2 * half + 1), 0.0
         for _ in range((samples[r] + 2 * half - 1) // (2 * half)):
             room[:] = 0.0
-            noise.add_chunk(own, half, room)
-            noise.rotate(own, own.hop)
+            band.add_chunk(own, half, room)
+            band.rotate(own, own.hop)
             total += room[0]
         sink[r] = total
 

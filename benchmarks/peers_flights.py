@@ -10,7 +10,7 @@ import optimistix
 from peers_problems import BAND
 from report import medians, table
 
-from fpk_rocking.physics import noise
+from fpk_rocking.physics.noise import band
 from montecarlo import simulate
 from montecarlo.engines import rk4, shinozuka
 from montecarlo.engines.random import open_stream, stream_keys
@@ -27,7 +27,7 @@ def realizations(count, seed=1):
     problem, rows = rk4.problem_of(BAND, 8), []
     omega, phase, amplitude = BAND.forcing.frequency, BAND.forcing.phase, BAND.forcing.amplitude
     for number in range(count):
-        drawn = noise.allocate(problem.harmonics, 1)
+        drawn = band.allocate(problem.harmonics, 1)
         shinozuka.draw(open_stream(stream_keys(seed), number), problem, drawn)
         ratios, phases, weights = (row[: problem.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
         rows.append(

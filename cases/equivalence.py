@@ -3,7 +3,7 @@
 The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
 is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's
 frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. So is a rival closure,
-which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of `fpk_rocking.physics.equivalence`), and
+which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of `physics.noise.equivalence`), and
 the average of the density solver over the diffusions of single realizations (`solve_realizations`). For one noise the
 difference is divided into parts, each isolated by switching one thing:
 
@@ -39,7 +39,7 @@ from fpk_rocking import BandNoise, WhiteNoise, load_scene, solve_fpk
 from fpk_rocking.density.realizations import realized_diffusions
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.physics import equivalence
+from fpk_rocking.physics.noise import equivalence
 from montecarlo import simulate
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"

@@ -26,7 +26,7 @@ from fpk_rocking import Record, Scene
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.physics.envelope import Table
+from fpk_rocking.physics.noise.envelope import Table
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
 
@@ -134,7 +134,7 @@ def _draw(path, found, apart):
             f"{far['scale']:.3g}. {own['white'].describe(0)}"
         )
     notes.append("p: probability that counts drawn from the fitted lognormal curve depart from it as far.")
-    notes += _remarks({name: own["white"].remarks for name, own in found.items()})
+    notes += _remarks({name: own["white"] for name, own in found.items()})
     with style.page(path, (16.0, 7.2 + 0.24 * len(notes)), "Fragility under a record plus noise", notes) as figure:
         panels = figure.subplots(2, len(found), sharex="col", sharey="row", height_ratios=(2.2, 1.0), squeeze=False)
         for (curves, rests), (name, own) in zip(panels.T, found.items(), strict=True):
@@ -152,9 +152,10 @@ def _draw(path, found, apart):
 def _remarks(told):
     """Return the remarks on the blocks, each kind once: of the first block that it is for, with the names of others."""
     kinds = {}
-    for name, remarks in told.items():
-        for text in remarks:
-            kinds.setdefault(text.partition(":")[0], {})[name] = text
+    for name, curves in told.items():
+        replaced = [(curves.closure, curves.closure)] * bool(curves.closure)
+        for kind, text in replaced + [(doubt.kind, doubt.sentence) for doubt in curves.doubts]:
+            kinds.setdefault(kind, {})[name] = text
     for (first, *others), texts in ((tuple(own), tuple(own.values())) for own in kinds.values()):
         alike = len(set(texts)) == 1 and len(texts) == len(told)
         yield texts[0] if alike else f"{first}: {texts[0]}" + f" ({', '.join(others)}: likewise.)" * bool(others)

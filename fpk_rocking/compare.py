@@ -16,6 +16,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
 from fpk_rocking.results import distances
 from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.layout import plain
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Result, interval_of
 from fpk_rocking.results.shown import Shown
@@ -44,6 +45,8 @@ class Comparison(Shown):
         0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
     times : ndarray, shape (n+1,)
         Nondimensional times.
+    periodic : bool
+        Whether the forcing repeats, so that a row is a cycle.
     survival : ndarray, shape (n+1, 2)
         Probability of not having overturned.
     interval : ndarray, shape (n+1, 2, 2)
@@ -85,6 +88,7 @@ class Comparison(Shown):
     realizations: tuple[int | None, int | None]
     cycles: np.ndarray
     times: np.ndarray
+    periodic: bool
     survival: np.ndarray
     interval: np.ndarray
     error_estimate: np.ndarray
@@ -98,8 +102,8 @@ class Comparison(Shown):
     hellinger: np.ndarray
     hellinger_floor: np.ndarray
     outside: np.ndarray
-    melnikov_amplitude: float
-    melnikov_loss: float
+    melnikov_amplitude: float | None
+    melnikov_loss: float | None
     melnikov_deviation: np.ndarray
     melnikov_margin: np.ndarray
     phase_flux: np.ndarray
@@ -111,7 +115,7 @@ class Comparison(Shown):
     def headline(self) -> str:
         """The engines and the largest difference of survival, as a line of text."""
         most = np.argmax(np.abs(self.difference))
-        when = f"cycle {self.cycles[most]}" if self.melnikov_loss is not None else f"τ = {self.times[most]:.4g}"
+        when = f"cycle {self.cycles[most]}" if self.periodic else f"τ = {self.times[most]:.4g}"
         return (
             f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.2g} ({when})"
         )
@@ -159,7 +163,7 @@ class Comparison(Shown):
                 limits = limits if np.isnan(error) else (values - error, values + error)
                 axes.fill_between(self.cycles, *limits, color=COLOURS[which], alpha=0.3, linewidth=0.0)
                 axes.plot(self.cycles, values, color=COLOURS[which], marker=".", label=name)
-            axes.set(xlabel="forcing cycles" if self.melnikov_loss is not None else "number of the time")
+            axes.set(xlabel="forcing cycles" if self.periodic else "number of the time")
             axes.set(ylabel="P(not overturned)", ylim=(-0.03, 1.03))
             axes.legend(fontsize=8)
 
@@ -172,7 +176,7 @@ class Comparison(Shown):
 
     def to_dict(self) -> dict:
         """Return all of it as plain lists, numbers and strings for JSON, nan as None."""
-        found = {field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+        found = {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
         return found | {"trust": self.trust.plain}
 
 
@@ -217,6 +221,7 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
         realizations=counts,
         cycles=np.arange(cycles + 1),
         times=np.asarray(first.times)[kept],
+        periodic=first.cycles is not None,
         survival=survival,
         interval=np.stack([_interval(result)[kept] for result in both], axis=1),
         error_estimate=np.array([float(result.facts.get("error_estimate", math.nan)) for result in both]),
@@ -355,13 +360,3 @@ def _shared_seed(both) -> list[str]:
     if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in both):
         return []
     return [f"Both samples use seed {seeds[0][0]} and share random numbers, so z and the floors do not apply."]
-
-
-def _plain(value):
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -1,6 +1,6 @@
 """Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
 
-from fpk_rocking.physics.envelope import Trapezoid
+from fpk_rocking.physics.noise.envelope import Trapezoid
 from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise
 from montecarlo.simulation import simulate

@@ -15,8 +15,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Progress
-from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running

@@ -3,9 +3,9 @@
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.envelope import refuse_envelope
-from fpk_rocking.physics.equivalence import noise_variance
 from fpk_rocking.physics.forcing import Forcing, refuse_transient
+from fpk_rocking.physics.noise.envelope import refuse_envelope
+from fpk_rocking.physics.noise.equivalence import noise_variance
 from fpk_rocking.scene.parts import NOISES
 
 

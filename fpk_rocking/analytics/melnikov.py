@@ -26,7 +26,7 @@ from fpk_rocking.analytics.process import (
     sampled_process,
     transfer,
 )
-from fpk_rocking.physics.equivalence import cover, equivalent_diffusion, noise_variance, realized_spread
+from fpk_rocking.physics.noise.equivalence import cover, equivalent_diffusion, noise_variance, realized_spread
 
 __all__ = [
     "cover",

@@ -62,22 +62,13 @@ class SymmetricOrbit:
         return (side * u)[()], (side * w)[()]
 
     @property
-    def jacobian(self) -> Array:
-        """Derivative of the half-cycle map at the orbit, shape (2, 2); its determinant is e².
+    def multipliers(self) -> Array:
+        """Floquet multipliers of half a cycle, shape (2,), ascending in modulus; their product is e².
 
         The map takes (angle, velocity) just after an impact of the orbit to the state half a cycle later, mirrored, so
-        that the orbit is its fixed point.
+        that the orbit is its fixed point. These are the eigenvalues of its derivative.
         """
-        e, half = self.restitution, math.pi / self.frequency
-        cosh, sinh = math.cosh(half), math.sinh(half)
-        jump = ((1.0 + e) + (1.0 - e) * self.amplitude * math.cos(self.impact_phase)) / -self.impact_speed
-        saltation = np.array([[e, 0.0], [jump, e]])
-        return -saltation @ np.array([[cosh, sinh], [sinh, cosh]])
-
-    @property
-    def multipliers(self) -> Array:
-        """Floquet multipliers of half a cycle, the eigenvalues of `jacobian`, shape (2,), ascending in modulus."""
-        # From trace and determinant, which cancel less than the entries of the matrix do.
+        # From trace and determinant, which cancel less than the entries of the derivative do.
         e, half, omega = self.restitution, math.pi / self.frequency, self.frequency
         cosh, sinh = math.cosh(half), math.sinh(half)
         growth = 2.0 * e * cosh + 0.5 * (cosh - 1.0) * (1.0 - e) ** 2 * (1.0 + omega * omega)

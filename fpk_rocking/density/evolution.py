@@ -38,7 +38,7 @@ _LAYOUT = Layout(
         "angle_lines": "f8 x+1",
         "velocity_lines": "f8 v+1",
     },
-    {"closure": str, "settings": dict} | dict.fromkeys(_FLOATS, float),
+    {"closure": str, "settings": dict, "atom": bool} | dict.fromkeys(_FLOATS, float),
 )
 _CHECKED = Layout(_LAYOUT.arrays | ARRAYS, _LAYOUT.attributes | {"check": dict})
 
@@ -95,6 +95,8 @@ class Evolution(DensityResult):
         Coefficients of the densities that `at` returns; zero in row 0 where the start is a point.
     space : Space
         Mesh and polynomials that the coefficients belong to.
+    atom : bool
+        Whether `at_rest` is a probability that the density does not contain, as under filtered noise.
     replacement : Replacement, optional
         What the replacement of the noise changes, as `checked` measured it; None where it did not.
     """
@@ -118,12 +120,8 @@ class Evolution(DensityResult):
     settings: dict
     coefficients: np.ndarray
     space: Space
+    atom: bool
     replacement: Replacement | None = None
-
-    @property
-    def atom(self) -> bool:
-        """Whether `at_rest` is a probability that the density does not contain, as under filtered noise."""
-        return "nodes" in self.settings
 
     @property
     def unresolved(self) -> str:

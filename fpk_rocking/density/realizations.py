@@ -3,7 +3,7 @@
 A realization of band noise draws its N frequencies once. What it has near the system's own frequencies is therefore
 random, and so is the diffusion D_r that it stands for: the mean is that of the band, the relative spread falls as
 N^(-1/2). Survival is not linear in D, so an ensemble of realizations is not the mean white noise. Here it is the mean
-over the distribution of D_r. Each frequency counts in it by `physics.equivalence.response`, in which the impact
+over the distribution of D_r. Each frequency counts in it by `physics.noise.equivalence.response`, in which the impact
 keeps its jump of velocity: where blocks lose speed they respond to more frequencies than the kernel of (15) has, and
 realizations differ less.
 """
@@ -18,9 +18,9 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
-from fpk_rocking.physics.envelope import refuse_envelope
-from fpk_rocking.physics.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.physics.noise.envelope import refuse_envelope
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.results.result import DensityResult
 from fpk_rocking.scene import Scene, WhiteNoise

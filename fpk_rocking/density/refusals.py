@@ -1,6 +1,5 @@
 """Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
 
-import dataclasses
 import warnings
 
 import numpy as np
@@ -17,6 +16,9 @@ _FLIGHT, _SPREAD_LEFT = 2.33, {1: 0.6, 2: 0.95}
 """Least time that filtered noise has to spread a density, and the least part of the angle's spread that must then be
 left where the states of the filter are known, by their number; measured (docs/numerics.md, "Filtered noise")."""
 
+MOST_STATES = 2
+"""States of a filter that the density may have as further variables."""
+
 _FASTER = 1.05
 """Ratio of the frequencies that are tried for one that is accepted."""
 
@@ -24,17 +26,29 @@ _FASTER = 1.05
 def refuse_filtered(scene):
     """Refuse filtered noise: the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
+        takes = f"solve_fpk() takes filters of up to {MOST_STATES} states"
         accepted = (
-            "'band' or 'white', as the one-cycle operator has no states of a filter; solve_fpk() takes filtered noise, "
-            "and scene.white_equivalent() replaces it by white noise, under which no block rests"
+            f"'band' or 'white', as the one-cycle operator has no states of a filter; {takes}, and "
+            "scene.white_equivalent() replaces filtered noise by white noise, under which no block rests"
         )
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
 
 
 def refuse_unsolvable(scene):
-    """Refuse a scene out of range, without noise, or with infinitely many impacts; its noise is white or filtered."""
+    """Refuse a scene out of range, without noise, of too many states of a filter, or with infinitely many impacts.
+
+    Its noise is white or filtered.
+    """
     limits.check(scene)
     white = scene.noise.kind == "white"
+    if not white and scene.noise.space.order > MOST_STATES:
+        accepted = (
+            f"filters of up to {MOST_STATES} states, each of which is one more variable of the density; use Monte "
+            "Carlo, simulate(), or scene.white_equivalent(), white noise of equal Melnikov variance"
+        )
+        raise ValueError(
+            f"noise.filter: got {scene.noise.filter} ({scene.noise.space.order} states), accepted: {accepted}"
+        )
     if (scene.noise.diffusion if white else scene.noise.variance) == 0.0:
         accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
         raise ValueError(f"noise: got none, accepted: {accepted}")
@@ -49,20 +63,18 @@ def refuse_unsolvable(scene):
 def refuse_slow(scene):
     """Refuse filtered noise that is so slow that a start of small spread stays a curve at each state of the filter."""
     noise, time = scene.noise, max(scene.period, _FLIGHT)
-
-    def resolved(frequency):
-        tried = dataclasses.replace(noise, frequency=frequency)
-        return spread_left(tried, scene.start.covariance, time) >= _SPREAD_LEFT[1 if noise.damping is None else 2]
-
-    least = noise.frequency
-    while not resolved(least):
-        least *= _FASTER
-    if least > noise.frequency:
+    wanted, faster = _SPREAD_LEFT[noise.space.order], 1.0
+    while spread_left(noise.scaled(1.0, faster), scene.start.covariance, time) < wanted:
+        faster *= _FASTER
+    if faster > 1.0:
+        named = isinstance(noise.filter, str)
+        least = f"{noise.frequency * faster:.2g}" if named else f"{faster:.2g} times as fast"
         accepted = (
-            f"at least about {least:.2g} with this filter, start and period, as under slower noise the density is too "
+            f"at least about {least} with this filter, start and period, as under slower noise the density is too "
             "narrow for any mesh; use Monte Carlo"
         )
-        raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
+        name, value = ("noise.frequency", noise.frequency) if named else ("noise.filter", noise.filter)
+        raise ValueError(checks.refusal(name, value, accepted))
 
 
 def refuse_large(held, stored, scene, rows):

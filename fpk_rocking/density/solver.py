@@ -25,8 +25,7 @@ from fpk_rocking.density.refusals import (
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.physics import filters
-from fpk_rocking.physics.equivalence import equivalent_diffusion
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
@@ -167,6 +166,7 @@ def solve_fpk(
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},
         coefficients=fine.coefficients,
         space=run.space,
+        atom=solved.noise.kind == "filtered",
     )
     refuse_broken(result)
     _refuse_unresolved(result, found.fine.negative_mass)
@@ -264,7 +264,7 @@ def _spread(noise):
     """Return the diffusion that bounds how far noise moves a flight: D, or more for noise of high frequencies."""
     if noise.kind == "white":
         return noise.diffusion
-    return max(equivalent_diffusion(noise), filters.inward_variance(noise))
+    return max(equivalent_diffusion(noise), noise.variance * noise.space.inward_variance)
 
 
 def _rest_error(rests):

@@ -16,8 +16,8 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
-from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.results.remarks import closure_of, doubts
 from fpk_rocking.results.shown import Shown

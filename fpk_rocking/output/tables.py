@@ -34,7 +34,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     interval = interval_of(result)
     if interval is not None:
         table.add_column("95 % interval", justify="center")
-    total = result.total_error if getattr(result, "replacement", None) is not None else None
+    total = result.total_error if result.replacement is not None else None
     if total is not None:
         table.add_column("total ±", justify="right")
     table.add_column("overturned left", justify="right")

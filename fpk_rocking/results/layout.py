@@ -1,5 +1,6 @@
 """Types and shapes that the arrays and attributes of a saved result must have."""
 
+import math
 import re
 from typing import NamedTuple
 
@@ -47,3 +48,14 @@ def _fits(length, dim, lengths):
     if not letter:
         return length == factor
     return length % factor == 0 and length >= 0 and lengths.setdefault(letter, length // factor) == length // factor
+
+
+def plain(value):
+    """Return lists in place of arrays and tuples, and None in place of nan."""
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

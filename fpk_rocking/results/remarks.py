@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.physics import equivalence
+from fpk_rocking.physics.noise import equivalence
+from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
 
 __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
-
-_FILTERS = {"exponential": "exponential", "low-pass": "low-pass", "kanai-tajimi": "Kanai-Tajimi"}
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
@@ -45,8 +44,10 @@ def noise_text(noise) -> str:
     if noise.kind == "white":
         return f"white noise, diffusion {noise.diffusion:.6g}"
     if noise.kind == "filtered":
+        if not isinstance(noise.filter, str):
+            return f"{noise.filter}, variance {noise.variance:g}"
         damping = "" if noise.damping is None else f", damping {noise.damping:g}"
-        name = _FILTERS[noise.filter]
+        name = FILTERS[noise.filter].text
         return f"{name} noise, variance {noise.variance:g}, frequency {noise.frequency:g}{damping}"
     return "no noise"
 
@@ -85,9 +86,9 @@ def remarks(*results: Any) -> tuple[str, ...]:
     """
     sentences = []
     for result in results:
-        sentences += filter(None, (getattr(result.scene.noise, "remark", ""), result.closure))
+        sentences += filter(None, (result.scene.noise.remark, result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]
-        sentences += filter(None, [getattr(result, "check", "")])
+        sentences += filter(None, [result.check])
         sentences += _explained(result)
     return tuple(dict.fromkeys(sentences))
 
@@ -98,11 +99,18 @@ def doubts(result) -> list[Doubt]:
     A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
     """
     found = _squat(result.scene.block.dimensions)
-    if getattr(result, "unresolved", ""):
+    if result.unresolved:
         found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
-    if result.closure and getattr(result, "replacement", None) is None:
-        found.append(Doubt(CAUTION, UNCHECKED, "unchecked"))
-    return found
+    return found + _unchecked("" if result.replacement else result.closure)
+
+
+def scene_doubts(scene, closure) -> list[Doubt]:
+    """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
+    return _squat(scene.block.dimensions) + _unchecked(closure)
+
+
+def _unchecked(closure):
+    return [Doubt(CAUTION, UNCHECKED, "unchecked")] if closure else []
 
 
 def _squat(size):
@@ -119,7 +127,7 @@ def _squat(size):
 
 def _explained(result):
     """Yield what helps where the check says that the replacement of noise is off, and what may explain it."""
-    check = getattr(result, "replacement", None)
+    check = result.replacement
     if check is None or result.facts["total_error"] <= max(REPLACED, result.facts["tol"]):
         return
     worst = np.unravel_index(result.total_error.argmax(), result.total_error.shape)
@@ -139,5 +147,5 @@ def _explained(result):
     yield (
         f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
         f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
-        f"strength by {100.0 * spread:.0f} %{'' if getattr(result, 'atom', False) else rest}."
+        f"strength by {100.0 * spread:.0f} %{'' if result.atom else rest}."
     )

@@ -101,13 +101,11 @@ def measured(density, paths) -> Replacement:
 
     Raises
     ------
-    TypeError, ValueError
-        The paths are no sample, are of another scene or of other times, or no noise was replaced.
+    ValueError
+        The paths are of another scene or of other times, or no noise was replaced.
     """
     if not density.closure:
         raise ValueError("density: got one whose noise was solved as it is, accepted: one whose noise was replaced")
-    if getattr(paths, "realizations", None) is None or not hasattr(paths, "overturned"):
-        raise TypeError(checks.refusal("paths", type(paths).__name__, "an Ensemble or a Tally"))
     if paths.scene != density.scene:
         raise ValueError("paths: got those of another scene, accepted: paths of the density's own scene and noise")
     rows = len(density.times)

@@ -131,7 +131,6 @@ class SurvivalResult(Shown):
 
     deterministic = False
     outcome = ""
-    unresolved = ""
 
     @property
     def cycles(self) -> int | None:
@@ -229,7 +228,7 @@ class DensityResult(SurvivalResult):
     engine = "Fokker-Planck density"
     shown_bins = 64
     realizations = None
-    replacement: Replacement | None = None
+    replacement: Replacement | None
 
     def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
         """Return None: a density is no sample. Its ``error_estimate`` is that of the solver.
@@ -259,6 +258,8 @@ class DensityResult(SurvivalResult):
         TypeError, ValueError
             The paths are no sample, are of another scene or of other times, or no noise was replaced.
         """
+        if not isinstance(paths, SurvivalResult) or paths.realizations is None:
+            raise TypeError(checks.refusal("paths", type(paths).__name__, "an Ensemble or a Tally"))
         return dataclasses.replace(self, replacement=measured(self, paths))
 
     @property

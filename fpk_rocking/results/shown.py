@@ -37,6 +37,11 @@ class Shown:
         All arrays: a dict of (dimensions, array) by name, and one of coordinates, as `xarray.Dataset` takes them.
     """
 
+    # What only some results have.
+    atom = False
+    check = unresolved = ""
+    replacement: Any = None
+
     def __repr__(self) -> str:
         reason = textwrap.shorten(self.trust.reasons[0], _SHORT, placeholder=" ...")
         return f"<{self.title}; trust: {self.trust.verdict}. {reason}>"

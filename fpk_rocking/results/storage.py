@@ -18,7 +18,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.scene.scene import Scene
 
 KINDS = ("evolution", "ensemble", "tally", "histories", "fragility")
-_FORMAT = 4
+_FORMAT = 5
 _HEADER = "header"
 _HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
 _PIECE = 2**20

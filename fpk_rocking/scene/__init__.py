@@ -1,7 +1,10 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.physics.forcing import Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
+from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
+from fpk_rocking.physics.noise.filters import Filter, LinearFilter
+from fpk_rocking.physics.noise.state_space import StateSpace
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene
 from fpk_rocking.scene.units import Dimensions
@@ -9,17 +12,21 @@ from fpk_rocking.scene.units import Dimensions
 __all__ = [
     "BandNoise",
     "Block",
+    "CloughPenzien",
     "Dimensions",
     "Exponential",
+    "Filter",
     "FilteredNoise",
     "Forcing",
     "Harmonics",
+    "LinearFilter",
     "NoNoise",
     "Overturning",
     "Pulse",
     "Record",
     "Scene",
     "Start",
+    "StateSpace",
     "Table",
     "Trapezoid",
     "WhiteNoise",

@@ -8,8 +8,10 @@ it, and squares of 1e200 overflow. The bounds are far from anything that rocks, 
 
 import math
 
+import numpy as np
+
 from fpk_rocking.base import checks
-from fpk_rocking.physics.filters import fastest
+from fpk_rocking.physics.noise.filters import Filter
 
 _RANGES = {
     "forcing.amplitude": (0.0, 1e4),
@@ -61,7 +63,7 @@ def check(scene):
             values = getattr(values, field, ())
         none = low > 0.0 and name.startswith(("noise.", "start."))
         for value in values if isinstance(values, tuple) else (values,):
-            if not (low <= abs(value) <= high or (none and value == 0.0)):
+            if value is not None and not (low <= abs(value) <= high or (none and value == 0.0)):
                 accepted = f"an absolute value from {low:g} to {high:g}" + (", or 0" if none else "") + _BY
                 raise ValueError(checks.refusal(name, value, accepted))
     if scene.forcing.kind == "record" and not scene.forcing.largest <= _RANGES["forcing.amplitude"][1]:
@@ -89,9 +91,17 @@ def _check_filter(noise, frequency):
     low, high = _DAMPING
     if noise.damping is not None and not low <= noise.damping <= high:
         raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{_BY}"))
-    if fastest(noise) > _RATE * frequency:
+    name, value = "noise.frequency", noise.frequency
+    if isinstance(noise.filter, Filter):
+        name, value, rates = "noise.filter", str(noise.filter), noise.space.rates
+        slowest, highest = _RANGES["noise.frequency"]
+        sizes = np.abs(rates)
+        if not (slowest <= sizes.min() and sizes.max() <= highest and (-rates.real / sizes).min() >= low):
+            accepted = f"eigenvalues of sizes from {slowest:g} to {highest:g} that decay by {low:g} of their size{_BY}"
+            raise ValueError(checks.refusal(name, value, accepted))
+    if noise.space.fastest > _RATE * frequency:
         accepted = f"a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency{_BY}"
-        raise ValueError(checks.refusal("noise.frequency", noise.frequency, accepted))
+        raise ValueError(checks.refusal(name, value, accepted))
 
 
 def _check_covariance(start):

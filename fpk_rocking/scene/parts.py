@@ -2,11 +2,12 @@
 
 import dataclasses
 import math
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.envelope import ENVELOPES, Exponential, Table, Trapezoid
-from fpk_rocking.physics.filters import FILTERS
+from fpk_rocking.physics.noise.envelope import ENVELOPES, Exponential, Table, Trapezoid
+from fpk_rocking.physics.noise.filters import FILTERS, Filter
+from fpk_rocking.physics.noise.state_space import StateSpace
 from fpk_rocking.scene.units import Dimensions
 
 
@@ -46,6 +47,13 @@ def _check_envelope(envelope):
         checks.instance("noise.envelope", envelope, *ENVELOPES.values())
 
 
+def _scaled(noise, rate, **changed):
+    """Return a noise with some values changed, and the times of its envelope divided by a rate."""
+    if noise.envelope is not None:
+        changed["envelope"] = noise.envelope.faster(rate)
+    return dataclasses.replace(noise, **changed)
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class BandNoise:
     """Shinozuka noise: harmonics with random frequencies in a band and random phases (paper eq. 4).
@@ -79,6 +87,11 @@ class BandNoise:
         _check_envelope(self.envelope)
         _set(self, "remark", checks.sentence("noise.remark", self.remark))
 
+    def scaled(self, strength: float, rate: float) -> Self:
+        """Return the noise with accelerations and frequencies multiplied by factors."""
+        band = tuple(rate * one for one in self.band)
+        return _scaled(self, rate, variance=self.variance * strength**2, band=band)
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class WhiteNoise:
@@ -93,12 +106,18 @@ class WhiteNoise:
     """
 
     kind: ClassVar[str] = "white"
+    remark: ClassVar[str] = ""
     diffusion: float
     envelope: Trapezoid | Exponential | Table | None = None
 
     def __post_init__(self):
         _set(self, "diffusion", checks.number("noise.diffusion", self.diffusion, at_least=0.0))
         _check_envelope(self.envelope)
+
+    def scaled(self, strength: float, rate: float) -> Self:
+        """Return the noise with accelerations and frequencies multiplied by factors."""
+        # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
+        return _scaled(self, rate, diffusion=self.diffusion * strength**2 / rate)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -109,43 +128,66 @@ class FilteredNoise:
 
     * "exponential": η' + ωη = w,
     * "low-pass": η'' + 2ζωη' + ω²η = w,
-    * "kanai-tajimi": η = ω²y + 2ζωy' with y'' + 2ζωy' + ω²y = w.
+    * "kanai-tajimi": η = ω²y + 2ζωy' with y'' + 2ζωy' + ω²y = w,
+    * any other, of any number of states, given as a `CloughPenzien`, a `LinearFilter` or a class of one's own.
+
+    Monte Carlo and the Melnikov functions take all of them, the density solver those of one or two states.
 
     Parameters
     ----------
-    filter : str
-        One of the names above.
+    filter : str or Filter
+        One of the names above, or a filter.
     variance : float
         Variance σ² of η, nondimensional, at least 0.
-    frequency : float
+    frequency : float, optional
         Angular frequency ω of the filter, nondimensional, above 0. The exponential filter has the correlation time 1/ω.
+        Required for a filter with a name, refused for another.
     damping : float, optional
-        Damping ratio ζ, above 0. Required for the low-pass and the Kanai-Tajimi filter, refused for the exponential
-        one.
+        Damping ratio ζ, above 0. Required for the low-pass and the Kanai-Tajimi filter, refused for another.
     envelope : Trapezoid, Exponential or Table, optional
         Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
     kind: ClassVar[str] = "filtered"
-    filter: str
+    remark: ClassVar[str] = ""
+    filter: str | Filter
     variance: float
-    frequency: float
+    frequency: float | None = None
     damping: float | None = None
     envelope: Trapezoid | Exponential | Table | None = None
 
     def __post_init__(self):
-        accepted = ", ".join(map(repr, FILTERS))
         _check_envelope(self.envelope)
-        if not isinstance(self.filter, str):
-            raise TypeError(checks.refusal("noise.filter", self.filter, accepted))
-        if self.filter not in FILTERS:
+        accepted = ", ".join(map(repr, FILTERS))
+        if not isinstance(self.filter, str | Filter):
+            raise TypeError(
+                checks.refusal("noise.filter", self.filter, f"{accepted}, or a filter such as CloughPenzien")
+            )
+        if isinstance(self.filter, str) and self.filter not in FILTERS:
             raise ValueError(checks.refusal("noise.filter", self.filter, accepted))
         _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
-        _set(self, "frequency", checks.number("noise.frequency", self.frequency, above=0.0))
-        if self.filter != "exponential":
-            _set(self, "damping", checks.number("noise.damping", self.damping, above=0.0))
-        elif self.damping is not None:
-            raise ValueError(checks.refusal("noise.damping", self.damping, "nothing; an 'exponential' filter has none"))
+        named = isinstance(self.filter, str)
+        for name, taken in (("frequency", named), ("damping", named and FILTERS[self.filter].damped)):
+            value = getattr(self, name)
+            if taken:
+                _set(self, name, checks.number(f"noise.{name}", value, above=0.0))
+            elif value is not None:
+                without = f"nothing; an {self.filter!r} filter has none" if named else "nothing; the filter has its own"
+                raise ValueError(checks.refusal(f"noise.{name}", value, without))
+
+    @property
+    def space(self) -> StateSpace:
+        """State space of the filter, for noise of variance 1."""
+        if isinstance(self.filter, Filter):
+            return self.filter.space
+        return FILTERS[self.filter].space(self.frequency, self.damping)
+
+    def scaled(self, strength: float, rate: float) -> Self:
+        """Return the noise with accelerations and frequencies multiplied by factors."""
+        variance = self.variance * strength**2
+        if isinstance(self.filter, Filter):
+            return _scaled(self, rate, variance=variance, filter=self.filter.faster(rate))
+        return _scaled(self, rate, variance=variance, frequency=self.frequency * rate)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -153,8 +195,13 @@ class NoNoise:
     """No noise: the motion is deterministic."""
 
     kind: ClassVar[str] = "none"
+    remark: ClassVar[str] = ""
     variance: ClassVar[float] = 0.0
     envelope: ClassVar = None
+
+    def scaled(self, strength: float, rate: float) -> Self:  # noqa: ARG002
+        """Return the same: nothing is scaled."""
+        return self
 
 
 NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, FilteredNoise, NoNoise)}

@@ -11,9 +11,9 @@ from typing import Any, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
-from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
-from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
+from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.text import read_part, table_of
 from fpk_rocking.scene.units import Dimensions
@@ -249,7 +249,8 @@ class Scene:
         text : str
             The tables ``[block]``, ``[forcing]`` and ``[noise]`` are required, ``[start]`` and ``[overturning]`` are
             optional. Their keys are the parameters of the classes, and the following: ``noise.kind`` is "band",
-            "white", "filtered" or "none"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
+            "white", "filtered" or "none"; ``noise.filter`` is a name, or a table of the kind "linear" or
+            "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
             ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse" or "record". A record may have ``file`` in
             place of ``interval`` and ``samples``.
         folder : str or pathlib.Path
@@ -276,8 +277,10 @@ class Scene:
         tables = _fields(self)
         if self.block.dimensions is not None:
             tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
-        if self.noise.envelope is not None:
-            tables["noise.envelope"] = self.noise.envelope
+        for name in ("envelope", "filter"):
+            part = getattr(self.noise, name, None)
+            if dataclasses.is_dataclass(part):
+                tables[f"noise.{name}"] = part
         return "\n".join(table_of(name, part) for name, part in tables.items())
 
 

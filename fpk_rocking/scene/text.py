@@ -4,10 +4,15 @@ import dataclasses
 import pathlib
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.envelope import ENVELOPES
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Record
+from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
+from fpk_rocking.physics.noise.envelope import ENVELOPES
+from fpk_rocking.physics.noise.filters import LinearFilter
 from fpk_rocking.scene.parts import NOISES, Block, Overturning, Start
 from fpk_rocking.scene.units import Dimensions
+
+FILTER_KINDS = {cls.kind: cls for cls in (LinearFilter, CloughPenzien)}
+"""Classes of filters by the kind of their table; a filter with a name needs no table."""
 
 
 def read_part(name, table, folder):
@@ -90,6 +95,8 @@ def _noise(name, table, folder):
     values = dict(checks.table(name, table))
     if "envelope" in values:
         values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)
+    if isinstance(values.get("filter"), dict):
+        values["filter"] = _of_kind(FILTER_KINDS)(f"{name}.filter", values["filter"], folder)
     return _of_kind(NOISES)(name, values, folder)
 
 

@@ -1,13 +1,10 @@
 """What speaks against fragility curves: the noise, missing answers, fits that the data reject, few motions."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fpk_rocking.results.intervals import wilson_interval
-from fpk_rocking.results.remarks import doubts
+from fpk_rocking.results.remarks import scene_doubts
 from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
-from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.lognormal import MISFIT, REJECTED
 from montecarlo.results.sample import path_doubts
 
@@ -36,7 +33,7 @@ def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
     kinds = {}
     for scene in result.scenes:
-        for doubt in doubts(_Told(scene, result.closure)):
+        for doubt in scene_doubts(scene, result.closure):
             kinds.setdefault(doubt.kind, {})[doubt] = None
     found = []
     for kind in kinds.values():
@@ -74,10 +71,3 @@ def _few_motions(result):
         f"known to ±{half:.2g} at worst (95 %, had these been drawn at random), above {UNASKED:g}."
     )
     return [Doubt(CAUTION, sentence, "few motions")]
-
-
-class _Told(NamedTuple):
-    """A scene as `fpk_rocking.results.remarks.doubts` takes a result."""
-
-    scene: Scene
-    closure: str

@@ -12,9 +12,9 @@ import numpy as np
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.results import storage
 from fpk_rocking.results.intervals import wilson_interval
-from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.layout import Layout, plain
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import Trust, trust_of
+from fpk_rocking.results.trust import Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.doubts import doubts_of
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, no_fit
@@ -228,11 +228,12 @@ class Fragility(Shown):
     @property
     def remarks(self) -> list[str]:
         """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
-        of = [*(getattr(scene.noise, "remark", "") for scene in self.scenes), self.closure]
-        return [*dict.fromkeys(filter(None, of)), *(doubt.sentence for doubt in self._doubts)]
+        of = [*(scene.noise.remark for scene in self.scenes), self.closure]
+        return [*dict.fromkeys(filter(None, of)), *(doubt.sentence for doubt in self.doubts)]
 
     @functools.cached_property
-    def _doubts(self):
+    def doubts(self) -> list[Doubt]:
+        """What speaks against this result, each kind once."""
         return doubts_of(self)
 
     @property
@@ -248,7 +249,7 @@ class Fragility(Shown):
     @functools.cached_property
     def trust(self) -> Trust:
         """Verdict with its reasons: "ok", "caution" or "do not use"."""
-        return trust_of(self.facts, self._doubts, EXACT_PATH if self.deterministic.all() else "")
+        return trust_of(self.facts, self.doubts, EXACT_PATH if self.deterministic.all() else "")
 
     @property
     def headline(self) -> str:
@@ -343,15 +344,15 @@ class Fragility(Shown):
             "deterministic": self.deterministic.tolist(),
             "options": self.options,
             "axis": self.axis,
-            "place": _plain(self.place),
+            "place": plain(self.place),
             "scale": self.scale.tolist(),
             "level": self.level.tolist(),
-            "overturned": _plain(self.overturned),
-            "reached": _plain(self.reached),
-            "interval": _plain(self.interval()),
-            "error_estimate": _plain(self.error_estimate),
-            "fits": [[_plain(fit._asdict()) for fit in row] for row in self.fits],
-            "intensities": [_plain(one._asdict()) for one in self.intensities],
+            "overturned": plain(self.overturned),
+            "reached": plain(self.reached),
+            "interval": plain(self.interval()),
+            "error_estimate": plain(self.error_estimate),
+            "fits": [[plain(fit._asdict()) for fit in row] for row in self.fits],
+            "intensities": [plain(one._asdict()) for one in self.intensities],
             "reasons": self.reasons,
             "trust": self.trust.plain,
             "remarks": self.remarks,
@@ -422,14 +423,3 @@ def _common(values):
 def _limits(interval):
     """Return confidence limits as a text; of what has none an empty one."""
     return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""
-
-
-def _plain(value):
-    """Return lists in place of arrays and tuples, and None in place of nan."""
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -143,7 +143,7 @@ def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
     Scene
     """
     factor = checks.number("factor", factor, above=0.0)
-    shaken = _noise(scene.noise, factor, 1.0) if noise else scene.noise
+    shaken = scene.noise.scaled(factor, 1.0) if noise else scene.noise
     return dataclasses.replace(scene, forcing=_forcing(scene.forcing, factor, 1.0), noise=shaken)
 
 
@@ -182,7 +182,7 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
         scene,
         block=dataclasses.replace(scene.block, restitution=new.restitution if housner else own, dimensions=new),
         forcing=forcing if forcing.kind == "record" else _forcing(forcing, angle, rate),
-        noise=_noise(scene.noise, angle, rate),
+        noise=scene.noise.scaled(angle, rate),
         start=dataclasses.replace(start, **moved),
     )
 
@@ -206,28 +206,3 @@ def _forcing(forcing, strength, rate):
     else:
         changed["amplitude"] = strength * forcing.amplitude
     return dataclasses.replace(forcing, **changed)
-
-
-def _noise(noise, strength, rate):
-    """Return a noise of accelerations and frequencies multiplied by factors."""
-    changed = {}
-    if noise.kind in {"band", "filtered"}:
-        changed["variance"] = noise.variance * strength**2
-    if noise.kind == "band":
-        changed["band"] = tuple(rate * one for one in noise.band)
-    if noise.kind == "filtered":
-        changed["frequency"] = noise.frequency * rate
-    if noise.kind == "white":
-        # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
-        changed["diffusion"] = noise.diffusion * strength**2 / rate
-    if noise.envelope is not None:
-        changed["envelope"] = _envelope(noise.envelope, rate)
-    return dataclasses.replace(noise, **changed)
-
-
-def _envelope(envelope, rate):
-    """Return an envelope of times divided by a factor: all its parameters are times, but for the values of a table."""
-    if envelope.kind == "table":
-        return dataclasses.replace(envelope, times=tuple(time / rate for time in envelope.times))
-    times = {field.name: getattr(envelope, field.name) / rate for field in dataclasses.fields(envelope)}
-    return dataclasses.replace(envelope, **times)

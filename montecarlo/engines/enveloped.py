@@ -1,6 +1,6 @@
 """Event-driven realizations under band noise with an envelope: the engine `exact` for η(τ) g(τ).
 
-The noise η is band-limited and a polynomial between the points of a coarse grid (`fpk_rocking.physics.bandlimited`); so
+The noise η is band-limited and a polynomial between the points of a coarse grid (`physics.noise.bandlimited`); so
 is g, in pieces of its own where a kink of it falls into an interval. Their product is the force, in closed form as in
 `exact`. As g has kinks the product is not band-limited, and P is started anew in every interval.
 """
@@ -12,10 +12,10 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics import noise
-from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.noise import band
+from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.exact import CHUNK, FEWEST, HALF, LONGEST, force_bounds
 from montecarlo.engines.filtered import side_of
@@ -155,7 +155,7 @@ def _added(particular, half):
 class Room(NamedTuple):
     """Working memory of a thread: `samples` (WIDTH - 1 + CHUNK,) of the interpolant; the others (TERMS,) scratch."""
 
-    harmonics: noise.Harmonics
+    harmonics: band.Realization
     samples: np.ndarray
     signal: np.ndarray
     particular: np.ndarray
@@ -165,7 +165,7 @@ class Room(NamedTuple):
 @kernel
 def _room(problem):
     samples = np.zeros(WIDTH - 1 + CHUNK)
-    return Room(noise.allocate(problem.harmonics, HALF), samples, np.empty(TERMS), np.empty(TERMS), np.empty(TERMS))
+    return Room(band.allocate(problem.harmonics, HALF), samples, np.empty(TERMS), np.empty(TERMS), np.empty(TERMS))
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -175,11 +175,11 @@ def _prepare(problem, room):
     for n in range(harmonics.ratios.size):
         harmonics.weights[n] *= compensate(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
     spacing = problem.spacing / problem.lap
-    noise.prepare(harmonics, HALF, spacing)
-    noise.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    noise.anchor(harmonics, 0, (_LEAD - CHUNK) / problem.forced.shape[0])
+    band.prepare(harmonics, HALF, spacing)
+    band.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    band.anchor(harmonics, 0, (_LEAD - CHUNK) / problem.forced.shape[0])
     _extend(room)
-    noise.rotate(harmonics, harmonics.hop)
+    band.rotate(harmonics, harmonics.hop)
     _extend(room)
 
 
@@ -190,7 +190,7 @@ def _extend(room):
     for k in range(WIDTH - 1):
         samples[k] = samples[k + CHUNK]
     samples[WIDTH - 1 :] = 0.0
-    noise.add_chunk(room.harmonics, HALF, samples[WIDTH - 1 :])
+    band.add_chunk(room.harmonics, HALF, samples[WIDTH - 1 :])
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -291,7 +291,7 @@ def _realize(x, v, problem, room, angle, velocity, impacts):
     side = side_of(x, v)
     for j in range(problem.forced.shape[0]):
         if k == CHUNK:
-            noise.rotate(room.harmonics, room.harmonics.hop)
+            band.rotate(room.harmonics, room.harmonics.hop)
             _extend(room)
             k = 0
         quiet, x_next, v_next = _next(x, v, side, j, k, problem, room)

@@ -1,7 +1,7 @@
 """Event-driven realizations under band noise or none: closed-form flights between located impacts, no time step.
 
 The particular solution P of the forcing is band-limited. It is sampled on a grid that is far coarser than the steps of
-an integrator, and is a polynomial between grid points (`fpk_rocking.physics.bandlimited`). The flight itself is s + P
+an integrator, and is a polynomial between grid points (`physics.noise.bandlimited`). The flight itself is s + P
 plus two exponentials, so at grid points it costs a few operations; only the intervals in which a bound of the
 acceleration cannot exclude an event are looked at, by `montecarlo.engines.events`.
 """
@@ -13,10 +13,10 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics import noise
-from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from fpk_rocking.physics.flight import polynomial, segment_of
 from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.noise import band
+from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from fpk_rocking.physics.transition import Impacts
 from montecarlo.engines.events import Interval, cross, interval_tables, state_at
 from montecarlo.engines.grid import grid_of
@@ -143,8 +143,8 @@ def _prepare(harmonics, problem):
         nu = frequency * ratios[n]
         weights[n] *= -compensate(problem.compensation, ratios[n] * problem.ratio_scale) / (1.0 + nu * nu)
     spacing = problem.spacing / problem.lap
-    noise.prepare(harmonics, HALF, spacing)
-    noise.set_rotation(ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    band.prepare(harmonics, HALF, spacing)
+    band.set_rotation(ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -153,7 +153,7 @@ def _extend(harmonics, samples, node, ends):
     for k in range(WIDTH - 1):
         samples[k] = samples[k + CHUNK]
     samples[WIDTH - 1 :] = 0.0
-    noise.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
+    band.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
     node[:] = 0.0
     for i in range(0, WIDTH, 4):
         a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
@@ -192,7 +192,7 @@ class Room(NamedTuple):
     the noise's share of P at the ends of the CHUNK intervals that these samples complete.
     """
 
-    harmonics: noise.Harmonics
+    harmonics: band.Realization
     samples: np.ndarray
     node: np.ndarray
     interval: Interval
@@ -202,16 +202,16 @@ class Room(NamedTuple):
 def _room(problem):
     half, rows = 0.5 * problem.spacing, np.empty((3, TERMS))
     interval = Interval(rows[0], rows[1], rows[2], problem.exponentials, problem.bend, half, math.exp(half))
-    return Room(noise.allocate(problem.harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK), np.empty(CHUNK), interval)
+    return Room(band.allocate(problem.harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK), np.empty(CHUNK), interval)
 
 
 @kernel(forceinline=True, borrows=True)
 def _begin(x, v, cycle, problem, room):
     """Make the first samples of the noise; return the flight from (x, v): its side and exponentials."""
     _prepare(room.harmonics, problem)
-    noise.anchor(room.harmonics, cycle, (_LEAD - CHUNK) / problem.forced.shape[0])
+    band.anchor(room.harmonics, cycle, (_LEAD - CHUNK) / problem.forced.shape[0])
     _extend(room.harmonics, room.samples, room.node, problem.ends)
-    noise.rotate(room.harmonics, room.harmonics.hop)
+    band.rotate(room.harmonics, room.harmonics.hop)
     _extend(room.harmonics, room.samples, room.node, problem.ends)
     side = 1 if x > 0.0 or (x == 0.0 and v > 0.0) else -1
     if x == 0.0 and v == 0.0:
@@ -226,11 +226,11 @@ def _begin(x, v, cycle, problem, room):
 def _continue(j, anchored, cycle, problem, room):
     """Make the samples of the next CHUNK intervals, from number j on; return the number at the last fresh anchor."""
     intervals = problem.forced.shape[0]
-    if j - anchored >= noise.ANCHOR_CYCLES * intervals:
+    if j - anchored >= band.ANCHOR_CYCLES * intervals:
         anchored, centre = j, j + _LEAD
-        noise.anchor(room.harmonics, cycle + centre // intervals, centre % intervals / intervals)
+        band.anchor(room.harmonics, cycle + centre // intervals, centre % intervals / intervals)
     else:
-        noise.rotate(room.harmonics, room.harmonics.hop)
+        band.rotate(room.harmonics, room.harmonics.hop)
     _extend(room.harmonics, room.samples, room.node, problem.ends)
     return anchored
 

@@ -14,7 +14,6 @@ an envelope, linear in pieces that end at its kinks, the product of both is take
 The noise is the same function of time for any samples, and for runs that begin at any cycle.
 """
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -23,9 +22,9 @@ from numba import prange
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics import filters
 from fpk_rocking.physics.flight import move_origin, segment_of
 from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.noise.state_space import transition
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import normal, open_stream
@@ -33,10 +32,15 @@ from montecarlo.engines.start import draw_start, start_numbers
 
 NOISES = ("filtered",)
 
-COARSEST = {"low-pass": 100.0, "exponential": 50.0, "kanai-tajimi": 50.0}
-"""The longest interval times the filter's rate and `steps_per_cycle`: at 200 steps half a correlation time for smooth
-noise and a quarter for rough noise, whose excursions within an interval lift a block off or let it rest.
+COARSEST = {True: 100.0, False: 50.0}
+"""The longest interval times the filter's rate and `steps_per_cycle`, by whether noise has a derivative: at 200 steps
+half a correlation time for smooth noise and a quarter for rough noise, whose excursions within an interval lift a block
+off or let it rest.
 """
+
+_DEGREE = {True: 5, False: 3}
+"""Degree of the polynomial of the noise over an interval: it has what is drawn of a flight, and the noise at both ends,
+and its derivative there where it has one."""
 
 _FEWEST, _LONGEST = 16, 0.2
 """Intervals in the forcing's shortest period at least, and the longest interval."""
@@ -54,10 +58,10 @@ class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables; m intervals in a lap, n states.
 
     `start` (5,), `marks`: see `montecarlo.engines.start` and `grid`. `span`: an interval's duration; `hyperbolic` (2,):
-    its cosh and sinh. `stationary` (n,): standard deviations of the states at τ = 0, of noise of variance 1,
-    derivatives in units of the interval. `move` (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky factor of
-    states, angle and velocity at an interval's end. `shape` (d + 1, 2n + 2): Bernstein coefficients of the polynomial
-    from the states at both ends and the flight; `powers` (d + 1, d + 1): its coefficients in the time from them.
+    its cosh and sinh. `stationary` (n, n): Cholesky factor of the states at τ = 0, of noise of variance 1. `move`
+    (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky factor of states, angle and velocity at an interval's end.
+    `shape` (d + 1, 2n + 2): Bernstein coefficients of the polynomial from the states at both ends and the flight;
+    `powers` (d + 1, d + 1): its coefficients in the time from them.
     Of the noise's envelope, all empty without one: `first` (m + 1,): number of the first piece in each interval.
     `begins`, `ends` (pieces,): times since the interval's begin. `strength` (pieces, 2): the envelope at a piece's
     begin and its slope. `strongest` (m,): its largest value in an interval. `response` (m, 2, d + 1): angle and
@@ -107,7 +111,8 @@ class Room(NamedTuple):
 def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with filtered noise; a realization does not depend on `times`."""
     envelope = scene.noise.envelope
-    longest = COARSEST[scene.noise.filter] / (filters.fastest(scene.noise) * steps_per_cycle)
+    space = scene.noise.space
+    longest = COARSEST[space.smooth] / (space.fastest * steps_per_cycle)
     if longest * _MOST < scene.forcing.time_scale:
         most = int(steps_per_cycle * longest * _MOST / scene.forcing.time_scale)
         raise ValueError(checks.refusal("steps_per_cycle", steps_per_cycle, f"up to {most} with a filter of this rate"))
@@ -129,7 +134,7 @@ def on_grid(scene, grid):
         grid.marks,
         *_noise_tables(scene.noise, span),
         forced,
-        *_envelope_tables(scene.noise.envelope, grid, 5 if scene.noise.filter == "low-pass" else 3),
+        *_envelope_tables(scene.noise.envelope, grid, _DEGREE[scene.noise.space.smooth]),
         low,
         high,
         drift,
@@ -208,39 +213,34 @@ def _forcing_tables(forced, span):
 def _noise_tables(noise, span):
     """Return `stationary`, `move`, `spread`, `shape` and `powers` of a `Problem`.
 
-    Time counts in intervals here, and derivatives and the flight accordingly: every entry is then about 1 or less,
-    and none lost in the rounding of another.
+    Time counts in intervals here, and the flight accordingly: every entry is then about 1 or less, and none lost in
+    the rounding of another.
     """
-    space = filters.state_space(dataclasses.replace(noise, variance=1.0))
-    n = space.drift.shape[0]
-    units = span ** np.arange(n)
-    output = space.output / units
+    space = noise.space
+    n = space.order
     drift = np.zeros((n + 2, n + 2))
-    drift[:n, :n] = span * units[:, None] * space.drift / units
-    drift[n, n + 1], drift[n + 1, n], drift[n + 1, :n] = 1.0, span * span, output
-    source = np.append(math.sqrt(span) * units * space.input, [0.0, 0.0])
-    phi, covariance = filters.transition(drift, source, 1.0)
-    scale = np.sqrt(np.diag(covariance))
-    spread = scale[:, None] * np.linalg.cholesky(covariance / np.outer(scale, scale))
+    drift[:n, :n] = span * space.drift
+    drift[n, n + 1], drift[n + 1, n], drift[n + 1, :n] = 1.0, span * span, space.output
+    source = np.append(math.sqrt(span) * space.input, [0.0, 0.0])
+    phi, spread = transition(drift, source, 1.0)
     # Angle and velocity of the flight in their own units, and as strong as the noise.
     sigma = math.sqrt(noise.variance)
     sizes = np.append(np.ones(n), [sigma * span * span, sigma * span])[:, None]
-    shape, powers = _interpolant(noise, output, span, sigma)
-    return units * space.spread, sizes * phi[:, :n], sizes * spread, shape, powers
+    shape, powers = _interpolant(space, span, sigma)
+    return np.linalg.cholesky(space.correlation), sizes * phi[:, :n], sizes * spread, shape, powers
 
 
-def _interpolant(noise, output, span, sigma):
+def _interpolant(space, span, sigma):
     """Return `shape` and `powers`: the polynomial of the noise over an interval.
 
-    The low-pass filter's noise has a derivative, which the polynomial meets at both ends too.
+    It meets the derivative at both ends too, where the noise has one.
     """
-    n, smooth = output.size, noise.filter == "low-pass"
-    degree = 5 if smooth else 3
+    n, degree = space.order, _DEGREE[space.smooth]
     shape = np.zeros((degree + 1, 2 * n + 2))
-    shape[0, :n] = shape[degree, n : 2 * n] = sigma * output
-    if smooth:
-        shape[1, 0] = shape[degree - 1, n] = sigma
-        shape[1, 1], shape[degree - 1, n + 1] = sigma / degree, -sigma / degree
+    shape[0, :n] = shape[degree, n : 2 * n] = sigma * space.output
+    if space.smooth:
+        slope = span * sigma * (space.output @ space.drift) / degree
+        shape[1, :n], shape[degree - 1, n : 2 * n] = sigma * space.output + slope, sigma * space.output - slope
     middle = degree // 2
     # What a polynomial adds to a flight, by its Bernstein coefficients.
     moments = _response(degree, span, 0.0, span)[0]
@@ -262,7 +262,7 @@ def _powers(degree, span):
 @kernel
 def make_room(problem):
     """Make the `Room` of one realization."""
-    n, terms = problem.stationary.size, problem.powers.shape[0]
+    n, terms = problem.stationary.shape[0], problem.powers.shape[0]
     return Room(
         np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS), np.empty(TERMS), np.empty(TERMS)
     )
@@ -271,15 +271,18 @@ def make_room(problem):
 @kernel(borrows=True)
 def begin_noise(stream, problem, room):
     """Draw the filter's states at τ = 0."""
-    n = problem.stationary.size
+    drawn, normals, n = room.drawn, room.normals, problem.stationary.shape[0]
     for i in range(n):
-        room.drawn[n + i] = problem.stationary[i] * normal(stream)
+        normals[i] = normal(stream)
+        drawn[n + i] = 0.0
+        for k in range(i + 1):
+            drawn[n + i] += problem.stationary[i, k] * normals[k]
 
 
 @kernel(fastmath={"contract"}, borrows=True)
 def draw_noise(stream, problem, room):
     """Draw the noise of the next interval."""
-    drawn, normals, n = room.drawn, room.normals, problem.stationary.size
+    drawn, normals, n = room.drawn, room.normals, problem.stationary.shape[0]
     for i in range(n):
         drawn[i] = drawn[n + i]
     for i in range(n + 2):

@@ -13,10 +13,10 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics import noise
 from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import open_stream
@@ -203,30 +203,30 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     h = problem.lap / n
     chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
     length = (n + chunks - 1) // chunks
-    harmonics = noise.allocate(problem.harmonics, length)
+    harmonics = band.allocate(problem.harmonics, length)
     x, v = draw(stream, problem, harmonics)
-    noise.prepare(harmonics, length, 0.5 / n)
-    noise.set_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
-    noise.set_rotation(harmonics.ratios, 1.0 - length * (chunks - 1) / n, harmonics.wrap[0], harmonics.wrap[1])
+    band.prepare(harmonics, length, 0.5 / n)
+    band.set_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
+    band.set_rotation(harmonics.ratios, 1.0 - length * (chunks - 1) / n, harmonics.wrap[0], harmonics.wrap[1])
     chunk = _room(length)
     if abs(x) >= problem.cutoff:
         return cycle * problem.lap, (1 if x > 0.0 else -1)
     angle[0], velocity[0] = x, v
     side = 1 if x > 0.0 else -1
     if x == 0.0:
-        side = side_at_zero(v, problem.forcing[0, 0] + problem.strength[0, 0] * noise.noise_at(harmonics, cycle, 0.0))
+        side = side_at_zero(v, problem.forcing[0, 0] + problem.strength[0, 0] * band.noise_at(harmonics, cycle, 0.0))
     row, fresh = 1, True
     while row < angle.size:
         for part in range(chunks):
-            if fresh or (part == 0 and cycle % noise.ANCHOR_CYCLES == 0):
-                noise.anchor(harmonics, cycle, 0.5 * length / n)
+            if fresh or (part == 0 and cycle % band.ANCHOR_CYCLES == 0):
+                band.anchor(harmonics, cycle, 0.5 * length / n)
                 fresh = False
             else:
-                noise.rotate(harmonics, harmonics.wrap if part == 0 else harmonics.hop)
+                band.rotate(harmonics, harmonics.wrap if part == 0 else harmonics.hop)
             first = part * length
             steps = min(length, n - first)
             chunk.noise[:] = 0.0
-            noise.add_chunk(harmonics, length, chunk.noise)
+            band.add_chunk(harmonics, length, chunk.noise)
             for j in range(steps):
                 for i in range(3):
                     chunk.force[j, i] = problem.forcing[first + j, i]

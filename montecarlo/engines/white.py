@@ -22,10 +22,10 @@ from numba import prange
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.envelope import mean_squares
 from fpk_rocking.physics.flight import Segment, flight, polynomial, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.noise.envelope import mean_squares
 from fpk_rocking.physics.transition import Impacts, advance
 from montecarlo.engines.approach import land, near, noise_factor
 from montecarlo.engines.bounce import bounce
@@ -52,7 +52,7 @@ class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
     `start` (5,), `marks`: see `start` and `grid`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
-    segments of the forcing. `diffusion` (m,): D, 0 where it counts as none (`physics.envelope.QUIET`). `drift` (m, 2,
+    segments of the forcing. `diffusion` (m,): D, 0 where it counts as none (`noise.envelope.QUIET`). `drift` (m, 2,
     2): angle and velocity after an interval from (0, 0), indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh
     and sinh of `span`, an interval's duration; `spread` (m, 3): Cholesky factor of its noise. `shortest`: duration of
     the shortest step. `brief`: half the duration of the longest bounce that is one draw. `reach`: REACH standard

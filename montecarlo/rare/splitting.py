@@ -12,8 +12,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, Progress
-from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of

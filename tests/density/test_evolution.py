@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
-from fpk_rocking.physics.equivalence import equivalent_diffusion
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
 from fpk_rocking.studies import checked
 

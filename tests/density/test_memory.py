@@ -5,11 +5,24 @@ import importlib.util
 import math
 import pathlib
 
+import filter_formulas as formulas
 import numpy as np
 import pytest
 from scipy import integrate
 
-from fpk_rocking import Block, FilteredNoise, Forcing, Scene, Start, WhiteNoise, load_scene, solve_fpk
+from fpk_rocking import (
+    Block,
+    CloughPenzien,
+    CycleOperator,
+    FilteredNoise,
+    Forcing,
+    LinearFilter,
+    Scene,
+    Start,
+    WhiteNoise,
+    load_scene,
+    solve_fpk,
+)
 from fpk_rocking.density import solver
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.memory.nodes import Nodes
@@ -22,7 +35,6 @@ from fpk_rocking.density.refusals import warn_unresolved
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output.summary import result_summary
-from fpk_rocking.physics import filters
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -55,7 +67,7 @@ def test_mixing_keeps_mass_and_has_the_law_of_the_filter(noise):
     assert mixing.sum(axis=0) == pytest.approx(np.ones(len(weights)), abs=1e-12)
     assert mixing @ weights == pytest.approx(weights, abs=1e-13)
     eta = np.repeat(nodes.values, nodes.weights.shape[1])
-    later, joint = np.linalg.matrix_power(mixing, 3), filters.autocovariance(noise, 3 * lag)
+    later, joint = np.linalg.matrix_power(mixing, 3), formulas.autocovariance(noise, 3 * lag)
     assert eta @ later @ (eta * weights) == pytest.approx(joint, abs=1e-12)
     # Fourth moment of a Gaussian pair (Isserlis).
     assert eta**2 @ later @ (eta**2 * weights) == pytest.approx(noise.variance**2 + 2.0 * joint**2, abs=1e-12)
@@ -69,11 +81,11 @@ def test_held_noise_has_the_melnikov_variance(noise):
     def weighed(lag):
         place = abs(lag) / step
         low, part = math.floor(place), place - math.floor(place)
-        held = [filters.autocovariance(noise, k * step) for k in (low, low + 1)]
+        held = [formulas.autocovariance(noise, k * step) for k in (low, low + 1)]
         return ((1.0 - part) * held[0] + part * held[1]) * (1.0 + abs(lag)) * math.exp(-abs(lag))
 
     found = sum(2.0 * integrate.quad(weighed, k * step, (k + 1) * step)[0] for k in range(130))
-    assert factor**2 * found == pytest.approx(filters.melnikov_variance(noise), rel=1e-9)
+    assert factor**2 * found == pytest.approx(formulas.melnikov_variance(noise), rel=1e-9)
 
 
 @KINDS
@@ -85,7 +97,7 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
         wanted = integrate.dblquad(
             lambda s, t, first=kernels[0], second=kernels[1]: (
-                first(time - s) * second(time - t) * filters.autocovariance(noise, s - t)
+                first(time - s) * second(time - t) * formulas.autocovariance(noise, s - t)
             ),
             0.0,
             time,
@@ -158,6 +170,34 @@ def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
     for answered in (scene.varied(noise=FilteredNoise("exponential", 0.03, 0.2)), scene.varied(start=wide)):
         with pytest.raises(ZeroDivisionError):
             solve_fpk(answered, cycles=1)
+
+
+def test_a_filter_of_more_states_is_refused_before_the_work(monkeypatch):
+    scene = MAIN.varied(noise=FilteredNoise(CloughPenzien(15.0, 0.6, 1.5, 0.6), 0.04))
+    monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
+    refused = r"noise\.filter: got Clough-Penzien noise.* \(4 states\), accepted: filters of up to 2 states.*simulate"
+    with pytest.raises(ValueError, match=refused):
+        solve_fpk(scene, cycles=1)
+    with pytest.raises(ValueError, match=r"noise\.kind: got 'filtered'.* up to 2 states, and scene\.white_equivalent"):
+        CycleOperator(scene)
+
+
+def test_a_filter_of_ones_own_is_solved_as_the_named_one_is():
+    """The low-pass filter by other states, which depend on each other: the same nodes and the same refusal."""
+    named, states = NOISES[1], np.array([[1.0, 0.5], [0.3, 2.0]])
+    drift = states @ np.array([[0.0, 1.0], [-36.0, -8.4]]) @ np.linalg.inv(states)
+    output = np.linalg.inv(states)[0]
+    own = FilteredNoise(LinearFilter(drift.tolist(), states[:, 1].tolist(), output.tolist()), 0.04)
+    ours, theirs = Nodes(own, (5, 5)), Nodes(named, (5, 5))
+    assert ours.mixing(0.2) @ theirs.weights.ravel() == pytest.approx(theirs.weights.ravel(), abs=1e-12)
+    eta = np.repeat(theirs.values, 5)
+    for step in (0.02, 0.3):
+        assert ours.held(step) == pytest.approx(theirs.held(step), rel=1e-12)
+        found, wanted = (eta @ nodes.mixing(step) @ (eta * theirs.weights.ravel()) for nodes in (ours, theirs))
+        assert found == pytest.approx(wanted, rel=1e-10)
+    slow = MAIN.varied(noise=own.scaled(1.0, 0.05))
+    with pytest.raises(ValueError, match=r"noise\.filter: got .*at least about .* times as fast"):
+        solve_fpk(slow, cycles=1)
 
 
 def test_noise_that_is_not_refused_as_slow_is_answered():

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from fpk_rocking import BandNoise, NoNoise, load_scene
 from fpk_rocking.compare import compare
 from fpk_rocking.density.realizations import gauss_quadrature, realized_diffusions, solve_realizations
-from fpk_rocking.physics.equivalence import equivalent_diffusion
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from montecarlo import simulate
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")

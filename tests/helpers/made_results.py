@@ -73,7 +73,7 @@ def _survival_columns(scene, times, survival, overturned, limits=None):
     return columns | {"overturned_left": overturned[:, 0], "overturned_right": overturned[:, 1]}
 
 
-def evolution(scene=MAIN, times=WHOLE, seed=1, **settings):
+def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
     rng, rows = np.random.default_rng(seed), len(times)
     overturned = np.cumsum(rng.uniform(0.2, 1.0, (rows, 2)) * [0.6, 0.15] / rows, axis=0)
     overturned -= overturned[0]
@@ -82,7 +82,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, **settings):
     at_rest = survival * rng.uniform(0.1, 0.3, rows)
     coefficients = np.zeros((rows, *SPACE.shape))
     masses = rng.uniform(0.5, 1.5, (rows, *SPACE.areas.shape))
-    masses *= ((survival - at_rest * ("nodes" in settings)) / masses.sum(axis=(1, 2)))[:, None, None]
+    masses *= ((survival - at_rest * atom) / masses.sum(axis=(1, 2)))[:, None, None]
     coefficients[..., 0, 0] = masses / SPACE.areas
     coefficients[..., 0, 1] = 0.3 * coefficients[..., 0, 0] * rng.uniform(-1.0, 1.0, masses.shape)
     result = Evolution(
@@ -105,6 +105,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, **settings):
         settings=settings,
         coefficients=coefficients,
         space=SPACE,
+        atom=atom,
     )
     columns = _survival_columns(scene, times, survival, overturned) | {"lost": lost, "at_rest": at_rest}
     return Made(result, columns, *_survival_grids(result, times, survival, overturned))
@@ -356,7 +357,7 @@ def plane_map():
 
 KINDS = {
     "density": evolution,
-    "density with rest": functools.partial(evolution, nodes=(6, 6)),
+    "density with rest": functools.partial(evolution, atom=True),
     "density after a pulse": functools.partial(evolution, PULSE, UNEVEN),
     "average": average,
     "ensemble": ensemble,

@@ -6,11 +6,11 @@ import pathlib
 import numpy as np
 import pytest
 from scipy import stats
+from two_samples import survival_test
 
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.scene.scene import load_scene
 from montecarlo import Ensemble, correlation_dimension, simulate
-from montecarlo.results.statistics import survival_test
 
 SCENE = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
 

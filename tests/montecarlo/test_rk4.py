@@ -7,6 +7,7 @@ import math
 import numba
 import numpy as np
 import pytest
+from two_samples import survival_test
 
 import montecarlo
 from fpk_rocking.physics.contact import side_at_zero
@@ -14,7 +15,6 @@ from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
-from montecarlo.results.statistics import survival_test
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")
 

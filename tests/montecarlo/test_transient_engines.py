@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from transient_paths import followed, random_scene
+from two_samples import survival_test
 
 from fpk_rocking import BandNoise, Block, Dimensions, FilteredNoise, NoNoise, Pulse, Record, Scene, WhiteNoise
 from montecarlo import histories, simulate, tally
 from montecarlo.engines import running
-from montecarlo.results.statistics import survival_test
 
 SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)
 SHAKEN = Scene(Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.45), NoNoise())

@@ -6,6 +6,7 @@ import math
 import numba
 import numpy as np
 import pytest
+from two_samples import survival_test
 
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.flight import flight, segment_of
@@ -14,7 +15,6 @@ from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
-from montecarlo.results.statistics import survival_test
 
 REST = Start()
 

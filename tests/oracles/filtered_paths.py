@@ -18,19 +18,19 @@ def with_intervals(scene, intervals):
 
 
 @kernel
-def _gather(fine, part, factor, problem, room):
-    """Add part number `part` of `factor` of a coarse interval's noise, drawn on the fine grid: states and flight."""
-    n, units = fine.drawn.size // 2 - 1, float(factor)
+def _gather(fine, part, problem, room):
+    """Add part number `part` of a coarse interval's noise, drawn on the fine grid: states and flight."""
+    n = fine.drawn.size // 2 - 1
     keep, swap = problem.hyperbolic
     if part == 0:
         for i in range(n):
-            room.drawn[i] = fine.drawn[i] * units**i
+            room.drawn[i] = fine.drawn[i]
         room.drawn[2 * n], room.drawn[2 * n + 1] = 0.0, 0.0
     x, v = room.drawn[2 * n], room.drawn[2 * n + 1]
     room.drawn[2 * n] = keep * x + swap * v + fine.drawn[2 * n]
     room.drawn[2 * n + 1] = swap * x + keep * v + fine.drawn[2 * n + 1]
     for i in range(n):
-        room.drawn[n + i] = fine.drawn[n + i] * units**i
+        room.drawn[n + i] = fine.drawn[n + i]
 
 
 @kernel
@@ -44,7 +44,7 @@ def _pair(stream, fine, coarse, factor, cycles):
     intervals = fine.low.size
     for number in range(cycles * intervals):
         draw_noise(stream, fine, rooms[0])
-        _gather(rooms[0], number % factor, factor, fine, rooms[1])
+        _gather(rooms[0], number % factor, fine, rooms[1])
         if times[0] == math.inf:
             x, v, side = states[0]
             origin = number * fine.span
@@ -79,7 +79,7 @@ def coupled(scene, intervals, factor, cycles, paths, seed=1):
 
 @kernel
 def _noise(keys, problem, states, flights):
-    n = problem.stationary.size
+    n = len(problem.stationary)
     for r in range(states.shape[0]):
         stream, room = open_stream(keys, r), make_room(problem)
         begin_noise(stream, problem, room)
@@ -91,6 +91,6 @@ def _noise(keys, problem, states, flights):
 
 def noise_of(problem, count, paths, seed=1):
     """Return states (paths, count, n) of the filter of noise of variance 1, and flights (paths, count, 2) between."""
-    states, flights = np.empty((paths, count, problem.stationary.size)), np.empty((paths, count, 2))
+    states, flights = np.empty((paths, count, len(problem.stationary))), np.empty((paths, count, 2))
     _noise(stream_keys(seed), problem, states, flights)
     return states, flights

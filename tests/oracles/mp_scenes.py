@@ -11,7 +11,7 @@ from mp_motion import Signal
 from mp_oracle import follow
 from mpmath import mp, mpf
 
-from fpk_rocking.physics import noise
+from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start
 from montecarlo.engines import rk4, shinozuka
 from montecarlo.engines.random import open_stream, stream_keys
@@ -26,7 +26,7 @@ def follow_scene(scene, seed, realization, cycles, rounding=2e-14, digits=50):
     Frequencies and phases are the very numbers that the engines draw; what they are multiplied with is exact.
     """
     problem = rk4.problem_of(scene, 8)
-    harmonics = noise.allocate(problem.harmonics, 1)
+    harmonics = band.allocate(problem.harmonics, 1)
     angle, velocity = shinozuka.draw(open_stream(stream_keys(seed), realization), problem, harmonics)
     rows = harmonics.ratios, harmonics.phases, harmonics.weights
     ratios, phases, weights = (row[: problem.harmonics].tolist() for row in rows)
@@ -50,9 +50,9 @@ def random_scenes(count, seed=1):
 def _random_scene(rng):
     restitution = rng.choice([0.0, 1.0, rng.uniform(), rng.uniform(0.3, 0.95)], p=[0.05, 0.05, 0.45, 0.45])
     forcing = Forcing(rng.uniform(0.5, 6.0), rng.uniform(1.0, 6.0), rng.uniform(0.0, 2.0 * math.pi))
-    band = np.sort(rng.uniform(0.0, 12.0, 2))
+    edges = np.sort(rng.uniform(0.0, 12.0, 2))
     harmonics = int(rng.integers(0, 31))
-    disturbance = BandNoise(rng.uniform(0.0, 0.3), tuple(band), harmonics) if harmonics else NoNoise()
+    disturbance = BandNoise(rng.uniform(0.0, 0.3), tuple(edges), harmonics) if harmonics else NoNoise()
     start = Start(rng.uniform(-0.8, 0.8), rng.uniform(-0.8, 0.8)) if rng.uniform() < 0.5 else Start()
     return Scene(Block(float(restitution)), forcing, disturbance, start)
 

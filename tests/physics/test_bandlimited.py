@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 
 
 def errors(frequencies, weights, phases, spacing, intervals=100):

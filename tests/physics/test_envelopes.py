@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from filter_formulas import autocovariance
 from flight_moments import flight_moments
 from scipy import stats
 
@@ -26,8 +27,7 @@ from fpk_rocking import (
     WhiteNoise,
 )  # fmt: skip
 from fpk_rocking.analytics import melnikov
-from fpk_rocking.physics.envelope import mean_squares
-from fpk_rocking.physics.filters import autocovariance
+from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo import simulate
 from montecarlo.poincare import restarted_poincare_map
 from montecarlo.rare.splitting import split

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad, simpson
 
 from fpk_rocking import BandNoise, NoNoise, WhiteNoise, melnikov
-from fpk_rocking.physics import equivalence
+from fpk_rocking.physics.noise import equivalence
 
 BANDS = [(0.0, 10.0), (0.0, 2.7), (1.0, 6.0), (2.0, 10.0), (4.0, 10.0), (0.0, 1e4), (100.0, 101.0)]
 

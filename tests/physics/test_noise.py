@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from fpk_rocking.physics import noise
+from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import BandNoise, Block, Forcing, Scene
 from montecarlo.engines import rk4
 from montecarlo.engines.random import open_stream, stream_keys
@@ -16,7 +16,7 @@ VARIANCE, BAND = 0.04, (1.0, 6.0)
 
 def draw(realization, half=1, count=100):
     scene = Scene(Block(0.5), Forcing(1.0, 2.7), BandNoise(VARIANCE, BAND, count))
-    harmonics = noise.allocate(count, half)
+    harmonics = band.allocate(count, half)
     rk4.draw(open_stream(stream_keys(5), realization), rk4.problem_of(scene, 8), harmonics)
     return harmonics
 
@@ -34,19 +34,19 @@ def exact(harmonics, cycles):
 @pytest.mark.parametrize(("steps", "chunks", "half"), [(50, 3, 17), (200, 10, 20)])
 def test_samples_by_rotation_are_exact_at_late_times(first, steps, chunks, half):
     harmonics = draw(3, half, count=99)
-    noise.prepare(harmonics, half, 0.5 / steps)
-    noise.set_rotation(harmonics.ratios, half / steps, harmonics.hop[0], harmonics.hop[1])
-    noise.set_rotation(harmonics.ratios, 1.0 - half * (chunks - 1) / steps, harmonics.wrap[0], harmonics.wrap[1])
+    band.prepare(harmonics, half, 0.5 / steps)
+    band.set_rotation(harmonics.ratios, half / steps, harmonics.hop[0], harmonics.hop[1])
+    band.set_rotation(harmonics.ratios, 1.0 - half * (chunks - 1) / steps, harmonics.wrap[0], harmonics.wrap[1])
     rng = np.random.default_rng(1)
     worst = 0.0
-    for cycle in range(first, first + noise.ANCHOR_CYCLES):
+    for cycle in range(first, first + band.ANCHOR_CYCLES):
         for chunk in range(chunks):
             if cycle == first and chunk == 0:
-                noise.anchor(harmonics, cycle, 0.5 * half / steps)
+                band.anchor(harmonics, cycle, 0.5 * half / steps)
             else:
-                noise.rotate(harmonics, harmonics.hop if chunk else harmonics.wrap)
+                band.rotate(harmonics, harmonics.hop if chunk else harmonics.wrap)
             samples = np.zeros(2 * half + 1)
-            noise.add_chunk(harmonics, half, samples)
+            band.add_chunk(harmonics, half, samples)
             i = int(rng.integers(samples.size))
             truth = exact(harmonics, cycle + Fraction(2 * half * chunk + i, 2 * steps))
             worst = max(worst, abs(samples[i] - truth))
@@ -57,14 +57,14 @@ def test_direct_evaluation_is_exact_at_late_times():
     harmonics = draw(4)
     for cycle, fraction in ((0, 0.0), (17, 0.625), (10_000, 0.25), (10**8, 0.5)):
         truth = exact(harmonics, cycle + Fraction(fraction))
-        assert noise.noise_at(harmonics, cycle, fraction) == pytest.approx(truth, abs=1e-13)
+        assert band.noise_at(harmonics, cycle, fraction) == pytest.approx(truth, abs=1e-13)
 
 
 def test_variance_and_spectrum_are_those_of_the_band():
     """Autocovariance at four lags against the band's own; false alarm 5 x 6e-5 (4 standard errors each)."""
     period = 2.0 * math.pi / 2.7
     lags = np.array([0.0, 0.1, 0.3, 0.7, 1.5])
-    values = np.array([[noise.noise_at(draw_, 3, lag) for lag in lags] for draw_ in map(draw, range(6000))])
+    values = np.array([[band.noise_at(draw_, 3, lag) for lag in lags] for draw_ in map(draw, range(6000))])
     products = values * values[:, :1]
     low, high = BAND
     arguments = np.where(lags == 0.0, 1.0, lags * period)

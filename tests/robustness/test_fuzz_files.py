@@ -35,7 +35,8 @@ def evolution():
     space = Space(lines, lines, 1)
     check = Replacement(np.full((3, 3), 0.01), np.full((3, 3), 0.02), "exact", 100, 2, 0.1)
     return Evolution(
-        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, space, check
+        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, space, False,
+        check,
     )  # fmt: skip
 
 

@@ -195,11 +195,11 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     found = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
     assert found.remarks[:2] == ["Measured: here.", "Measured: there."]
 
-    def told(result):
-        size = result.scene.noise.remark
+    def told(scene, _):
+        size = scene.noise.remark
         return [Doubt(CAUTION, f"Wide: {size}", "wide"), Doubt(CAUTION, f"Wide: of {size}", "other"), Doubt(1, "Bare.")]
 
-    monkeypatch.setattr("fpk_rocking.studies.doubts.doubts", told)
+    monkeypatch.setattr("fpk_rocking.studies.doubts.scene_doubts", told)
     told = [reason for reason in dataclasses.replace(found, wall_s=2.0).trust.reasons if "half width" not in reason]
     assert [reason for reason in told if "fit" not in reason] == [
         "Wide: Measured: here. (Other scenes: 1 likewise.)",

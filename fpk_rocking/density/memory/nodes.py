@@ -9,12 +9,31 @@ by exp(Φt·y - |Φt|²/2): polynomials of one total degree to such of the same 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise.state_space import transition
 
-_LONG = 40.0
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+class Whitened(NamedTuple):
+    """States dy = drift y dτ + input dW that are independent standard normal variables; the noise is sigma y1."""
+
+    sigma: float
+    drift: np.ndarray
+    input: np.ndarray
+
+
+def whitened(noise):
+    """Return the `Whitened` states of a filter of one or two states."""
+    space = noise.space
+    factor = np.linalg.cholesky(space.correlation)
+    output = space.output @ factor
+    turn = np.array([output, [-output[1], output[0]]]) if output.size == 2 else np.eye(1)
+    drift = turn @ np.linalg.solve(factor, space.drift @ factor) @ turn.T
+    return Whitened(math.sqrt(noise.variance), drift, turn @ np.linalg.solve(factor, space.input))
 
 
 class Nodes:
@@ -39,14 +58,9 @@ class Nodes:
     """
 
     def __init__(self, noise, counts):
-        space = filters.state_space(noise)
-        self._noise = noise
-        output = space.output * space.spread
-        self.sigma = float(np.linalg.norm(output))
-        turn = np.array([output, [-output[1], output[0]]]) / self.sigma if output.size == 2 else np.eye(1)
-        self.drift = turn @ (space.drift * space.spread / space.spread[:, None]) @ turn.T
-        self.input = turn @ (space.input / space.spread)
-        axes = [axis_of(count) for count in (*counts[: output.size], 1, 1)[:2]]
+        self.sigma, self.drift, self.input = whitened(noise)
+        self._melnikov = noise.space.melnikov_variance
+        axes = [axis_of(count) for count in (*counts[: len(self.input)], 1, 1)[:2]]
         self.states = np.stack(np.meshgrid(*(points for points, _, _ in axes), indexing="ij"), axis=-1)
         self.values = self.sigma * axes[0][0]
         self.weights = np.outer(*(weights for _, weights, _ in axes))
@@ -57,20 +71,23 @@ class Nodes:
         """Return the factor of the noise that is held over steps of a duration, for its Melnikov variance to be right.
 
         Held from step to step the noise has, on average over the place in a step, the autocovariance that is
-        interpolated linearly between its values at whole steps.
+        interpolated linearly between its values at whole steps. With Φ the step of the mean, the values are the first
+        entries of Φ^k, and sums over k of Φ^k exp(-k duration) are geometric series.
         """
-        steps = np.arange(math.ceil(_LONG / duration) + 1) * duration
-        points, weights = np.polynomial.legendre.leggauss(8)
-        part = 0.5 * (points + 1.0)
-        times = steps[:-1, None] + duration * part
-        exact = filters.autocovariance(self._noise, steps)
-        linear = exact[:-1, None] * (1.0 - part) + exact[1:, None] * part
-        found = duration * np.sum(weights * linear * (1.0 + times) * np.exp(-times))
-        return math.sqrt(filters.melnikov_variance(self._noise) / found)
+        phi, _ = transition(self.drift, self.input, duration)
+        part = 0.5 * (_POINTS + 1.0)
+        weights = duration * _WEIGHTS * np.exp(-duration * part)
+        unit, step = np.eye(len(phi)), math.exp(-duration) * phi
+        series = np.linalg.inv(unit - step)
+        found = 0.0
+        for moved, share in ((unit, 1.0 - part), (phi, part)):
+            constant, linear = weights @ (share * (1.0 + duration * part)), duration * (weights @ share)
+            found += (moved @ series @ (constant * unit + linear * step @ series))[0, 0]
+        return math.sqrt(self._melnikov / found)
 
     def mixing(self, duration):
         """Return the matrix (nodes, nodes) that takes the masses of the nodes over a time; its columns sum to 1."""
-        phi, _ = filters.transition(self.drift, self.input, duration)
+        phi, _ = transition(self.drift, self.input, duration)
         gain = _on_polynomials(np.pad(phi, (0, 2))[:2, :2], self._degrees)
         return self.weights.reshape(-1, 1) * (self._table @ gain @ self._table.T)
 

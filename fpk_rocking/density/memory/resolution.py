@@ -101,8 +101,8 @@ class NodeGrid(NamedTuple):
 
 def node_grid(scene, plane, number):
     """Return the `NodeGrid` of a scene with filtered noise on a mesh made by resolution `number`."""
-    states = 1 if scene.noise.filter == "exponential" else 2
-    swings = scene.noise.frequency * math.sqrt(max(1.0 - (scene.noise.damping or 1.0) ** 2, 0.0))
+    space = scene.noise.space
+    states, swings = space.order, float(np.abs(space.rates.imag).max())
     legs = 2 if scene.forcing.half_antisymmetric else 1
     steps = math.ceil(max(plane.steps, scene.period * swings / _TURN) / legs)
     if not may_rest(scene):

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.memory.nodes import Nodes
+from fpk_rocking.density.memory.nodes import whitened
 from fpk_rocking.density.space.space import shapes
-from fpk_rocking.physics import filters
+from fpk_rocking.physics.noise.state_space import transition
 
 REACH = 8.0
 """Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""
@@ -106,15 +106,15 @@ def _joint_covariance(nodes, covariance, time):
     joint[0, 1] = joint[1, 0] = 1.0
     joint[1, 2] = nodes.sigma
     joint[2:, 2:] = nodes.drift
-    phi, added = filters.transition(joint, np.append([0.0, 0.0], nodes.input), time)
+    phi, factor = transition(joint, np.append([0.0, 0.0], nodes.input), time)
     begin = np.eye(2 + count)
     begin[:2, :2] = covariance
-    return phi @ begin @ phi.T + added
+    return phi @ begin @ phi.T + factor @ factor.T
 
 
 def spread_left(noise, covariance, time):
     """Part of the angle's standard deviation at a time of a flight that is left where the filter's states are known."""
-    found = _joint_covariance(Nodes(noise, (1, 1)), covariance or np.zeros((2, 2)), time)
+    found = _joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
     return math.sqrt(max(1.0 - found[0, 2:] @ found[2:, 0] / found[0, 0], 0.0))
 
 

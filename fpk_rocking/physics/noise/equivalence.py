@@ -13,7 +13,6 @@ import math
 import numpy as np
 
 from fpk_rocking.base.types import Noise
-from fpk_rocking.physics import filters
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
@@ -25,13 +24,13 @@ def noise_variance(noise: Noise) -> float:
     ----------
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Band noise has G = variance/(b - a) on its band [a, b]; white noise has ⟨ηη⟩ = 2Dδ; for filtered noise see
-        `fpk_rocking.physics.filters`.
+        `fpk_rocking.physics.noise.state_space`.
 
     Returns
     -------
     float
         Nondimensional; (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band (eq. 15, its σ² included), exactly
-        2D for white noise, `filters.melnikov_variance` for filtered noise, 0 without noise.
+        2D for white noise, that of its `StateSpace` for filtered noise, 0 without noise.
 
     Raises
     ------
@@ -50,7 +49,7 @@ def noise_variance(noise: Noise) -> float:
         ratios = (1.0 - low * high) / ((1.0 + low * low) * (1.0 + high * high))
         return 2.0 * noise.variance * (arcs + ratios)
     if noise.kind == "filtered":
-        return filters.melnikov_variance(noise)
+        return noise.variance * noise.space.melnikov_variance
     raise ValueError(f"noise.kind: got {noise.kind!r}, accepted: 'band', 'white', 'filtered', 'none'")
 
 
@@ -95,7 +94,7 @@ def cover(noise: Noise) -> float:
         The noise has another kind, or the variance 0.
     """
     if noise.kind == "filtered" and noise.variance > 0.0:
-        return noise_variance(noise) / (math.pi * filters.peak_density(noise))
+        return noise.space.melnikov_variance / (math.pi * noise.space.peak_density)
     _band(noise)
     low, high = noise.band
     return noise_variance(noise) * (high - low) / (math.pi * noise.variance)

@@ -30,7 +30,7 @@ S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10 = (
 C1, C2, C3, C4, C5, C6, C7, C8, C9, C10 = ((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in range(1, 11))
 
 
-class Harmonics(NamedTuple):
+class Realization(NamedTuple):
     """One realization, and the rotations that sample it on a grid; M is the number of harmonics, padded with zeros.
 
     `ratios`, `phases`, `weights` (M,): turns per cycle, phase in turns, amplitude. `cosines`, `sines` (M,): the
@@ -55,7 +55,7 @@ def allocate(count, half):
     """Make room for `count` harmonics sampled in chunks of 2 * half + 1; the realization is still to be written."""
     padded = (count + _LANES - 1) // _LANES * _LANES
     rows = (half + 3) // 4 * 4
-    return Harmonics(
+    return Realization(
         np.zeros(padded),
         np.zeros(padded),
         np.zeros(padded),
@@ -95,7 +95,7 @@ def noise_at(harmonics, cycle, fraction):
 
     Parameters
     ----------
-    harmonics : Harmonics
+    harmonics : Realization
         Only the realization in it is used.
     cycle : int or float
         Whole number of cycles.

@@ -1,0 +1,176 @@
+"""Filters of white noise: those with a name in a scene, and those that a user describes.
+
+    exponential     η' + ω η = w
+    low-pass        η'' + 2 ζ ω η' + ω² η = w
+    kanai-tajimi    η = g + (2 ζ/ω) g',   g'' + 2 ζ ω g' + ω² g = w
+
+with white noise w, whose intensity follows from the variance of η. The last is the acceleration of the ground above a
+rock that shakes in white noise: K. Kanai, Bull. Earthq. Res. Inst. Univ. Tokyo 35, 309-325, 1957; H. Tajimi, Proc. 2nd
+World Conf. Earthq. Eng. II, 781-797, 1960. Any other filter is a `Filter`, a class of its own with a `StateSpace`.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.physics.noise.state_space import StateSpace
+
+__all__ = ["BUTTERWORTH", "FILTERS", "Filter", "LinearFilter", "low_pass_frequency"]
+
+BUTTERWORTH = math.sqrt(0.5)
+"""Damping of the low-pass filter whose spectrum is flattest at low frequencies."""
+
+_SLOWEST, _FASTEST, _MOST = 1e-8, 1e8, 12
+
+
+class Filter:
+    """A filter of white noise; a class of filters is a frozen dataclass of its parameters that derives from this.
+
+    Attributes
+    ----------
+    kind : str
+        Name of the class in a scene file.
+    space : StateSpace
+        State space of the filter, for noise of variance 1 (`StateSpace.stationary`).
+    """
+
+    kind: ClassVar[str]
+
+    @property
+    def space(self) -> StateSpace:
+        """State space of the filter, for noise of variance 1."""
+        raise NotImplementedError
+
+    def faster(self, factor: float) -> "Filter":
+        """Return the filter with all its rates multiplied by a factor.
+
+        Parameters
+        ----------
+        factor : float
+            Above 0.
+
+        Returns
+        -------
+        Filter
+        """
+        space = self.space
+        drift = tuple(tuple(row) for row in (factor * space.drift).tolist())
+        return LinearFilter(drift, tuple(space.input.tolist()), tuple(space.output.tolist()))
+
+    def __str__(self):
+        return f"{self.kind} noise"
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearFilter(Filter):
+    """A filter of n states, given by its matrices: dz = drift z dτ + input dW, η = output z.
+
+    The strength of the white noise does not count: the variance of `FilteredNoise` fixes it.
+
+    Parameters
+    ----------
+    drift : sequence of n sequences of n floats
+        Rates of change of the states, per nondimensional time. Its eigenvalues have negative real parts.
+    input : sequence of n floats
+        How the white noise enters the states.
+    output : sequence of n floats
+        How the noise η follows from the states.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The shapes do not fit, there are more than 12 states, the filter is not stable, or a state has no part in it.
+    """
+
+    kind: ClassVar[str] = "linear"
+    drift: tuple[tuple[float, ...], ...]
+    input: tuple[float, ...]
+    output: tuple[float, ...]
+
+    def __post_init__(self):
+        name = "noise.filter"
+        accepted = f"{name}.drift as n rows of n numbers, {name}.input and {name}.output as n numbers, n up to {_MOST}"
+        rows = checks.sequence(f"{name}.drift", self.drift, accepted)
+        drift = tuple(checks.several(f"{name}.drift[{i}]", row, most=_MOST) for i, row in enumerate(rows))
+        sides = [checks.several(f"{name}.{side}", getattr(self, side), most=_MOST) for side in ("input", "output")]
+        if not drift or {len(drift)} != {len(one) for one in (*drift, *sides)}:
+            raise ValueError(checks.refusal(f"{name}.drift", self.drift, accepted))
+        for field, value in zip(("drift", "input", "output"), (drift, *sides), strict=True):
+            object.__setattr__(self, field, value)
+        StateSpace.stationary(*self._matrices)
+
+    @property
+    def _matrices(self):
+        return np.array(self.drift), np.array(self.input), np.array(self.output)
+
+    @property
+    def space(self) -> StateSpace:
+        """State space of the filter, for noise of variance 1."""
+        return StateSpace.stationary(*self._matrices)
+
+    def __str__(self):
+        return f"noise of a linear filter, fastest rate {self.space.fastest:.4g}"
+
+
+class _Named(NamedTuple):
+    """A filter with a name: its `space` of frequency and damping, whether it has a damping, and its name in a text."""
+
+    space: Callable[[float, float | None], StateSpace]
+    damped: bool
+    text: str
+
+
+def _exponential(omega, _):
+    return StateSpace(np.array([[-omega]]), np.array([math.sqrt(2.0 * omega)]), np.ones(1), np.eye(1))
+
+
+def _low_pass(omega, zeta):
+    """Return the state space of η and η'/ω."""
+    drift = omega * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
+    return StateSpace(drift, np.array([0.0, 2.0 * math.sqrt(zeta * omega)]), np.array([1.0, 0.0]), np.eye(2))
+
+
+def _kanai_tajimi(omega, zeta):
+    """Return the state space of g and g'/ω."""
+    output = np.array([1.0, 2.0 * zeta]) / math.hypot(1.0, 2.0 * zeta)
+    return _low_pass(omega, zeta)._replace(output=output)
+
+
+FILTERS = {
+    "exponential": _Named(_exponential, False, "exponential"),
+    "low-pass": _Named(_low_pass, True, "low-pass"),
+    "kanai-tajimi": _Named(_kanai_tajimi, True, "Kanai-Tajimi"),
+}
+"""Filters by their name in a scene."""
+
+
+def low_pass_frequency(ratio, damping=BUTTERWORTH):
+    """Frequency ω of the low-pass filter with a given σ_M² of noise of variance 1.
+
+    σ_M² falls from 4 to 0 as ω grows, as that of every filter does, so there is one ω.
+
+    Parameters
+    ----------
+    ratio : float
+        σ_M²/σ².
+    damping : float
+        ζ.
+
+    Returns
+    -------
+    float or None
+        None where no ω from 1e-8 to 1e8 has it.
+    """
+    from scipy.optimize import brentq
+
+    def excess(power):
+        return _low_pass(math.exp(power), damping).melnikov_variance - ratio
+
+    low, high = math.log(_SLOWEST), math.log(_FASTEST)
+    if not excess(low) > 0.0 > excess(high):
+        return None
+    return math.exp(brentq(excess, low, high, xtol=1e-15, rtol=1e-15))

@@ -1,0 +1,226 @@
+"""White noise through a linear filter of any order: its state space, and all of the noise that follows from it.
+
+A filter of n states is dz = A z dτ + b dW, η = c z, with the standard Wiener process W. It is stationary, and P is the
+covariance of its states at any one time: A P + P Aᵀ + b bᵀ = 0. With R the autocovariance of η (docs/theory, "Noise"),
+
+    R(t) = c e^(A|t|) P cᵀ,    G(ω) = |c (iω - A)⁻¹ b|²/π = (2/π) Re c (iω - A)⁻¹ P cᵀ,
+    σ_M² = 2 ∫ R(t) (1 + t) e^(-t) dt = 2 c [(I - A)⁻¹ + (I - A)⁻²] P cᵀ.
+
+All quantities are nondimensional. A scene imports this module, so scipy is imported where it is used.
+"""
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, Number
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
+
+_NONE = 1e-9
+"""Part of |c| |b| below which c b counts as 0."""
+
+_SINGULAR = 1e-10
+"""Least eigenvalue of the correlation of a filter's states; below it one state follows from the others."""
+
+
+class StateSpace(NamedTuple):
+    """Stationary noise η of variance 1 out of n states: dz = drift z dτ + input dW, η = output z.
+
+    Each state has the standard deviation 1: then states of any rates are numbers of one size, and none is lost beside
+    another. Everything is nondimensional. `stationary` makes one from any matrices.
+
+    Parameters
+    ----------
+    drift : ndarray, shape (n, n)
+        A, per time.
+    input, output : ndarray, shape (n,)
+        b and c.
+    correlation : ndarray, shape (n, n)
+        P of the states at any one time.
+    """
+
+    drift: np.ndarray
+    input: np.ndarray
+    output: np.ndarray
+    correlation: np.ndarray
+
+    @classmethod
+    def stationary(cls, drift: ArrayLike, source: ArrayLike, output: ArrayLike) -> Self:
+        """Return the state space of a filter dz = drift z dτ + source dW, η = output z, scaled to variances of 1.
+
+        Parameters
+        ----------
+        drift : array_like, shape (n, n)
+            A, nondimensional; its eigenvalues have real parts below 0.
+        source, output : array_like, shape (n,)
+            b and c, of any size.
+
+        Returns
+        -------
+        StateSpace
+
+        Raises
+        ------
+        ValueError
+            An eigenvalue of the drift does not decay, the white noise does not drive the states independently of each
+            other, or they have no effect on η.
+        """
+        from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+
+        drift, (scale, _) = matrix_balance(np.asarray(drift, dtype=float), permute=False, separate=True)
+        source, output = np.asarray(source) / scale, np.asarray(output) * scale
+        rates = np.linalg.eigvals(drift)
+        if not rates.real.max() < 0.0:
+            accepted = "a matrix whose eigenvalues all have a real part below 0, so that the noise is stationary"
+            raise ValueError(checks.refusal("noise.filter.drift", drift.tolist(), accepted))
+        fastest = np.abs(rates).max()
+        size = np.abs(source).max() or 1.0
+        covariance = solve_continuous_lyapunov(drift / fastest, -np.outer(source, source) / size**2)
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        if spread.min() > 0.0:
+            correlation = 0.5 * (covariance + covariance.T) / np.outer(spread, spread)
+            np.fill_diagonal(correlation, 1.0)
+            weights = output * spread
+            strength = math.sqrt(max(weights @ correlation @ weights, 0.0))
+            if np.linalg.eigvalsh(correlation)[0] > _SINGULAR and strength > 0.0:
+                source = source * math.sqrt(fastest) / (size * spread)
+                return cls(drift * spread / spread[:, None], source, weights / strength, correlation)
+        accepted = "a filter whose white noise reaches every state, and whose states reach the output"
+        raise ValueError(
+            f"noise.filter: got input {source.tolist()} and output {output.tolist()}, accepted: {accepted}"
+        )
+
+    @property
+    def order(self) -> int:
+        """Number n of states."""
+        return len(self.input)
+
+    @property
+    def rates(self) -> Array:
+        """Eigenvalues (n,) of the drift; a real part is below 0."""
+        return np.linalg.eigvals(self.drift)
+
+    @property
+    def fastest(self) -> float:
+        """Size of the fastest eigenvalue: noise is sampled in parts of 1/fastest."""
+        return float(np.abs(self.rates).max())
+
+    @property
+    def smooth(self) -> bool:
+        """Whether η has a derivative, which is c A z: c b is 0."""
+        size = np.linalg.norm(self.output) * np.linalg.norm(self.input)
+        return bool(abs(self.output @ self.input) <= _NONE * size)
+
+    def autocovariance(self, lag: ArrayLike) -> Number:
+        """Mean of η(τ) η(τ + lag).
+
+        Parameters
+        ----------
+        lag : array_like
+            Of either sign.
+
+        Returns
+        -------
+        ndarray or float
+        """
+        from scipy.linalg import expm
+
+        moved = expm(self.drift * np.abs(np.asarray(lag, dtype=float))[..., None, None])
+        return (moved @ self._beside @ self.output)[()]
+
+    def spectral_density(self, frequency: ArrayLike) -> Number:
+        """One-sided spectral density G, whose integral over all ω > 0 is the variance 1.
+
+        Parameters
+        ----------
+        frequency : array_like
+            ω, at least 0.
+
+        Returns
+        -------
+        ndarray or float
+        """
+        omega = np.asarray(frequency, dtype=float)[..., None, None]
+        states = np.linalg.solve(1j * omega * np.eye(self.order) - self.drift, self.input[:, None])
+        return (np.square(np.abs(states[..., 0] @ self.output)) / math.pi)[()]
+
+    @property
+    def peak_density(self) -> float:
+        """Largest value of `spectral_density`.
+
+        With r = ω² the density is a ratio of two polynomials, and its peaks are roots of another.
+        """
+        fastest = self.fastest
+        drift, feedback = self.drift / fastest, np.outer(self.input, self.output)
+        below = np.poly(drift)
+        # det(s - A + b c) - det(s - A) = c adj(s - A) b
+        above = np.poly(drift - feedback / np.abs(feedback).max()) - below
+        above, below = np.poly1d(_squared(above)), np.poly1d(_squared(below))
+        roots = (above.deriv() * below - above * below.deriv()).roots
+        return float(self.spectral_density(fastest * np.sqrt(np.maximum(np.append(roots.real, 0.0), 0.0))).max())
+
+    @property
+    def melnikov_variance(self) -> float:
+        """Variance of the Melnikov process, σ_M² = ∫ 4 G/(1 + ω²)² dω over all ω > 0."""
+        inverse = np.eye(self.order) - self.drift
+        once = np.linalg.solve(inverse, self._beside)
+        return float(2.0 * self.output @ (once + np.linalg.solve(inverse, once)))
+
+    @property
+    def inward_variance(self) -> float:
+        """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
+        return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._beside))
+
+    @property
+    def _beside(self):
+        """Covariance (n,) of the states with η."""
+        return self.correlation @ self.output
+
+
+def transition(drift, source, duration):
+    """Exact step of a linear system dz = drift z dτ + source dW.
+
+    Parameters
+    ----------
+    drift : ndarray, shape (n, n)
+    source : ndarray, shape (n,)
+    duration : float
+        Of the step.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Φ: the mean moves from z to Φ z.
+    ndarray, shape (n, n)
+        Lower triangular factor L of the covariance L Lᵀ = ∫ Φ(t) source sourceᵀ Φ(t)ᵀ dt that the noise adds: by
+        Gauss-Legendre quadrature over a part of the step in which nothing moves fast, then doubled. The covariance
+        itself is never formed: over a short step it would be singular to rounding.
+    """
+    from scipy.linalg import expm
+
+    rate = np.abs(np.linalg.eigvals(drift)).max()
+    doublings = max(0, math.ceil(math.log2(max(rate * duration, 1.0))))
+    short = duration / 2**doublings
+    moved = expm(drift * (0.5 * short * (1.0 + _NODES))[:, None, None]) @ source
+    factor = _triangular(moved.T * np.sqrt(0.5 * short * _WEIGHTS))
+    phi = expm(drift * short)
+    for _ in range(doublings):
+        factor = _triangular(np.hstack([factor, phi @ factor]))
+        phi = phi @ phi
+    return phi, factor
+
+
+def _triangular(factor):
+    """Return the lower triangular L (n, n), its diagonal at least 0, with L Lᵀ = factor factorᵀ, of a factor (n, m)."""
+    lower = np.linalg.qr(factor.T, mode="r").T
+    return lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
+
+
+def _squared(polynomial):
+    """Return p(iω) p(-iω) of a real polynomial p, as a polynomial of ω²; the highest power comes first."""
+    signs = (-1.0) ** np.arange(len(polynomial))[::-1]
+    squares = np.convolve(polynomial, polynomial * signs)[::2]
+    return squares * (-1.0) ** np.arange(len(squares))[::-1]
