@@ -6,9 +6,11 @@ Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Prob
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import flight, polynomial, safe_time
-from fpk_rocking.physics.transition import record
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.events import safe_time
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import flight
+from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal
 
 FAST = 1e-3
@@ -79,7 +81,7 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     return u, w, side, end
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin):
     """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
 

@@ -13,9 +13,9 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import polynomial
-from fpk_rocking.physics.transition import record
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal, uniform
 
 SURE = 4.0
@@ -103,7 +103,7 @@ def first_return(stream, speed, pull, growth, diffusion, least):
             return time, arrival
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     """Let a block that leaves x = 0 in interval j at w > 0 bounce back to it; return w after it, side, and its time.
 

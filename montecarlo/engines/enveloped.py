@@ -14,9 +14,9 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import noise
 from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import Impacts, advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import Impacts, advance
 from montecarlo.engines.exact import CHUNK, FEWEST, HALF, LONGEST, force_bounds
 from montecarlo.engines.filtered import side_of
 from montecarlo.engines.grid import grid_of

@@ -3,7 +3,7 @@
 The particular solution P of the forcing is band-limited. It is sampled on a grid that is far coarser than the steps of
 an integrator, and is a polynomial between grid points (`fpk_rocking.physics.bandlimited`). The flight itself is s + P
 plus two exponentials, so at grid points it costs a few operations; only the intervals in which a bound of the
-acceleration cannot exclude an event are looked at, by `montecarlo.engines.events`.
+acceleration cannot exclude an event are looked at, by `fpk_rocking.physics.motion.crossing`.
 """
 
 import math
@@ -15,10 +15,11 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import noise
 from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.flight import polynomial, segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import Impacts
-from montecarlo.engines.events import Interval, cross, interval_tables, state_at
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.crossing import Interval, cross, interval_tables, state_at
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import Impacts
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import open_stream
 from montecarlo.engines.shinozuka import band_numbers, draw
@@ -50,7 +51,7 @@ class Problem(NamedTuple):
     (2, WIDTH): it and its derivative at an interval's end. `forced` (m, TERMS): P of the forcing in the time
     since the interval's middle; `node` (m, 2): it and its derivative at the interval's end. `least`, `most` (m, 2),
     indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a flight has no event in it.
-    `exponentials`, `bend`: see `montecarlo.engines.events.Interval`.
+    `exponentials`, `bend`: see `fpk_rocking.physics.motion.crossing.Interval`.
     """
 
     restitution: float

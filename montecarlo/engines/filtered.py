@@ -7,7 +7,7 @@ a flight over it. A flight without an event is therefore exact in law, however l
 Where a bound of the acceleration cannot exclude an event, the noise within the interval is needed. It is taken as the
 polynomial of least degree that has the drawn states at both ends and moves a flight by what was drawn: the conditional
 mean of the noise given all that, but for terms of relative order (interval times the filter's rate). Then
-`fpk_rocking.physics.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
+`physics.motion.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
 What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md). Under
 an envelope, linear in pieces that end at its kinks, the product of both is taken in flights too.
 
@@ -24,9 +24,10 @@ from numba import prange
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import filters
-from fpk_rocking.physics.flight import move_origin, segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import Impacts, advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.polynomial import move_origin
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import Impacts, advance
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import normal, open_stream
 from montecarlo.engines.start import draw_start, start_numbers
@@ -383,7 +384,7 @@ def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
     return x, v, side, time
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def interval(x, v, side, j, problem, room, impacts, origin):
     """Take the block through interval j of a cycle, whose noise is drawn; return as `advance`."""
     low, high = bound_noise(j, problem, room)

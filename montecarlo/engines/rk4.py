@@ -14,10 +14,10 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics import noise
-from fpk_rocking.physics.contact import side_at_zero
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import Impacts, advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import side_at_zero
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import Impacts, advance
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.random import open_stream
 from montecarlo.engines.shinozuka import band_numbers, draw
@@ -168,7 +168,7 @@ def _steps(x, v, side, chunk, first, last, h, problem, impacts, origin):
     return x, v, side, last * h
 
 
-@kernel(forceinline=True)  # see flight.next_event
+@kernel(forceinline=True)  # see events.next_event
 def _run_chunk(x, v, side, chunk, first, steps, row, h, problem, angle, velocity, impacts, origin):
     """Take the block through a chunk of a cycle, from its step `first` on; write its samples from number `row` on.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
-from fpk_rocking.physics.transition import Impacts
+from fpk_rocking.physics.motion.transition import Impacts
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene

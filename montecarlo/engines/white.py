@@ -21,12 +21,13 @@ from numba import prange
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.envelope import mean_squares
-from fpk_rocking.physics.flight import Segment, flight, polynomial, segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.physics.transition import Impacts, advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import Segment, flight, segment_of
+from fpk_rocking.physics.motion.transition import Impacts, advance
 from montecarlo.engines.approach import land, near, noise_factor
 from montecarlo.engines.bounce import bounce
 from montecarlo.engines.grid import grid_of
@@ -156,7 +157,7 @@ def problem_of(scene, steps_per_cycle, times=None):
     )
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
     """Take the block from `start` to `end` of interval j of a lap; return u, w, side and the time reached.
 

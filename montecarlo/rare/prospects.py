@@ -16,9 +16,11 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import IMPACT, OVERTURNING, Segment, bounds, next_event, polynomial
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, next_event
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import Segment, bounds
 
 AHEAD = 7.0
 """Time for which the motion without noise is followed."""

@@ -8,9 +8,10 @@ import pytest
 from oracle import Block
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS, Forcing
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import advance
 
 CUTOFF = math.pi / 2
 STABLE = [(1.5, 2.7, 0.5), (3.0, 3.0, 0.9), (5.0, 5.0, 0.925)]

@@ -17,7 +17,8 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import landing, noise_paths
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.motion import TERMS
 
 CUTOFF = 1.2
 DYNAMICS = Dynamics(Forcing(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from fpk_rocking.physics.flight import Segment, next_event
+from fpk_rocking.physics.motion.events import next_event
+from fpk_rocking.physics.motion.slender import Segment
 from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white

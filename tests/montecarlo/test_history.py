@@ -7,9 +7,9 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import Impacts, advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import Impacts, advance
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import Histories, histories, simulate
 from montecarlo.engines import running

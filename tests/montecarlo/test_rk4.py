@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import montecarlo
-from fpk_rocking.physics.contact import side_at_zero
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import side_at_zero
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
 from montecarlo.results.statistics import survival_test
 

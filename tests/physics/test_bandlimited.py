@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
 
 
 def errors(frequencies, weights, phases, spacing, intervals=100):

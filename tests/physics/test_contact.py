@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from fpk_rocking.physics.contact import chatter_time, side_at_zero
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import chatter_time, side_at_zero
+from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.transition import advance
 
 CUTOFF = math.pi / 2
 

@@ -10,17 +10,12 @@ from oracle import Block
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fpk_rocking.physics.flight import (
-    IMPACT,
-    NOTHING,
-    OVERTURNING,
-    flight,
-    next_event,
-    segment_of,
-)
-from fpk_rocking.physics.forcing import TERMS, Forcing
-from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
+from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.motion.transition import advance
 
 CUTOFF = math.pi / 2
 

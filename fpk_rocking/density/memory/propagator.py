@@ -21,7 +21,7 @@ from fpk_rocking.density.step.free_flight import angle_shear_of
 from fpk_rocking.density.step.occupied import meeting, occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace, deposit_buffers
 from fpk_rocking.physics.forcing import PeriodicForcing
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.motion.transition import advance
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,7 +9,7 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
 
 LEFT, RIGHT, LOST, REST = -1, -2, -3, -4
 """Landing cells below zero: overturned to the left, to the right, outside the mesh, at rest."""

@@ -15,20 +15,13 @@ import math
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import (
-    IMPACT,
-    NOTHING,
-    OVERTURNING,
-    flight,
-    move_origin,
-    next_event,
-    polynomial,
-    segment_of,
-)
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
+from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
+from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.motion.transition import advance
 
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""

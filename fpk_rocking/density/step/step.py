@@ -13,9 +13,10 @@ from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.landing import classify, settle_in_cells, trace_cells
 from fpk_rocking.density.step.noise_paths import hermite_nodes, principal_axes
 from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS, PeriodicForcing
-from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.forcing import PeriodicForcing
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.slender import segment_of
 
 _NODES = np.polynomial.legendre.leggauss(16)
 

@@ -9,9 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-
-TERMS = 16
-"""Coefficients of a piece: for `longest_piece` from its instant it is right to 1e-14 of the forcing's size."""
+from fpk_rocking.physics.motion import TERMS
 
 
 class PeriodicForcing:

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing.periodic import TERMS
+from fpk_rocking.physics.motion import TERMS
 
 _LONGEST = 0.2
 """Longest interval of the grid on which P is held."""

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import chatter_time, impact
-from fpk_rocking.physics.flight import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, polynomial, safe_time
+from fpk_rocking.physics.motion.contact import chatter_time, impact
+from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, safe_time
+from fpk_rocking.physics.motion.polynomial import polynomial
 
 SLOW = 1e-6
 """Chatter that ends within this time is summed in closed form; a segment that ends meanwhile sees it over already."""

@@ -2,7 +2,7 @@
 
 An impact between two grid points is met by Halley's iteration on the flight written as a polynomial, and accepted only
 where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
-impacts, chatter, rest, uplift, grazing and overturning, goes to `fpk_rocking.physics.transition.advance`.
+impacts, chatter, rest, uplift, grazing and overturning, goes to `fpk_rocking.physics.motion.transition.advance`.
 
 A flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
 as they are at the interval's begin and returned as they are at its end.
@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.flight import Segment, bounds, polynomial
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import advance, record
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import Segment, bounds
+from fpk_rocking.physics.motion.transition import advance, record
 
 LEAST_SPEED = 1e-4
 """Impacts that leave with less speed go to `advance`, which decides about chatter and rest."""
