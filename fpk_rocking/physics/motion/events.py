@@ -9,6 +9,7 @@ import math
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import later, launch, lift, pulls
 
 NOTHING, IMPACT, OVERTURNING = 0, 1, 2
 """What ends a flight: the segment's end, an impact, the cut-off angle."""
@@ -35,7 +36,7 @@ def safe_time(gap, slope, curvature):
 
 # Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
 @kernel(forceinline=True, borrows=True)
-def next_event(x, v, side, segment, start, end, cutoff):
+def next_event(x, v, side, segment, start, end, block):
     """First impact or overturning of a flight, or the segment's end.
 
     Parameters
@@ -48,8 +49,7 @@ def next_event(x, v, side, segment, start, end, cutoff):
         The forcing.
     start, end : float
         Times since the segment's start.
-    cutoff : float
-        Angle whose first passage is overturning.
+    block : Slender
 
     Returns
     -------
@@ -57,12 +57,9 @@ def next_event(x, v, side, segment, start, end, cutoff):
         NOTHING, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
         (0 for a block in contact, see `SPEED_FLOOR`).
     """
-    p0, q0 = polynomial(segment.particular, start)
-    grow, decay = 0.5 * (x - side - p0 + v - q0), 0.5 * (x - side - p0 - v + q0)
-    if side > 0:
-        fall, rise = 1.0 - segment.force_low, cutoff - 1.0 + segment.force_high
-    else:
-        fall, rise = 1.0 + segment.force_high, cutoff - 1.0 - segment.force_low
+    cutoff = block.cutoff
+    grow, decay = launch(x, v, side, segment, start)
+    fall, rise = pulls(side, segment.force_low, segment.force_high, block)
     t, u, w = start, side * x, side * v
     while t < end:
         if u >= cutoff - _TOUCH and w > 0.0:
@@ -73,9 +70,9 @@ def next_event(x, v, side, segment, start, end, cutoff):
         fly = safe_time(max(u, 0.0), w, fall)
         if w >= 0.0 and fly < end - t:
             force, jerk = polynomial(segment.force, t)
-            lift = u - 1.0 + side * force
-            if lift >= 0.0:
-                fly += safe_time(lift, side * jerk, segment.force_curvature)
+            rising = lift(u, side, force)
+            if rising >= 0.0:
+                fly += safe_time(rising, side * jerk, segment.force_curvature)
             elif u <= _TOUCH and w < SPEED_FLOOR:
                 return IMPACT, t, 0.0, 0.0
         t_next = t + min(fly, stay)
@@ -84,8 +81,29 @@ def next_event(x, v, side, segment, start, end, cutoff):
                 return OVERTURNING, t, side * cutoff, side * w
             return IMPACT, t, 0.0, side * w
         t = min(t_next, end)
-        p, q = polynomial(segment.particular, t)
-        factor = math.exp(t - start)
-        u = side * (side + p + grow * factor + decay / factor)
-        w = side * (q + grow * factor - decay / factor)
+        x, v = later(grow, decay, side, segment, t, t - start)
+        u, w = side * x, side * v
     return NOTHING, end, side * u, side * w
+
+
+@kernel
+def clearance(side, low, high, span, block):
+    """How far a flight may leave the chord between its ends below and above it: |u''| span^2 / 8 within bounds of f."""
+    fall, rise = pulls(side, low, high, block)
+    sag = 0.125 * span * span
+    return sag * max(rise, 0.0), sag * max(fall, 0.0)
+
+
+@kernel
+def is_eventless(u, end, side, low, high, span, block, margin=0.0):
+    """Whether a flight between two folded angles surely keeps a distance from x = 0 and from the cut-off."""
+    below, above = clearance(side, low, high, span, block)
+    return min(u, end) - below > margin and max(u, end) + above < block.cutoff - margin
+
+
+@kernel(inline="always")
+def reach(u, w, side, low, high, span, block):
+    """Least and greatest folded angle at the end of a time, from that at its begin, of a flight that meets no event."""
+    fall, rise = pulls(side, low, high, block)
+    half, straight = 0.5 * span * span, u + span * w
+    return straight - half * max(fall, 0.0), straight + half * max(rise, 0.0)

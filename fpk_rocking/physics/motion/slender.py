@@ -2,8 +2,9 @@
 
 With a particular solution P of P'' = P + f, the difference y = x - s - P obeys y'' = y: it is a sum of two
 exponentials. Over one *segment* of time, P is a polynomial in the time since the segment's start; its coefficients are
-the only thing that distinguishes harmonic forcing, a noise realization or the path of a quadrature node. All quantities
-are nondimensional.
+the only thing that distinguishes harmonic forcing, a noise realization or the path of a quadrature node.
+
+Folded, u = s x >= 0 is the angle, w = s v the velocity and s f the force. All quantities are nondimensional.
 """
 
 import math
@@ -16,8 +17,26 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.polynomial import polynomial
 
 
+class Slender(NamedTuple):
+    """A slender block in numbers: the restitution e, and the angle whose first passage is overturning."""
+
+    restitution: float
+    cutoff: float
+
+
+def block_of(scene):
+    """Return what the kernels have to know of a scene's block."""
+    return Slender(scene.block.restitution, scene.overturning.angle)
+
+
+@kernel(inline="always")
+def block_in(problem):
+    """Return the block of something that has its numbers among others."""
+    return Slender(problem.restitution, problem.cutoff)
+
+
 class Segment(NamedTuple):
-    """Forcing over one segment of time: what `next_event` and `advance` need to know of it.
+    """Forcing over one segment of time: what a flight of the block needs to know of it.
 
     `particular` and `force` are coefficients (TERMS,) of P and of f = P'' - P in the time since the segment's start;
     `force_low`, `force_high` bound f and `force_curvature` bounds |f''| over the segment.
@@ -55,13 +74,105 @@ def segment_of(particular, force, duration):
     return Segment(particular, force, *bounds(particular, duration, force))
 
 
+@kernel
+def force_bounds(particular, duration, low, high):
+    """Write bounds (n,) of the forces of particular solutions (n, TERMS), up to a time on both sides of 0."""
+    scratch = np.empty(TERMS)
+    for i in range(low.size):
+        low[i], high[i], _ = bounds(particular[i], duration, scratch)
+
+
+@kernel(borrows=True)
+def respond(force, particular):
+    """Write P (TERMS,) of the force (TERMS,) that begins with zero angle and velocity."""
+    particular[0], particular[1] = 0.0, 0.0
+    for k in range(TERMS - 2):
+        particular[k + 2] = (particular[k] + force[k]) / ((k + 1) * (k + 2))
+
+
+@kernel(inline="always")
+def lift(u, side, force):
+    """Folded acceleration u'' = u - 1 + s f."""
+    return u - 1.0 + side * force
+
+
+@kernel(inline="always")
+def pulls(side, low, high, block):
+    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off, under a force between two bounds."""
+    if side > 0:
+        return 1.0 - low, block.cutoff - 1.0 + high
+    return 1.0 + high, block.cutoff - 1.0 - low
+
+
+@kernel(inline="always")
+def can_lift_off(low, high):
+    """Whether a force between two bounds may lift a block off that is at rest."""
+    return max(high, -low) >= 1.0
+
+
+@kernel(borrows=True)
+def split(x, v, side, particular, t):
+    """Growing and decaying part of y = x - s - P, for a flight that is at (x, v) at a time."""
+    p, q = polynomial(particular, t)
+    y, z = x - side - p, v - q
+    return 0.5 * (y + z), 0.5 * (y - z)
+
+
+@kernel(borrows=True)
+def join(grow, decay, side, particular, t):
+    """Angle and velocity of a flight at a time, from its parts there: the inverse of `split`."""
+    p, q = polynomial(particular, t)
+    return side + p + grow + decay, q + grow - decay
+
+
+@kernel(inline="always")
+def fold(side, p, grow, decay):
+    """Folded angle of a flight, from P and its parts."""
+    return 1.0 + side * (p + grow + decay)
+
+
+@kernel(borrows=True)
+def launch(x, v, side, segment, start):
+    """Return what `later` continues: the parts of a flight that is at (x, v) at `start`."""
+    p, q = polynomial(segment.particular, start)
+    return 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
+
+
+@kernel(borrows=True)
+def later(grow, decay, side, segment, t, since):
+    """Angle and velocity at t of a flight whose parts were those a time `since` before."""
+    factor = math.exp(since)
+    return join(grow * factor, decay / factor, side, segment.particular, t)
+
+
 @kernel(borrows=True)
 def flight(x, v, side, segment, start, end):
     """Angle and velocity at `end` of a flight that is at (x, v) at `start`, times since the segment's start."""
-    p0, q0 = polynomial(segment.particular, start)
-    p1, q1 = polynomial(segment.particular, end)
-    grow, decay = 0.5 * (x - side - p0 + v - q0), 0.5 * (x - side - p0 - v + q0)
-    factor = math.exp(end - start)
-    grow *= factor
-    decay /= factor
-    return side + p1 + grow + decay, q1 + grow - decay
+    return later(*launch(x, v, side, segment, start), side, segment, end, end - start)
+
+
+@kernel
+def escape(u, w, side, particular, t):
+    """Unstable coordinate z = u + w - 1 - s (P + P'): above 0 a flight without noise or impact escapes."""
+    value, slope = polynomial(particular, t)
+    return u + w - 1.0 - side * (value + slope)
+
+
+@kernel(inline="always")
+def affine(x, v, side, keep, swap):
+    """Angle and velocity after a flight without force over a time with this cosh and sinh; a force adds to both."""
+    return keep * (x - side) + swap * v + side, swap * (x - side) + keep * v
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def runge_kutta(h):
+    """Return what a step of the classical method of order 4 has in place of cosh, sinh and cosh - 1."""
+    keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
+    return keep, swap, h * h * (3.0 + 0.25 * h * h) / 6.0
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def runge_kutta_push(begin, middle, end, h):
+    """Angle and velocity that a force of these values adds to a step of that method."""
+    x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
+    return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
