@@ -18,11 +18,11 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import is_eventless
 from fpk_rocking.physics.motion.particular import added, continued, ends_of
 from fpk_rocking.physics.motion.slender import (
-    affine,
     block_in,
     block_of,
     can_lift_off,
     force_bounds,
+    hyperbolic_turn,
     respond,
     segment_of,
 )
@@ -223,8 +223,8 @@ def _after(x, v, side, j, k, problem, room):
             b += response[n, 1, i] * samples[k + i]
         push += strength[n] * a
         kick += strength[n] * b
-    x, v = affine(x, v, side, math.cosh(h), math.sinh(h))
-    return x + push, v + kick
+    y, v = hyperbolic_turn(x - side, v, math.cosh(h), math.sinh(h))
+    return side + y + push, v + kick
 
 
 @kernel(borrows=True)

@@ -29,11 +29,11 @@ from fpk_rocking.physics.motion.events import is_eventless
 from fpk_rocking.physics.motion.particular import added, ends_of, hyperbolic, response
 from fpk_rocking.physics.motion.polynomial import move_origin
 from fpk_rocking.physics.motion.slender import (
-    affine,
     block_in,
     block_of,
     can_lift_off,
     force_bounds,
+    hyperbolic_turn,
     respond,
     segment_of,
 )
@@ -364,8 +364,8 @@ def coast(state, side, number, j, problem, room):  # noqa: ARG001
     if side == 0:
         return not can_lift_off(low, high), state
     push, kick = _added(j, problem, room)
-    end, speed = affine(x, v, side, problem.hyperbolic[0], problem.hyperbolic[1])
-    end, speed = end + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick
+    end, speed = hyperbolic_turn(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
+    end, speed = end + side + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick
     return is_eventless(side * x, side * end, side, low, high, problem.spacing, block_in(problem)), (end, speed)
 
 

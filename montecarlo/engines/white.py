@@ -28,7 +28,7 @@ from fpk_rocking.physics.motion.events import reach
 from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered, noise_factor
 from fpk_rocking.physics.motion.particular import hyperbolic
 from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import Segment, affine, block_in, block_of, flight, segment_of
+from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, flight, hyperbolic_turn, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from montecarlo.engines.approach import land, near
 from montecarlo.engines.bounce import bounce
@@ -175,7 +175,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
         xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
-        u, w = affine(u, w, 0, keep, swap)
+        u, w = hyperbolic_turn(u, w, keep, swap)
         u, w = u + side * (drift[0] + xx * first), w + side * (drift[1] + vx * first + vv * second)
         if u >= 0.0:
             return u, w, side, span
@@ -232,7 +232,7 @@ def draw(stream, problem, room):  # noqa: ARG001
     return draw_start(stream, problem.start)
 
 
-@kernel
+@kernel(forceinline=True, borrows=True)
 def march(stream, x, v, cycle, problem, room, angle, velocity, impacts):  # noqa: ARG001
     """Simulate one path from (x, v): fill its rows of states, return time (nan: never) and side of overturning.
 

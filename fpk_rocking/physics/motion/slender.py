@@ -110,7 +110,7 @@ def can_lift_off(low, high):
     return max(high, -low) >= 1.0
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True, borrows=True)
 def split(x, v, side, particular, t):
     """Growing and decaying part of y = x - s - P, for a flight that is at (x, v) at a time."""
     p, q = polynomial(particular, t)
@@ -118,7 +118,7 @@ def split(x, v, side, particular, t):
     return 0.5 * (y + z), 0.5 * (y - z)
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True, borrows=True)
 def join(grow, decay, side, particular, t):
     """Angle and velocity of a flight at a time, from its parts there: the inverse of `split`."""
     p, q = polynomial(particular, t)
@@ -131,14 +131,14 @@ def fold(side, p, grow, decay):
     return 1.0 + side * (p + grow + decay)
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True, borrows=True)
 def launch(x, v, side, segment, start):
     """Return what `later` continues: the parts of a flight that is at (x, v) at `start`."""
     p, q = polynomial(segment.particular, start)
     return 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True, borrows=True)
 def later(grow, decay, side, segment, t, since):
     """Angle and velocity at t of a flight whose parts were those a time `since` before."""
     factor = math.exp(since)
@@ -159,9 +159,9 @@ def escape(u, w, side, particular, t):
 
 
 @kernel(inline="always")
-def affine(x, v, side, keep, swap):
-    """Angle and velocity after a flight without force over a time with this cosh and sinh; a force adds to both."""
-    return keep * (x - side) + swap * v + side, swap * (x - side) + keep * v
+def hyperbolic_turn(y, v, keep, swap):
+    """Carry y = x - s and v over a time with this cosh and sinh; the force adds to both."""
+    return keep * y + swap * v, swap * y + keep * v
 
 
 @kernel(fastmath={"contract"}, borrows=True)
