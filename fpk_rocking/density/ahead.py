@@ -21,6 +21,12 @@ _SCENE = Scene(
 _USUAL = 1e-3
 
 
+def tasks_of_density(scene, closure=None):
+    """Return the tasks of `fpk_rocking.base.ahead` that compile what the density of a scene needs."""
+    tasks = ["fpk_rocking.density.ahead:solve"]
+    return tasks + (["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, closure) else [])
+
+
 def flight():
     """Free flight, of which a solver has need last."""
     degree = candidates_for(_USUAL)[2].degree

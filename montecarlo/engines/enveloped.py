@@ -33,7 +33,8 @@ from montecarlo.engines.march import marcher, realizer
 from montecarlo.engines.shinozuka import band_of, draw_band
 from montecarlo.engines.start import start_numbers
 
-NOISES = ("band",)
+METHOD = "exact"
+RENEWS = False
 BLOCK = 64
 
 _LEAD = WIDTH // 2 + HALF
@@ -41,6 +42,11 @@ _ORDER = 8
 """Coefficients of g in a piece; of a linear one 2 are used."""
 
 _NEAR = 1e-9
+
+
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "band" and scene.noise.envelope is not None
 
 
 class Problem(NamedTuple):

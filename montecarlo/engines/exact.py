@@ -25,7 +25,8 @@ from montecarlo.engines.march import marcher, realizer
 from montecarlo.engines.shinozuka import band_of, draw_band
 from montecarlo.engines.start import start_numbers
 
-NOISES = ("band", "none")
+METHOD = "exact"
+RENEWS = False
 
 HALF = 8
 """Samples on each side of the centre of a chunk of noise."""
@@ -40,6 +41,11 @@ BLOCK = 64
 
 FEWEST, LONGEST = 12, 0.2
 """Intervals of the grid in the forcing's shortest period at least, and the longest interval."""
+
+
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
 
 
 class Problem(NamedTuple):

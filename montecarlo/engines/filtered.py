@@ -46,7 +46,8 @@ from montecarlo.engines.start import draw_start, start_numbers
 BLOCK = 1
 """Realizations that follow each other in a thread's working memory."""
 
-NOISES = ("filtered",)
+METHOD = "filtered"
+RENEWS = False
 
 COARSEST = {"low-pass": 100.0, "exponential": 50.0, "kanai-tajimi": 50.0}
 """The longest interval times the filter's rate and `steps_per_cycle`: at 200 steps half a correlation time for smooth
@@ -63,6 +64,11 @@ _NEAR = 1e-9
 """Part of an interval within which a kink of the envelope is at its end."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
+
+
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "filtered"
 
 
 class Problem(NamedTuple):

@@ -30,11 +30,17 @@ from montecarlo.engines.march import marcher, realizer
 from montecarlo.engines.shinozuka import band_of, draw_band
 from montecarlo.engines.start import start_numbers
 
-NOISES = ("band", "none")
+METHOD = "rk4"
+RENEWS = False
 BLOCK = 1
 
 CHUNK_STEPS = 20
 """Steps for which noise is made at once, at most: an overturned block has cost no more than that in vain."""
+
+
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind in {"band", "none"}
 
 
 class Problem(NamedTuple):
@@ -149,7 +155,7 @@ def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
         _extend(number, j, cycle, problem, room)
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(borrows=True)
 def _extend(number, first, cycle, problem, room):
     """Make the forcing of the chunk that begins with a step, bounds of it, and what it does in each step."""
     n, length, harmonics, h = problem.count, room.low.size, room.harmonics, problem.spacing

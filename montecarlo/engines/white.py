@@ -37,7 +37,8 @@ from montecarlo.engines.march import realizer
 from montecarlo.engines.random import normal
 from montecarlo.engines.start import draw_start, start_numbers
 
-NOISES = ("white",)
+METHOD = "white"
+RENEWS = True
 BLOCK = 1
 
 REACH = 4.0
@@ -51,6 +52,11 @@ FINEST = 256
 
 _FEWEST, _LONGEST = 16, 0.075
 """Intervals in the forcing's shortest period at least, and the longest interval."""
+
+
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "white"
 
 
 class Problem(NamedTuple):

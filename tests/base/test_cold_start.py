@@ -13,7 +13,7 @@ import time
 import pytest
 
 from fpk_rocking.base import ahead, jit
-from montecarlo.engines.running import ENGINES
+from montecarlo.engines.choice import ENGINES, task_of
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -105,7 +105,7 @@ WHITE = "montecarlo.ahead:white"
 
 
 def test_every_engine_and_every_call_has_its_task():
-    named = {f"montecarlo.ahead:{method}" for method in ENGINES}
+    named = set(map(task_of, ENGINES))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
         named.update(re.findall(r'ahead\.before\("([\w.:]+)"', path.read_text(encoding="utf-8")))
     assert named <= set(ahead.TASKS)
