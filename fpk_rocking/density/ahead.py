@@ -44,4 +44,5 @@ def solve():
 
 def filtered():
     """Kernels that filtered noise needs beside the others."""
-    carried_from_rest(Dynamics.of(_SCENE).segment(0.0, 0.1), 0.1, 0.5, 1.5)
+    dynamics = Dynamics.of(_SCENE)
+    carried_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

@@ -19,7 +19,7 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_through, state_at
 from fpk_rocking.physics.motion.events import clearance
 from fpk_rocking.physics.motion.particular import ends_of
-from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, split
+from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, split, stiffness
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import marcher, realizer
 from montecarlo.engines.shinozuka import band_of, draw_band
@@ -128,7 +128,7 @@ def _prepare(harmonics, problem):
     frequency = 2.0 * math.pi / lap
     for n in range(ratios.size):
         nu = frequency * ratios[n]
-        weights[n] *= -compensate(problem.compensation, ratios[n] * problem.ratio_scale) / (1.0 + nu * nu)
+        weights[n] *= -compensate(problem.compensation, ratios[n] * problem.ratio_scale) / stiffness(nu)
     spacing = problem.spacing / lap
     noise.prepare(harmonics, HALF, spacing)
     noise.set_rotation(ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])

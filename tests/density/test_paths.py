@@ -11,7 +11,6 @@ import pytest
 from density_operators import affine, flow
 
 from fpk_rocking import Forcing
-from fpk_rocking.density.step import noise_paths
 from fpk_rocking.density.step.step import Dynamics
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
@@ -28,7 +27,7 @@ def forcing(time):
 
 def expansion(displacement, time, speed, side, duration=DURATION):
     """Displacement at the end and whether the impact came within the step, by the kernel."""
-    return noise_paths._through(
+    return saltation.through_impact_expanded(
         *displacement, time, duration - time, DYNAMICS.restitution, speed, side, *forcing(START + time)
     )
 

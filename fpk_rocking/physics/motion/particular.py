@@ -5,15 +5,16 @@ every other one differs from it by a flight without force.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.physics.motion import TERMS
 
 
-def gain(frequency):
-    """P of a force cos(ωτ + φ) over that force: -1/(1 + ω²)."""
-    return -1.0 / (1.0 + frequency * frequency)
+def stiffness(frequency):
+    """Return 1 + ω²: a force of this frequency is that many times its P, with the other sign."""
+    return 1.0 + frequency * frequency
 
 
 def continued(p, q, force):
@@ -35,6 +36,28 @@ def added(p0, q0, p1, q1, duration):
     """Angle and velocity that a force adds to a flight, from P and P' at the flight's begin and end."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
+
+
+class Affine(NamedTuple):
+    """A flight as a map z -> F z + shift: cosh and sinh of its time, and shifts (3, 2) with the side as first index."""
+
+    cosh: float
+    sinh: float
+    shifts: np.ndarray
+
+    @property
+    def matrix(self):
+        """F, shape (2, 2)."""
+        return np.array([[self.cosh, self.sinh], [self.sinh, self.cosh]])
+
+
+def affine(p0, q0, p1, q1, duration):
+    """Return the flights of both sides, from P and P' at their begin and end, as an `Affine`."""
+    cosh, sinh = math.cosh(duration), math.sinh(duration)
+    shifts = np.zeros((3, 2))
+    for side in (1, -1):
+        shifts[side] = side + p1 - cosh * (side + p0) - sinh * q0, q1 - sinh * (side + p0) - cosh * q0
+    return Affine(cosh, sinh, shifts)
 
 
 def added_by_line(duration):

@@ -13,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion import TERMS, particular
 from fpk_rocking.physics.motion.polynomial import polynomial
+
+stiffness = kernel(inline="always")(particular.stiffness)
 
 
 class Slender(NamedTuple):
@@ -162,6 +164,13 @@ def escape(u, w, side, particular, t):
 def hyperbolic_turn(y, v, keep, swap):
     """Carry y = x - s and v over a time with this cosh and sinh; the force adds to both."""
     return keep * y + swap * v, swap * y + keep * v
+
+
+@kernel(inline="always")
+def carried(x, v, affine):
+    """Angle and velocity after a flight that is given as an affine map: its cosh, its sinh, and its shift (2,)."""
+    cosh, sinh, shift = affine
+    return shift[0] + cosh * x + sinh * v, shift[1] + sinh * x + cosh * v
 
 
 @kernel(fastmath={"contract"}, borrows=True)
