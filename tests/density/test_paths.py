@@ -12,6 +12,7 @@ from density_operators import affine, flow
 
 from fpk_rocking import Forcing
 from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.physics.motion import saltation
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
 AMPLITUDE, FREQUENCY, PHASE = 4.6, 2.7, math.pi - 1.0

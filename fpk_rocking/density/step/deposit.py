@@ -152,7 +152,7 @@ class Cells(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """Where free cells fly: what is in an `Affine`, and offsets (n, 2) and weights (n,) of the nodes of the noise."""
+    """Where free cells fly: an `Affine`, and offsets (n, 2) and weights (n,) of the nodes of the noise."""
 
     cosh: float
     sinh: float
