@@ -62,7 +62,6 @@ def flown_fourth_moment(space, coefficients, start, duration, middle):
     """Its closed form after a flight, as a sum that is exact for polynomials of degree 4."""
     matrix, shift = affine(CALM, start, duration, 1)
     noise, weights = noise_offsets(CALM, duration, 5, 5), hermite_weights(5, 5)
-    points = trace.points
     values = space.cell_values(coefficients, gauss(5)[0], gauss(5)[0])
     total = 0.0
     for (i, j), points, areas in gauss_points((space.angle_lines, space.velocity_lines), (5, 5)):

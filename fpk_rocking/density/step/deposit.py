@@ -144,7 +144,7 @@ def deposit_chunk(
 
 
 class Cells(NamedTuple):
-    """Cells (angle cells, velocity cells) of the source: those to deposit, areas, and rows in what landed (-1: free)."""
+    """Cells of the source, (angle, velocity): those to deposit, their areas, their rows in what landed (-1: free)."""
 
     chosen: np.ndarray
     areas: np.ndarray
