@@ -72,7 +72,7 @@ class Engine(Protocol):
         """Draw a start, and what is drawn of the noise before all else; return angle and velocity."""
 
     def begin(self, stream, x, v, side, cycle, problem, room):
-        """Make the noise ready at the begin of a run; return the state, in variables of the engine's own, at (x, v)."""
+        """Make the noise ready at the begin of a run; return the state at (x, v), in the engine's own variables."""
 
     def know(self, stream, number, j, cycle, problem, room):
         """Make the force known in interval `number` of the run, j of the lap."""
@@ -87,10 +87,7 @@ class Engine(Protocol):
         """Return angle and velocity after a share of the interval, nan if overturned."""
 
     def cross(self, state, ahead, side, number, j, cycle, problem, room, impacts):
-        """Carry a block through the interval; return state, side, and time of overturning (inf: none).
-
-        `ahead` is the state from `coast`.
-        """
+        """Carry a block on, `ahead` from `coast`; return state, side, and time of overturning (inf: none)."""
 
     def seen(self, state, side, number, j, problem, room):
         """Return angle and velocity at the end of the interval."""

@@ -27,17 +27,18 @@ from fpk_rocking.physics.motion.slender import (
     segment_of,
 )
 from fpk_rocking.physics.motion.transition import advance
-from montecarlo.engines.exact import CHUNK, FEWEST, HALF, LONGEST
+from montecarlo.engines import shinozuka
+from montecarlo.engines.exact import FEWEST, LONGEST
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.march import marcher, realizer
-from montecarlo.engines.shinozuka import band_of, draw_band
+from montecarlo.engines.march import carriers, marcher, realizer, the_state
+from montecarlo.engines.samples import CHUNK, allocate, first_samples, more_samples
+from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
 METHOD = "exact"
 RENEWS = False
 BLOCK = 64
 
-_LEAD = WIDTH // 2 + HALF
 _ORDER = 8
 """Coefficients of g in a piece; of a linear one 2 are used."""
 
@@ -166,54 +167,24 @@ class Room(NamedTuple):
 def room_of(problem):
     """Return the `Room` of a thread."""
     rows = np.empty((3, TERMS))
-    samples = np.zeros(WIDTH - 1 + CHUNK)
-    return Room(noise.allocate(problem.harmonics, HALF), samples, rows[0], rows[1], rows[2])
-
-
-@kernel(fastmath={"contract"}, borrows=True)
-def _prepare(problem, room):
-    """Turn drawn harmonics of the noise into those of its interpolant, and tabulate their rotations."""
-    harmonics = room.harmonics
-    for n in range(harmonics.ratios.size):
-        harmonics.weights[n] *= compensate(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
-    spacing = problem.spacing / (problem.count * problem.spacing)
-    noise.prepare(harmonics, HALF, spacing)
-    noise.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    noise.anchor(harmonics, 0, (_LEAD - CHUNK) / problem.count)
-    _extend(room)
-    noise.rotate(harmonics, harmonics.hop)
-    _extend(room)
-
-
-@kernel(fastmath={"contract"}, borrows=True)
-def _extend(room):
-    """Make the next CHUNK samples."""
-    samples = room.samples
-    for k in range(WIDTH - 1):
-        samples[k] = samples[k + CHUNK]
-    samples[WIDTH - 1 :] = 0.0
-    noise.add_chunk(room.harmonics, HALF, samples[WIDTH - 1 :])
-
-
-@kernel(borrows=True)
-def draw(stream, problem, room):
-    """Draw the start and the harmonics of the noise."""
-    return draw_band(stream, problem, room.harmonics)
+    harmonics, samples = allocate(problem.harmonics)
+    return Room(harmonics, samples, rows[0], rows[1], rows[2])
 
 
 @kernel(borrows=True)
 def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
-    """Make the first samples of the noise."""
-    _prepare(problem, room)
+    """Turn drawn harmonics of the noise into those of its interpolant, and make the first samples."""
+    harmonics = room.harmonics
+    for n in range(harmonics.ratios.size):
+        harmonics.weights[n] *= compensate(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
+    first_samples(harmonics, room.samples, cycle, problem)
     return x, v
 
 
 @kernel(borrows=True)
 def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
     """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
-    if number % CHUNK == 0 and number > 0:
-        noise.rotate(room.harmonics, room.harmonics.hop)
-        _extend(room)
+    more_samples(room.harmonics, room.samples, number, cycle, problem)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -257,10 +228,11 @@ def resolve(number, j, problem, room):  # noqa: ARG001
 
 
 @kernel(borrows=True)
-def _carry(x, v, side, j, until, problem, room, impacts, origin):
-    """Carry a block from the begin of interval j to a time since its middle; returns as `advance`."""
-    half, time = 0.5 * problem.spacing, 0.0
-    begin = -half
+def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
+    """Carry a block through a share of a resolved interval; return x, v, side and the time reached."""
+    spacing, time = problem.spacing, 0.0
+    origin = cycle * (problem.count * spacing) + (number + 0.5) * spacing
+    half, until, begin = 0.5 * spacing, (share - 0.5) * spacing, -0.5 * spacing
     for piece in range(problem.piece[j], problem.piece[j + 1]):
         strength, end = problem.strength[piece], min(problem.ends[piece], until)
         if begin >= until:
@@ -278,31 +250,11 @@ def _carry(x, v, side, j, until, problem, room, impacts, origin):
         if abs(x) >= problem.cutoff:
             break
         begin = end
-    return x, v, side, time
+    return x, v, side, origin + time
 
 
-@kernel(borrows=True)
-def look(state, side, number, j, share, problem, room):  # noqa: ARG001
-    """Angle and velocity in a resolved interval, nan if overturned."""
-    x, v, _, _ = _carry(*state, side, j, (share - 0.5) * problem.spacing, problem, room, None, 0.0)
-    if abs(x) >= problem.cutoff:
-        return math.nan, math.nan
-    return x, v
-
-
-@kernel(borrows=True)
-def cross(state, ahead, side, number, j, cycle, problem, room, impacts):  # noqa: ARG001
-    """Carry a block through a resolved interval."""
-    origin = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
-    x, v, side, time = _carry(*state, side, j, 0.5 * problem.spacing, problem, room, impacts, origin)
-    return (x, v), side, (origin + time if abs(x) >= problem.cutoff else math.inf)
-
-
-@kernel(inline="always")
-def seen(state, side, number, j, problem, room):  # noqa: ARG001
-    """Angle and velocity at the end of an interval."""
-    return state
-
-
+draw = shinozuka.draw
+look, cross = carriers(sys.modules[__name__])
+seen = the_state
 march = marcher(sys.modules[__name__], borrows=True)
 realize = realizer(sys.modules[__name__])

@@ -20,24 +20,16 @@ from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_
 from fpk_rocking.physics.motion.events import clearance
 from fpk_rocking.physics.motion.particular import ends_of
 from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, split, stiffness
+from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import marcher, realizer
-from montecarlo.engines.shinozuka import band_of, draw_band
+from montecarlo.engines.samples import CHUNK, allocate, first_samples, more_samples
+from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
 METHOD = "exact"
 RENEWS = False
-
-HALF = 8
-"""Samples on each side of the centre of a chunk of noise."""
-
-CHUNK = 2 * HALF + 1
-
-_LEAD = WIDTH // 2 + HALF
-"""Centre of the samples that the CHUNK intervals from number 0 on still lack."""
-
 BLOCK = 64
-"""Realizations that follow each other in a thread's working memory."""
 
 FEWEST, LONGEST = 12, 0.2
 """Intervals of the grid in the forcing's shortest period at least, and the longest interval."""
@@ -120,27 +112,18 @@ def _quiet_angles(forced, grid, block, loudest):
     return least, most
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _prepare(harmonics, problem):
-    """Turn drawn harmonics of the noise into those of the interpolant of P, and tabulate their rotations."""
-    ratios, weights = harmonics.ratios, harmonics.weights
-    lap = problem.count * problem.spacing
-    frequency = 2.0 * math.pi / lap
+@kernel(fastmath={"contract"}, borrows=True)
+def _divide(harmonics, problem):
+    """Turn drawn harmonics of the noise into those of the interpolant of P."""
+    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (problem.count * problem.spacing)
     for n in range(ratios.size):
-        nu = frequency * ratios[n]
-        weights[n] *= -compensate(problem.compensation, ratios[n] * problem.ratio_scale) / stiffness(nu)
-    spacing = problem.spacing / lap
-    noise.prepare(harmonics, HALF, spacing)
-    noise.set_rotation(ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+        gain = -compensate(problem.compensation, ratios[n] * problem.ratio_scale)
+        harmonics.weights[n] *= gain / stiffness(frequency * ratios[n])
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def _extend(harmonics, samples, node, ends):
-    """Make the next CHUNK samples, and P at the ends of the intervals that they complete."""
-    for k in range(WIDTH - 1):
-        samples[k] = samples[k + CHUNK]
-    samples[WIDTH - 1 :] = 0.0
-    noise.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
+def _set_nodes(samples, node, ends):
+    """Write the noise's share of P at the ends of the intervals that the new samples complete."""
     node[:] = 0.0
     for i in range(0, WIDTH, 4):
         a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
@@ -190,23 +173,16 @@ def room_of(problem):
     """Return the `Room` of a thread."""
     half, rows = 0.5 * problem.spacing, np.empty((3, TERMS))
     interval = Interval(rows[0], rows[1], rows[2], problem.exponentials, problem.bend, half, math.exp(half))
-    return Room(noise.allocate(problem.harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK), np.empty(CHUNK), interval)
-
-
-@kernel(borrows=True)
-def draw(stream, problem, room):
-    """Draw the start and the harmonics of the noise."""
-    return draw_band(stream, problem, room.harmonics)
+    harmonics, samples = allocate(problem.harmonics)
+    return Room(harmonics, samples, np.empty(CHUNK), interval)
 
 
 @kernel(forceinline=True, borrows=True)
 def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
     """Make the first samples of the noise; return the flight from (x, v): its exponentials and its folded angle."""
-    _prepare(room.harmonics, problem)
-    noise.anchor(room.harmonics, cycle, (_LEAD - CHUNK) / problem.count)
-    _extend(room.harmonics, room.samples, room.node, problem.ends)
-    noise.rotate(room.harmonics, room.harmonics.hop)
-    _extend(room.harmonics, room.samples, room.node, problem.ends)
+    _divide(room.harmonics, problem)
+    first_samples(room.harmonics, room.samples, cycle, problem)
+    _set_nodes(room.samples, room.node, problem.ends)
     resolve(0, 0, problem, room)
     grow, decay = split(x, v, side, room.interval.particular, -room.interval.half)
     return grow, decay, abs(x)
@@ -215,15 +191,8 @@ def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of th
 @kernel(forceinline=True, borrows=True)
 def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
     """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
-    if number % CHUNK != 0 or number == 0:
-        return
-    intervals = problem.count
-    if number // CHUNK % ((noise.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
-        centre = number + _LEAD
-        noise.anchor(room.harmonics, cycle + centre // intervals, centre % intervals / intervals)
-    else:
-        noise.rotate(room.harmonics, room.harmonics.hop)
-    _extend(room.harmonics, room.samples, room.node, problem.ends)
+    if more_samples(room.harmonics, room.samples, number, cycle, problem):
+        _set_nodes(room.samples, room.node, problem.ends)
 
 
 @kernel(forceinline=True, borrows=True)
@@ -268,5 +237,6 @@ def seen(state, side, number, j, problem, room):
     return side * u, problem.node[j, 1] + _slope(room.samples, number % CHUNK, problem.ends[1]) + grow - decay
 
 
+draw = shinozuka.draw
 march = marcher(sys.modules[__name__], borrows=True)
 realize = realizer(sys.modules[__name__])

@@ -38,10 +38,11 @@ from fpk_rocking.physics.motion.slender import (
     segment_of,
 )
 from fpk_rocking.physics.motion.transition import advance
+from montecarlo.engines import start
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.march import marcher, realizer
+from montecarlo.engines.march import carriers, marcher, realizer, the_state
 from montecarlo.engines.random import normal
-from montecarlo.engines.start import draw_start, start_numbers
+from montecarlo.engines.start import start_numbers
 
 BLOCK = 1
 """Realizations that follow each other in a thread's working memory."""
@@ -285,12 +286,6 @@ def room_of(problem):
 
 
 @kernel(borrows=True)
-def draw(stream, problem, room):  # noqa: ARG001
-    """Draw the start."""
-    return draw_start(stream, problem.start)
-
-
-@kernel(borrows=True)
 def begin_noise(stream, problem, room):
     """Draw the filter's states at τ = 0."""
     n = problem.stationary.size
@@ -431,36 +426,19 @@ def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
 
 
 @kernel(forceinline=True, borrows=True)  # see events.next_event
-def carry(x, v, side, j, until, problem, room, impacts, origin):
-    """Carry a block from the begin of a resolved interval to a time since then; return as `advance`."""
+def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
+    """Carry a block through a share of a resolved interval; return x, v, side and the time reached."""
+    origin, until = (cycle * problem.count + number) * problem.spacing, share * problem.spacing
     if problem.strength.size > 0:
-        return _through_pieces(x, v, side, j, until, problem, room, impacts, origin)
-    segment = segment_of(room.particular, room.force, problem.spacing)
-    return advance(x, v, side, segment, 0.0, until, block_in(problem), impacts, origin)
+        x, v, side, time = _through_pieces(x, v, side, j, until, problem, room, impacts, origin)
+    else:
+        segment = segment_of(room.particular, room.force, problem.spacing)
+        x, v, side, time = advance(x, v, side, segment, 0.0, until, block_in(problem), impacts, origin)
+    return x, v, side, origin + time
 
 
-@kernel(borrows=True)
-def look(state, side, number, j, share, problem, room):  # noqa: ARG001
-    """Angle and velocity in a resolved interval, nan if overturned."""
-    x, v, _, _ = carry(*state, side, j, share * problem.spacing, problem, room, None, 0.0)
-    if abs(x) >= problem.cutoff:
-        return math.nan, math.nan
-    return x, v
-
-
-@kernel(forceinline=True, borrows=True)
-def cross(state, ahead, side, number, j, cycle, problem, room, impacts):  # noqa: ARG001
-    """Carry a block through a resolved interval."""
-    origin = (cycle * problem.count + number) * problem.spacing
-    x, v, side, time = carry(*state, side, j, problem.spacing, problem, room, impacts, origin)
-    return (x, v), side, (origin + time if abs(x) >= problem.cutoff else math.inf)
-
-
-@kernel(inline="always")
-def seen(state, side, number, j, problem, room):  # noqa: ARG001
-    """Angle and velocity at the end of an interval."""
-    return state
-
-
+draw = start.draw
+look, cross = carriers(sys.modules[__name__])
+seen = the_state
 march = marcher(sys.modules[__name__])
 realize = realizer(sys.modules[__name__])

@@ -68,6 +68,31 @@ def _realize(keys, first, cycle, problem, angle, velocity, overturn_time, overtu
             )
 
 
+def _look(state, side, number, j, share, problem, room):
+    """Angle and velocity after a share of a resolved interval, nan if overturned; the state is angle and velocity."""
+    x, v, _, _ = engine.carry(*state, side, number, j, share, 0, problem, room, None)
+    if abs(x) >= problem.cutoff:
+        return math.nan, math.nan
+    return x, v
+
+
+def _cross(state, ahead, side, number, j, cycle, problem, room, impacts):  # noqa: ARG001
+    """Carry a block through a resolved interval; the state is angle and velocity."""
+    x, v, side, time = engine.carry(*state, side, number, j, 1.0, cycle, problem, room, impacts)
+    return (x, v), side, (time if abs(x) >= problem.cutoff else math.inf)
+
+
+@kernel(inline="always")
+def the_state(state, side, number, j, problem, room):  # noqa: ARG001
+    """Return the state, for an engine whose state is angle and velocity: its `seen`."""
+    return state
+
+
+def carriers(module):
+    """Return `look` and `cross` of an engine whose state is angle and velocity, and which has `carry`."""
+    return (kernel(_of(function, module), file=module.__file__, borrows=True) for function in (_look, _cross))
+
+
 def marcher(module, **options):
     """Return the march of an engine through its intervals, for `realizer`; options are those of `kernel`."""
     return kernel(_of(_march, module), file=module.__file__, **options)

@@ -6,7 +6,6 @@ takes the forcing as the parabola through its three values and follows the block
 impacts, chatter, rest and first passage are located there, and order 4 is kept because such steps are few.
 """
 
-import math
 import sys
 from typing import NamedTuple
 
@@ -25,9 +24,10 @@ from fpk_rocking.physics.motion.slender import (
     segment_of,
 )
 from fpk_rocking.physics.motion.transition import advance
+from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.march import marcher, realizer
-from montecarlo.engines.shinozuka import band_of, draw_band
+from montecarlo.engines.march import carriers, marcher, realizer, the_state
+from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
 METHOD = "rk4"
@@ -131,12 +131,6 @@ def room_of(problem):
     )
 
 
-@kernel(borrows=True)
-def draw(stream, problem, room):
-    """Draw the start and the harmonics of the noise."""
-    return draw_band(stream, problem, room.harmonics)
-
-
 @kernel
 def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
     """Tabulate the rotations of the noise."""
@@ -204,35 +198,17 @@ def resolve(number, j, problem, room):  # noqa: ARG001
 
 
 @kernel(borrows=True)
-def _carry(x, v, side, until, problem, room, impacts, origin):
-    """Carry a block from the begin of a resolved step to a time since then; returns as `advance`."""
-    segment = segment_of(room.particular, room.scratch, problem.spacing)
-    return advance(x, v, side, segment, 0.0, until, block_in(problem), impacts, origin)
-
-
-@kernel(borrows=True)
-def look(state, side, number, j, share, problem, room):  # noqa: ARG001
-    """Angle and velocity in a resolved step, nan if overturned."""
-    x, v, _, _ = _carry(*state, side, problem.spacing * share, problem, room, None, 0.0)
-    if abs(x) >= problem.cutoff:
-        return math.nan, math.nan
-    return x, v
-
-
-@kernel(borrows=True)
-def cross(state, ahead, side, number, j, cycle, problem, room, impacts):  # noqa: ARG001
-    """Carry a block through a resolved step."""
+def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
+    """Carry a block through a share of a resolved step; return x, v, side and the time reached."""
     n, h, k = problem.count, problem.spacing, j % room.low.size
     origin = (cycle + number // n) * (n * h) + (j - k) * h
-    x, v, side, time = _carry(*state, side, h, problem, room, impacts, origin + k * h)
-    return (x, v), side, (origin + (k * h + time) if abs(x) >= problem.cutoff else math.inf)
+    segment = segment_of(room.particular, room.scratch, h)
+    x, v, side, time = advance(x, v, side, segment, 0.0, h * share, block_in(problem), impacts, origin + k * h)
+    return x, v, side, origin + (k * h + time)
 
 
-@kernel(inline="always")
-def seen(state, side, number, j, problem, room):  # noqa: ARG001
-    """Angle and velocity at the end of a step."""
-    return state
-
-
+draw = shinozuka.draw
+look, cross = carriers(sys.modules[__name__])
+seen = the_state
 march = marcher(sys.modules[__name__])
 realize = realizer(sys.modules[__name__])

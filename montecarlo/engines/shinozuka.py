@@ -39,3 +39,9 @@ def draw_band(stream, problem, harmonics):
         harmonics.ratios[n] = problem.low_ratio + problem.ratio_width * harmonics.ratios[n]
         harmonics.weights[n] = problem.weight
     return angle, velocity
+
+
+@kernel(borrows=True)
+def draw(stream, problem, room):
+    """Draw the start and the noise of one realization into a room with `harmonics`."""
+    return draw_band(stream, problem, room.harmonics)

@@ -30,12 +30,13 @@ from fpk_rocking.physics.motion.particular import hyperbolic
 from fpk_rocking.physics.motion.polynomial import polynomial
 from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, flight, hyperbolic_turn, segment_of
 from fpk_rocking.physics.motion.transition import advance
+from montecarlo.engines import start as start_of
 from montecarlo.engines.approach import land, near
 from montecarlo.engines.bounce import bounce
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import realizer
 from montecarlo.engines.random import normal
-from montecarlo.engines.start import draw_start, start_numbers
+from montecarlo.engines.start import start_numbers
 
 METHOD = "white"
 RENEWS = True
@@ -232,12 +233,6 @@ def room_of(problem):  # noqa: ARG001
     return
 
 
-@kernel
-def draw(stream, problem, room):  # noqa: ARG001
-    """Draw the start."""
-    return draw_start(stream, problem.start)
-
-
 @kernel(forceinline=True, borrows=True)
 def march(stream, x, v, cycle, problem, room, angle, velocity, impacts):  # noqa: ARG001
     """Simulate one path from (x, v): fill its rows of states, return time (nan: never) and side of overturning.
@@ -267,4 +262,5 @@ def march(stream, x, v, cycle, problem, room, angle, velocity, impacts):  # noqa
     return math.nan, 0
 
 
+draw = start_of.draw
 realize = realizer(sys.modules[__name__])

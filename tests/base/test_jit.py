@@ -51,7 +51,7 @@ def test_an_edited_kernel_is_compiled_anew_also_where_another_file_calls_it(pack
     checks.write_text(checks.read_text() + "\n")
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 1)
     assert set(cache.iterdir()) == before
-    contact = package / "physics" / "contact.py"
+    contact = package / "physics" / "motion" / "contact.py"
     contact.write_text(contact.read_text().replace("return 2.0 * speed *", "return 6.0 * speed *"))
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (1.5, 0)
     assert len(list(cache.iterdir())) == 2 * len(before)

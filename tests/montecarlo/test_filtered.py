@@ -87,7 +87,7 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     n, sigma = output.size, math.sqrt(noise.variance)
     for j in range(intervals):
         filtered.draw_noise(stream, problem, room)
-        drawn = interval(0.8, 0.1, 1, j, problem, room, None, 0.0)[:2]
+        drawn = interval(0.8, 0.1, 1, 0, j, problem, room)[:2]
         filtered.resolve(j, j, problem, room)
         assert filtered.look((0.8, 0.1), 1, j, j, 1.0, problem, room) == pytest.approx(drawn, abs=1e-13)
         ends = [sigma * (output @ room.drawn[:n]), sigma * (output @ room.drawn[n : 2 * n])]
@@ -161,9 +161,9 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
     filtered.begin_noise(stream, problem, room)
     for j in range(len(problem.response)):
         filtered.draw_noise(stream, problem, room)
-        x, v, side, _ = interval(0.8, 0.1, 1, j, problem, room, None, 0.0)
+        x, v, side, _ = interval(0.8, 0.1, 1, 0, j, problem, room)
         filtered.resolve(j, j, problem, room)
-        parts = filtered.carry(0.8, 0.1, 1, j, problem.spacing, problem, room, None, 0.0)
+        parts = filtered.carry(0.8, 0.1, 1, 0, j, 1.0, 0, problem, room, None)
         assert parts == pytest.approx((x, v, side, problem.spacing), abs=1e-13)
         pieces = range(problem.first[j], problem.first[j + 1])
         cut += len(pieces) > 1

@@ -35,13 +35,13 @@ def _gather(fine, part, factor, problem, room):
 
 
 @kernel
-def interval(x, v, side, j, problem, room, impacts, origin):
-    """Carry a block through interval j, whose noise is drawn; return as `advance`."""
-    quiet, ahead = coast((x, v), side, j, j, problem, room)
+def interval(x, v, side, number, j, problem, room):
+    """Carry a block through an interval whose noise is drawn; return x, v, side and the time reached."""
+    quiet, ahead = coast((x, v), side, number, j, problem, room)
     if quiet:
-        return *ahead, side, problem.spacing
-    resolve(j, j, problem, room)
-    return carry(x, v, side, j, problem.spacing, problem, room, impacts, origin)
+        return *ahead, side, (number + 1) * problem.spacing
+    resolve(number, j, problem, room)
+    return carry(x, v, side, number, j, 1.0, 0, problem, room, None)
 
 
 @kernel
@@ -58,19 +58,17 @@ def _pair(stream, fine, coarse, factor, cycles):
         _gather(rooms[0], number % factor, factor, fine, rooms[1])
         if times[0] == math.inf:
             x, v, side = states[0]
-            origin = number * fine.spacing
-            x, v, side, time = interval(x, v, side, number % intervals, fine, rooms[0], None, origin)
+            x, v, side, time = interval(x, v, side, number, number % intervals, fine, rooms[0])
             states[0] = x, v, side
             if abs(x) >= fine.cutoff:
-                times[0] = origin + time
+                times[0] = time
         if times[1] == math.inf and number % factor == factor - 1:
             x, v, side = states[1]
-            origin = (number + 1 - factor) * fine.spacing
             j = number % intervals // factor
-            x, v, side, time = interval(x, v, side, j, coarse, rooms[1], None, origin)
+            x, v, side, time = interval(x, v, side, number // factor, j, coarse, rooms[1])
             states[1] = x, v, side
             if abs(x) >= fine.cutoff:
-                times[1] = origin + time
+                times[1] = time
     return times[0], times[1], states[0][0], states[1][0]
 
 

@@ -1,0 +1,56 @@
+"""Samples of the interpolant of band noise on an engine's grid, made in chunks as a realization goes on."""
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics import noise
+from fpk_rocking.physics.bandlimited import WIDTH
+
+HALF = 8
+"""Samples on each side of the centre of a chunk of noise."""
+
+CHUNK = 2 * HALF + 1
+
+_LEAD = WIDTH // 2 + HALF
+"""Centre of the samples that the CHUNK intervals from number 0 on still lack."""
+
+
+@kernel
+def allocate(harmonics):
+    """Make room for a number of harmonics, and for the samples (WIDTH - 1 + CHUNK,), the last CHUNK of them new."""
+    return noise.allocate(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK)
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def first_samples(harmonics, samples, cycle, problem):
+    """Tabulate the rotations of harmonics that are those of the interpolant, and make the first samples."""
+    spacing = problem.spacing / (problem.count * problem.spacing)
+    noise.prepare(harmonics, HALF, spacing)
+    noise.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    noise.anchor(harmonics, cycle, (_LEAD - CHUNK) / problem.count)
+    _extend(harmonics, samples)
+    noise.rotate(harmonics, harmonics.hop)
+    _extend(harmonics, samples)
+
+
+@kernel(forceinline=True, borrows=True)
+def more_samples(harmonics, samples, number, cycle, problem):
+    """Make the samples of CHUNK intervals from a number on, if the last ones are used up; tell whether they were."""
+    if number % CHUNK != 0 or number == 0:
+        return False
+    intervals = problem.count
+    if number // CHUNK % ((noise.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
+        centre = number + _LEAD
+        noise.anchor(harmonics, cycle + centre // intervals, centre % intervals / intervals)
+    else:
+        noise.rotate(harmonics, harmonics.hop)
+    _extend(harmonics, samples)
+    return True
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def _extend(harmonics, samples):
+    for k in range(WIDTH - 1):
+        samples[k] = samples[k + CHUNK]
+    samples[WIDTH - 1 :] = 0.0
+    noise.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
