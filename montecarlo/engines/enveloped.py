@@ -31,7 +31,7 @@ from montecarlo.engines import shinozuka
 from montecarlo.engines.exact import FEWEST, LONGEST
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import carriers, marcher, realizer, the_state
-from montecarlo.engines.samples import CHUNK, allocate, first_samples, more_samples
+from montecarlo.engines.samples import CHUNK, allocate, extend, first_samples
 from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
@@ -184,7 +184,9 @@ def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of th
 @kernel(borrows=True)
 def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
     """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
-    more_samples(room.harmonics, room.samples, number, cycle, problem)
+    if number % CHUNK == 0 and number > 0:
+        noise.rotate(room.harmonics, room.harmonics.hop)
+        extend(room.harmonics, room.samples)
 
 
 @kernel(fastmath={"contract"}, borrows=True)

@@ -28,28 +28,33 @@ def first_samples(harmonics, samples, cycle, problem):
     noise.prepare(harmonics, HALF, spacing)
     noise.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
     noise.anchor(harmonics, cycle, (_LEAD - CHUNK) / problem.count)
-    _extend(harmonics, samples)
+    extend(harmonics, samples)
     noise.rotate(harmonics, harmonics.hop)
-    _extend(harmonics, samples)
+    extend(harmonics, samples)
 
 
 @kernel(forceinline=True, borrows=True)
 def more_samples(harmonics, samples, number, cycle, problem):
     """Make the samples of CHUNK intervals from a number on, if the last ones are used up; tell whether they were."""
-    if number % CHUNK != 0 or number == 0:
-        return False
-    intervals = problem.count
+    used_up = number % CHUNK == 0 and number > 0
+    if used_up:
+        _further(harmonics, samples, number, cycle, problem.count)
+    return used_up
+
+
+@kernel(borrows=True)
+def _further(harmonics, samples, number, cycle, intervals):
     if number // CHUNK % ((noise.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
         centre = number + _LEAD
         noise.anchor(harmonics, cycle + centre // intervals, centre % intervals / intervals)
     else:
         noise.rotate(harmonics, harmonics.hop)
-    _extend(harmonics, samples)
-    return True
+    extend(harmonics, samples)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def _extend(harmonics, samples):
+def extend(harmonics, samples):
+    """Make the next CHUNK samples about the centre of the harmonics."""
     for k in range(WIDTH - 1):
         samples[k] = samples[k + CHUNK]
     samples[WIDTH - 1 :] = 0.0
