@@ -17,7 +17,7 @@ from fpk_rocking.scene import Start
 from montecarlo import simulate
 from montecarlo.engines import rk4
 from montecarlo.engines.random import open_stream, stream_keys
-from montecarlo.engines.shinozuka import draw
+from montecarlo.engines.shinozuka import draw_band
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml")
 CYCLES = 10
@@ -30,7 +30,7 @@ def rotation_sum(keys, problem, samples, spacing, sink):
     """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
     for r in prange(sink.size):
         own = band.allocate(problem.harmonics, 1)
-        draw(open_stream(keys, r), problem, own)
+        draw_band(open_stream(keys, r), problem, own)
         band.set_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
         band.anchor(own, 0, 0.0)
         sink[r] = _rotated(own, samples[r])
@@ -56,7 +56,7 @@ def chunked_sum(keys, problem, samples, spacing, half, sink):
     """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
     for r in prange(sink.size):
         own = band.allocate(problem.harmonics, half)
-        draw(open_stream(keys, r), problem, own)
+        draw_band(open_stream(keys, r), problem, own)
         band.prepare(own, half, spacing)
         band.set_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
         band.anchor(own, 0, half * spacing)

@@ -28,7 +28,7 @@ def realizations(count, seed=1):
     omega, phase, amplitude = BAND.forcing.frequency, BAND.forcing.phase, BAND.forcing.amplitude
     for number in range(count):
         drawn = band.allocate(problem.harmonics, 1)
-        shinozuka.draw(open_stream(stream_keys(seed), number), problem, drawn)
+        shinozuka.draw_band(open_stream(stream_keys(seed), number), problem, drawn)
         ratios, phases, weights = (row[: problem.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
         rows.append(
             [np.append(omega * ratios, omega), np.append(2 * np.pi * phases, phase), np.append(weights, -amplitude)]

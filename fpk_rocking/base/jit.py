@@ -89,7 +89,7 @@ def cache_folder(path: pathlib.Path) -> pathlib.Path:
     return _cache_root() / digest.hexdigest()[:16]
 
 
-def kernel(function=None, *, borrows=False, tuned=False, **options):
+def kernel(function=None, *, borrows=False, tuned=False, file=None, **options):
     """Compile a function to machine code on first call; the result is kept on disk between runs.
 
     Parameters
@@ -102,6 +102,9 @@ def kernel(function=None, *, borrows=False, tuned=False, **options):
         does.
     tuned : bool
         Optimize it by itself before it becomes part of a kernel that calls it (see `base.whole`).
+    file : path, optional
+        Source file that decides, with those that it imports, whether what is on disk is still right; by default that of
+        the function. A function that is made for a module has its text elsewhere.
     **options
         Passed to `numba.njit`, e.g. ``parallel=True``, ``fastmath={"contract"}``, ``inline="always"``.
 
@@ -111,12 +114,12 @@ def kernel(function=None, *, borrows=False, tuned=False, **options):
         The compiled dispatcher. Division by zero gives inf or nan as in numpy, never an exception.
     """
     if function is None:
-        return functools.partial(kernel, borrows=borrows, tuned=tuned, **options)
+        return functools.partial(kernel, borrows=borrows, tuned=tuned, file=file, **options)
     if BORROWS:
         options["_nrt"] = not borrows
     # What is not set here numba takes from whichever kernel happens to call this one first in a process.
     options = {"error_model": "numpy", "fastmath": False} | options
-    file = pathlib.Path(function.__code__.co_filename).resolve()
+    file = pathlib.Path(file or function.__code__.co_filename).resolve()
     pipeline = {"pipeline_class": Whole} if WHOLE else {}
     folder = cache_folder(file)
     previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)

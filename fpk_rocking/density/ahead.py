@@ -21,6 +21,12 @@ _SCENE = Scene(
 _USUAL = 1e-3
 
 
+def tasks_of_density(scene, closure=None):
+    """Return the tasks of `fpk_rocking.base.ahead` that compile what the density of a scene needs."""
+    tasks = ["fpk_rocking.density.ahead:solve"]
+    return tasks + (["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, closure) else [])
+
+
 def flight():
     """Free flight, of which a solver has need last."""
     degree = candidates_for(_USUAL)[2].degree
@@ -38,4 +44,5 @@ def solve():
 
 def filtered():
     """Kernels that filtered noise needs beside the others."""
-    carried_from_rest(Dynamics.of(_SCENE).segment(0.0, 0.1), 0.1, 0.5, 1.5)
+    dynamics = Dynamics.of(_SCENE)
+    carried_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, principal_axes, trace
+from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, Noise, principal_axes, trace
 from fpk_rocking.density.step.step import Dynamics
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.results.binning import centred_edges
 
 PATHS = 256
@@ -92,9 +92,7 @@ def motion_of(white, extent):
     seen = [np.array([[dynamics.cutoff, 1.0]])]
     for segment, duration, diffusion, axes in _steps(white, dynamics, extent):
         nodes = _pairs(random)
-        follow(
-            states, sides, segment, duration, diffusion, dynamics.restitution, dynamics.cutoff, nodes, nodes @ axes
-        )  # fmt: skip
+        follow(states, sides, segment, dynamics.block, Noise(duration, diffusion, nodes, nodes @ axes, 0.0))
         seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
     seen = np.concatenate(seen[1:] if len(seen[1]) else seen)
     if not white.repeats:
@@ -134,7 +132,7 @@ def _pairs(random):
 
 
 @kernel
-def follow(states, sides, segment, duration, diffusion, restitution, cutoff, nodes, offsets):
+def follow(states, sides, segment, block, noise):
     """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace`.
 
     `sides` are +-1, +-2 for a path that has overturned there and stays.
@@ -143,8 +141,7 @@ def follow(states, sides, segment, duration, diffusion, restitution, cutoff, nod
     for n in range(len(states)):
         if abs(sides[n]) == OVERTURNED_SIDE:
             continue
-        trace(
-            states[n, 0], states[n, 1], sides[n], segment, duration, diffusion, restitution, cutoff,
-            nodes[n : n + 1], offsets[n : n + 1], abs(offsets[n, 0]), scratch, states[n : n + 1], codes,
-        )  # fmt: skip
+        offsets = noise.offsets[n : n + 1]
+        own = Noise(noise.duration, noise.diffusion, noise.nodes[n : n + 1], offsets, abs(offsets[0, 0]))
+        trace(states[n, 0], states[n, 1], sides[n], segment, block, own, scratch, states[n : n + 1], codes)
         sides[n] = codes[0]

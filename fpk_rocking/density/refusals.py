@@ -6,7 +6,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.memory.start import spread_left
-from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 
 LARGEST = {"white": 8e9, "filtered": 4e9}

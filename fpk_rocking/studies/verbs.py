@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from fpk_rocking.density import solve_fpk
+from fpk_rocking.density.ahead import tasks_of_density
 from montecarlo import simulate
-from montecarlo.engines.running import ENGINES
+from montecarlo.engines.choice import fitting, task_of
 
 
 def mc(scene, *, seed, **options):
@@ -38,16 +39,12 @@ VERBS = {"mc": mc, "fpk": fpk}
 """Verbs of a sweep by name."""
 
 
-def engine_of(scene):
-    """Return the Monte Carlo method that fits the noise of a scene: the default of `simulate`."""
-    return next(name for name, engine in ENGINES.items() if scene.noise.kind in engine.NOISES)
-
-
 def tasks_of(verb, cells, options):
     """Return the tasks of `base.ahead` that compile what a verb of `VERBS` needs for these cells."""
-    if verb is fpk:
-        return ["fpk_rocking.density.ahead:solve"]
-    if verb is mc:
-        methods = {options.get("method") or engine_of(cell.scene) for cell in cells}
-        return [f"montecarlo.ahead:{method}" for method in sorted(methods & ENGINES.keys())]
-    return []
+    found = set()
+    for cell in cells:
+        if verb is mc:
+            found.update(map(task_of, fitting(cell.scene, options.get("method"))[:1]))
+        elif verb is fpk:
+            found.update(tasks_of_density(cell.scene, options.get("closure")))
+    return sorted(found)

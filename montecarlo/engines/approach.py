@@ -6,9 +6,12 @@ Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Prob
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import flight, polynomial, safe_time
-from fpk_rocking.physics.transition import record
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.events import safe_time
+from fpk_rocking.physics.motion.gaussian import noise_factor
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import block_in, flight, lift, pulls
+from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal
 
 FAST = 1e-3
@@ -16,18 +19,6 @@ FAST = 1e-3
 
 _BRIEF = 0.02
 """Longest flight that is drawn as one step to its arrival at a barrier."""
-
-_TWO_THIRDS, _THREE_HALVES, _HALF = math.sqrt(2.0 / 3.0), math.sqrt(1.5), math.sqrt(0.5)
-
-
-@kernel
-def noise_factor(diffusion, duration):
-    """Cholesky factor xx, vx, vv of the covariance of a flight of at most 0.1, to rounding (`flight_covariance`)."""
-    root, square = math.sqrt(diffusion * duration), duration * duration
-    xx = 1.0 + square * (1.0 / 10.0 + square * (19.0 / 4200.0 + square * (29.0 / 378000.0)))
-    vx = 1.0 + square * (7.0 / 30.0 + square * (209.0 / 12600.0 + square * (29.0 / 75600.0)))
-    vv = 1.0 - square * (1.0 / 30.0 - square * (17.0 / 12600.0 - square / 54000.0))
-    return _TWO_THIRDS * duration * root * xx, _THREE_HALVES * root * vx, _HALF * root * vv
 
 
 @kernel
@@ -63,7 +54,7 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     latest time for it: `end`, or that of a step that was to end with it.
     """
     restitution = problem.restitution
-    pull = u - 1.0 + side * polynomial(segment.force, end)[0]
+    pull = lift(u, side, polynomial(segment.force, end)[0])
     square = w * w - 2.0 * pull * u
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
@@ -79,20 +70,20 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     return u, w, side, end
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin):
     """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
 
     u >= cutoff means overturned.
     """
     cutoff, left, diffusion, reach = problem.cutoff, limit - start, problem.diffusion[j], problem.reach[j]
-    low, high = (segment.force_low, segment.force_high) if side > 0 else (-segment.force_high, -segment.force_low)
-    down = safe_step(u, w, min(0.0, low - 1.0), reach, left, problem.shortest)
-    up = safe_step(cutoff - u, -w, min(0.0, 1.0 - cutoff - high), reach, left, problem.shortest)
+    fall, rise = pulls(side, segment.force_low, segment.force_high, block_in(problem))
+    down = safe_step(u, w, min(0.0, -fall), reach, left, problem.shortest)
+    up = safe_step(cutoff - u, -w, min(0.0, -rise), reach, left, problem.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
         duration = min(max(duration, problem.shortest), left)
-        pull = u - 1.0 + side * polynomial(segment.force, start)[0]
+        pull = lift(u, side, polynomial(segment.force, start)[0])
         falls = down <= up
         needed = safe_time(u, w, -pull) if falls else safe_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0

@@ -13,9 +13,10 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import polynomial
-from fpk_rocking.physics.transition import record
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import lift
+from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal, uniform
 
 SURE = 4.0
@@ -103,7 +104,7 @@ def first_return(stream, speed, pull, growth, diffusion, least):
             return time, arrival
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     """Let a block that leaves x = 0 in interval j at w > 0 bounce back to it; return w after it, side, and its time.
 
@@ -111,9 +112,9 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
     values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
-    diffusion, span = problem.diffusion[j], problem.span
+    diffusion, span = problem.diffusion[j], problem.spacing
     force, slope = polynomial(problem.force[j], time)
-    pull = 1.0 - side * force
+    pull = -lift(0.0, side, force)
     if not w < problem.brief * pull:
         return w, 0, time
     disc = pull * pull - 8.0 / 3.0 * side * slope * w
@@ -126,7 +127,8 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
         middle, rate = polynomial(problem.force[(j + 1) % problem.low.size], time + half - span)
     chord = (middle - force) / half
     growth = -side * (rate + 0.6 * (slope + rate) - 1.2 * chord)
-    pull = 1.0 - side * (middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)) - half * (w / 3.0 + growth)
+    mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
+    pull = -lift(0.0, side, mean) - half * (w / 3.0 + growth)
     if not w * pull > _SLOWEST * diffusion:
         return w, 0, time
     noise = SURE * _WIDTH * math.sqrt(diffusion)

@@ -6,33 +6,48 @@ is g, in pieces of its own where a kink of it falls into an interval. Their prod
 """
 
 import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.events import is_eventless
+from fpk_rocking.physics.motion.particular import added, continued, ends_of
+from fpk_rocking.physics.motion.slender import (
+    block_in,
+    block_of,
+    can_lift_off,
+    force_bounds,
+    hyperbolic_turn,
+    respond,
+    segment_of,
+)
+from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.transition import Impacts, advance
-from montecarlo.engines.exact import CHUNK, FEWEST, HALF, LONGEST, force_bounds
-from montecarlo.engines.filtered import side_of
+from montecarlo.engines import shinozuka
+from montecarlo.engines.exact import FEWEST, LONGEST
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.random import open_stream
-from montecarlo.engines.shinozuka import band_numbers, draw
+from montecarlo.engines.march import carriers, marcher, realizer, the_state
+from montecarlo.engines.samples import CHUNK, allocate, extend, first_samples
+from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
-NOISES = ("band",)
-
-_LEAD = WIDTH // 2 + HALF
-_BLOCK = 64
+METHOD = "exact"
+RENEWS = False
+BLOCK = 64
 
 _ORDER = 8
 """Coefficients of g in a piece; of a linear one 2 are used."""
 
 _NEAR = 1e-9
+
+
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "band" and scene.noise.envelope is not None
 
 
 class Problem(NamedTuple):
@@ -46,14 +61,14 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
-    lap: float
     start: np.ndarray
-    band_low: float
-    band_width: float
+    low_ratio: float
+    ratio_width: float
     weight: float
     harmonics: int
-    marks: np.ndarray
+    count: int
     spacing: float
+    marks: np.ndarray
     shapes: np.ndarray
     compensation: np.ndarray
     ratio_scale: float
@@ -75,22 +90,16 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     half = 0.5 * grid.spacing
     middles = (np.arange(grid.count) + 0.5) * grid.spacing
     forced, shapes = forcing.pieces(middles), pieces(grid.spacing)
-    low, width, weight, harmonics = band_numbers(scene, grid.duration)
+    band = band_of(scene, grid.duration)
     least, most = np.empty((2, grid.count))
     force_bounds(forced, half, least, most)
-    largest = weight * harmonics * _largest(envelope, grid)
+    largest = band.weight * band.harmonics * _largest(envelope, grid)
     order = 2 if math.isinf(envelope.spacing) else _ORDER
     return Problem(
-        scene.block.restitution,
-        scene.overturning.angle,
-        grid.duration,
+        *block_of(scene),
         start_numbers(scene.start),
-        low,
-        width,
-        weight,
-        harmonics,
-        grid.marks,
-        grid.spacing,
+        *band,
+        *grid,
         shapes,
         compensation(),
         2.0 * OVERSAMPLING / grid.count,
@@ -136,20 +145,12 @@ def _pieces(envelope, middles, half, order):
 
 def _response(force, half):
     """Angle and velocity (2, n) that forces with coefficients (n, TERMS) since the middle add to a flight."""
-    particular = np.zeros(force.shape)
-    for k in range(TERMS - 2):
-        particular[:, k + 2] = (particular[:, k] + force[:, k]) / ((k + 1) * (k + 2))
-    return _added(particular, half)
+    return _added(continued(0.0, 0.0, force), half)
 
 
 def _added(particular, half):
     """Angle and velocity (2, n) that flights over an interval gain from particular solutions (n, TERMS)."""
-    order = np.arange(TERMS)
-    (p0, q0), (p1, q1) = (
-        (particular @ end**order, particular[:, 1:] @ (order[1:] * end ** order[:-1])) for end in (-half, half)
-    )
-    cosh, sinh = math.cosh(2.0 * half), math.sinh(2.0 * half)
-    return np.stack([p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0])
+    return np.stack(added(*ends_of(particular, -half), *ends_of(particular, half), 2.0 * half))
 
 
 class Room(NamedTuple):
@@ -163,40 +164,36 @@ class Room(NamedTuple):
 
 
 @kernel
-def _room(problem):
-    samples = np.zeros(WIDTH - 1 + CHUNK)
-    return Room(band.allocate(problem.harmonics, HALF), samples, np.empty(TERMS), np.empty(TERMS), np.empty(TERMS))
+def room_of(problem):
+    """Return the `Room` of a thread."""
+    rows = np.empty((3, TERMS))
+    harmonics, samples = allocate(problem.harmonics)
+    return Room(harmonics, samples, rows[0], rows[1], rows[2])
 
 
-@kernel(fastmath={"contract"}, borrows=True)
-def _prepare(problem, room):
-    """Turn drawn harmonics of the noise into those of its interpolant, and tabulate their rotations."""
+@kernel(borrows=True)
+def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
+    """Turn drawn harmonics of the noise into those of its interpolant, and make the first samples."""
     harmonics = room.harmonics
     for n in range(harmonics.ratios.size):
         harmonics.weights[n] *= compensate(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
-    spacing = problem.spacing / problem.lap
-    band.prepare(harmonics, HALF, spacing)
-    band.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    band.anchor(harmonics, 0, (_LEAD - CHUNK) / problem.forced.shape[0])
-    _extend(room)
-    band.rotate(harmonics, harmonics.hop)
-    _extend(room)
+    first_samples(harmonics, room.samples, cycle, problem)
+    return x, v
 
 
-@kernel(fastmath={"contract"}, borrows=True)
-def _extend(room):
-    """Make the next CHUNK samples."""
-    samples = room.samples
-    for k in range(WIDTH - 1):
-        samples[k] = samples[k + CHUNK]
-    samples[WIDTH - 1 :] = 0.0
-    band.add_chunk(room.harmonics, HALF, samples[WIDTH - 1 :])
+@kernel(borrows=True)
+def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
+    """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
+    if number % CHUNK == 0 and number > 0:
+        band.rotate(room.harmonics, room.harmonics.hop)
+        extend(room.harmonics, room.samples)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
 def _after(x, v, side, j, k, problem, room):
     """Angle and velocity after interval j, number k of a chunk, if nothing happens in it."""
-    h, samples, strength, response = problem.spacing, room.samples, problem.strength[problem.piece[j]], problem.response
+    h, samples, response = problem.spacing, room.samples, problem.response
+    strength = problem.strength[problem.piece[j]]
     push, kick = problem.drift[j, 0], problem.drift[j, 1]
     for n in range(strength.size):
         a, b = 0.0, 0.0
@@ -205,13 +202,26 @@ def _after(x, v, side, j, k, problem, room):
             b += response[n, 1, i] * samples[k + i]
         push += strength[n] * a
         kick += strength[n] * b
-    cosh, sinh = math.cosh(h), math.sinh(h)
-    return side + cosh * (x - side) + sinh * v + push, sinh * (x - side) + cosh * v + kick
+    y, v = hyperbolic_turn(x - side, v, math.cosh(h), math.sinh(h))
+    return side + y + push, v + kick
+
+
+@kernel(borrows=True)
+def coast(state, side, number, j, problem, room):
+    """Whether nothing happens in an interval, and angle and velocity at its end if so."""
+    low, high, (x, v) = problem.low[j], problem.high[j], state
+    if side == 0:
+        return not can_lift_off(low, high), state
+    if problem.piece[j + 1] > problem.piece[j] + 1:
+        return False, state
+    ahead = _after(x, v, side, j, number % CHUNK, problem, room)
+    return is_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, block_in(problem)), ahead
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def _open(k, problem, room):
-    """Write the noise in number k of a chunk, less its envelope, as a polynomial in the time since its middle."""
+def resolve(number, j, problem, room):  # noqa: ARG001
+    """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
+    k = number % CHUNK
     for n in range(TERMS):
         value = 0.0
         for i in range(WIDTH):
@@ -220,111 +230,33 @@ def _open(k, problem, room):
 
 
 @kernel(borrows=True)
-def _carry(x, v, side, j, until, problem, room, impacts, origin):
-    """Carry a block from the begin of interval j to a time since its middle; returns as `advance`."""
-    signal, particular, half, begin, time = (
-        room.signal,
-        room.particular,
-        0.5 * problem.spacing,
-        -0.5 * problem.spacing,
-        0.0,
-    )
+def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
+    """Carry a block through a share of a resolved interval; return x, v, side and the time reached."""
+    spacing, time = problem.spacing, 0.0
+    origin = cycle * (problem.count * spacing) + (number + 0.5) * spacing
+    half, until, begin = 0.5 * spacing, (share - 0.5) * spacing, -0.5 * spacing
     for piece in range(problem.piece[j], problem.piece[j + 1]):
         strength, end = problem.strength[piece], min(problem.ends[piece], until)
         if begin >= until:
             break
-        particular[0], particular[1] = 0.0, 0.0
-        for n in range(TERMS - 2):
+        for n in range(TERMS):
             force = 0.0
             for i in range(min(n + 1, strength.size)):
-                force += strength[i] * signal[n - i]
-            particular[n + 2] = (particular[n] + force) / ((n + 1) * (n + 2))
+                force += strength[i] * room.signal[n - i]
+            room.force[n] = force
+        respond(room.force, room.particular)
         for n in range(TERMS):
-            particular[n] += problem.forced[j, n]
-        segment = segment_of(particular, room.force, half)
-        x, v, side, time = advance(
-            x, v, side, segment, begin, end, problem.restitution, problem.cutoff, impacts, origin
-        )
+            room.particular[n] += problem.forced[j, n]
+        segment = segment_of(room.particular, room.force, half)
+        x, v, side, time = advance(x, v, side, segment, begin, end, block_in(problem), impacts, origin)
         if abs(x) >= problem.cutoff:
             break
         begin = end
-    return x, v, side, time
+    return x, v, side, origin + time
 
 
-@kernel(borrows=True)
-def _is_quiet(u, end, side, j, problem):
-    """Whether a flight between two folded angles has no event in interval j."""
-    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
-    sag = 0.125 * problem.spacing * problem.spacing
-    below, above = sag * max(problem.cutoff - 1.0 + high, 0.0), sag * max(1.0 - low, 0.0)
-    return min(u, end) > below and max(u, end) + above < problem.cutoff
-
-
-@kernel(borrows=True)
-def _next(x, v, side, j, k, problem, room):
-    """Say whether nothing happens in interval j, number k of a chunk; angle and velocity at its end if so."""
-    if side == 0:
-        return max(problem.high[j], -problem.low[j]) < 1.0, 0.0, 0.0
-    if problem.piece[j + 1] > problem.piece[j] + 1:
-        return False, 0.0, 0.0
-    x_next, v_next = _after(x, v, side, j, k, problem, room)
-    return _is_quiet(side * x, side * x_next, side, j, problem), x_next, v_next
-
-
-@kernel(borrows=True)
-def _look(x, v, side, j, row, problem, room, angle, velocity):
-    """Write the states wanted within interval j, from number `row` on; return the number of the next one."""
-    while row < angle.size and problem.marks[row - 1] < j + 1:
-        time = (problem.marks[row - 1] - j - 0.5) * problem.spacing
-        seen, speed, _, _ = _carry(x, v, side, j, time, problem, room, None, 0.0)
-        if abs(seen) < problem.cutoff:
-            angle[row], velocity[row] = seen, speed
-        row += 1
-    return row
-
-
-@kernel(borrows=True)
-def _realize(x, v, problem, room, angle, velocity, impacts):
-    """Simulate one realization from (x, v): fill its states, return time (nan: never) and side of overturning."""
-    marks, half, k, row = problem.marks, 0.5 * problem.spacing, 0, 1
-    _prepare(problem, room)
-    side = side_of(x, v)
-    for j in range(problem.forced.shape[0]):
-        if k == CHUNK:
-            band.rotate(room.harmonics, room.harmonics.hop)
-            _extend(room)
-            k = 0
-        quiet, x_next, v_next = _next(x, v, side, j, k, problem, room)
-        if not quiet or marks[row - 1] < j + 1:
-            _open(k, problem, room)
-            row = _look(x, v, side, j, row, problem, room, angle, velocity)
-        if quiet:
-            x, v = x_next, v_next
-        else:
-            origin = (j + 0.5) * problem.spacing
-            x, v, side, time = _carry(x, v, side, j, half, problem, room, impacts, origin)
-            if abs(x) >= problem.cutoff:
-                return origin + time, side
-        if row < angle.size and marks[row - 1] == j + 1:
-            angle[row], velocity[row] = x, v
-            row += 1
-        if row == angle.size:
-            break
-        k += 1
-    return math.nan, 0
-
-
-@kernel(parallel=True)
-def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):  # noqa: ARG001
-    """Simulate realizations `first`, `first` + 1, ... in parallel; see `montecarlo.engines.Engine`."""
-    count = angle.shape[0]
-    for block in prange((count + _BLOCK - 1) // _BLOCK):
-        room = _room(problem)
-        for r in range(block * _BLOCK, min((block + 1) * _BLOCK, count)):
-            x, v = draw(open_stream(keys, first + r), problem, room.harmonics)
-            if abs(x) >= problem.cutoff:
-                overturn_time[r], overturn_side[r] = 0.0, (1 if x > 0.0 else -1)
-                continue
-            angle[r, 0], velocity[r, 0] = x, v
-            own = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
-            overturn_time[r], overturn_side[r] = _realize(x, v, problem, room, angle[r], velocity[r], own)
+draw = shinozuka.draw
+look, cross = carriers(sys.modules[__name__])
+seen = the_state
+march = marcher(sys.modules[__name__], borrows=True)
+realize = realizer(sys.modules[__name__])

@@ -3,66 +3,64 @@
 The particular solution P of the forcing is band-limited. It is sampled on a grid that is far coarser than the steps of
 an integrator, and is a polynomial between grid points (`physics.noise.bandlimited`). The flight itself is s + P
 plus two exponentials, so at grid points it costs a few operations; only the intervals in which a bound of the
-acceleration cannot exclude an event are looked at, by `montecarlo.engines.events`.
+acceleration cannot exclude an event are looked at, by `fpk_rocking.physics.motion.crossing`.
 """
 
 import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.flight import polynomial, segment_of
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_through, state_at
+from fpk_rocking.physics.motion.events import clearance
+from fpk_rocking.physics.motion.particular import ends_of
+from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, split, stiffness
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
-from fpk_rocking.physics.transition import Impacts
-from montecarlo.engines.events import Interval, cross, interval_tables, state_at
+from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.random import open_stream
-from montecarlo.engines.shinozuka import band_numbers, draw
+from montecarlo.engines.march import marcher, realizer
+from montecarlo.engines.samples import CHUNK, allocate, first_samples, more_samples
+from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
-NOISES = ("band", "none")
-
-HALF = 8
-"""Samples on each side of the centre of a chunk of noise."""
-
-CHUNK = 2 * HALF + 1
-
-_LEAD = WIDTH // 2 + HALF
-"""Centre of the samples that the CHUNK intervals from number 0 on still lack."""
-
-_BLOCK = 64
-"""Realizations that follow each other in a thread's working memory."""
+METHOD = "exact"
+RENEWS = False
+BLOCK = 64
 
 FEWEST, LONGEST = 12, 0.2
 """Intervals of the grid in the forcing's shortest period at least, and the longest interval."""
 
 
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
+
+
 class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
-    `lap`, `marks`, `spacing`: duration of a lap, and see `montecarlo.engines.grid`. `start` (5,), `band_low`,
-    `band_width`, `weight`, `harmonics`: as in `rk4`.
-    `pieces` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise, and `ends`
-    (2, WIDTH): it and its derivative at an interval's end. `forced` (m, TERMS): P of the forcing in the time
-    since the interval's middle; `node` (m, 2): it and its derivative at the interval's end. `least`, `most` (m, 2),
-    indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a flight has no event in it.
-    `exponentials`, `bend`: see `montecarlo.engines.events.Interval`.
+    `start` (5,); `count`, `spacing`, `marks`; `low_ratio` to `harmonics`: see `montecarlo.engines.start`, `grid` and
+    `shinozuka`. `pieces` (WIDTH, TERMS), `compensation`,
+    `ratio_scale`: interpolant of the noise, and `ends` (2, WIDTH): it and its derivative at an interval's end. `forced`
+    (m, TERMS): P of the forcing in the time since the interval's middle; `node` (m, 2): it and its derivative at the
+    interval's end. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an
+    interval a flight has no event in it. `exponentials`, `bend`: see `fpk_rocking.physics.motion.crossing.Interval`.
     """
 
     restitution: float
     cutoff: float
-    lap: float
     start: np.ndarray
-    band_low: float
-    band_width: float
+    low_ratio: float
+    ratio_width: float
     weight: float
     harmonics: int
-    marks: np.ndarray
+    count: int
     spacing: float
+    marks: np.ndarray
     pieces: np.ndarray
     compensation: np.ndarray
     ratio_scale: float
@@ -81,79 +79,51 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     longest = min(LONGEST, forcing.shortest_period / FEWEST)
     grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
     intervals, spacing = grid.count, grid.spacing
-    low, width, weight, harmonics = band_numbers(scene, grid.duration)
+    block, band = block_of(scene), band_of(scene, grid.duration)
     forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
-    powers = (0.5 * spacing) ** np.arange(TERMS)
-    order = np.arange(TERMS)
-    shapes = pieces(spacing)
-    ends = np.stack([shapes @ powers, shapes[:, 1:] @ (order[1:] * powers[:-1])])
-    node = np.stack([forced @ powers, forced[:, 1:] @ (order[1:] * powers[:-1])], axis=-1)
-    least, most = _clearance(scene.overturning.angle, forced, spacing, weight * harmonics)
+    shapes, half = pieces(spacing), 0.5 * spacing
     return Problem(
-        scene.block.restitution,
-        scene.overturning.angle,
-        grid.duration,
+        *block,
         start_numbers(scene.start),
-        low,
-        width,
-        weight,
-        harmonics,
-        grid.marks,
-        spacing,
+        *band,
+        *grid,
         shapes,
         compensation(),
         2.0 * OVERSAMPLING / intervals,
         forced,
-        node,
-        least,
-        most,
-        *interval_tables(0.5 * spacing),
-        ends,
+        np.stack(ends_of(forced, half), axis=-1),
+        *_quiet_angles(forced, grid, block, band.weight * band.harmonics),
+        *interval_tables(half),
+        np.stack(ends_of(shapes, half)),
     )
 
 
 @kernel
-def force_bounds(forced, half, low, high):
-    """Write bounds (m,) of the force over intervals, from P in the time since their middles."""
-    scratch = np.empty(TERMS)
+def _quiet_angles(forced, grid, block, loudest):
+    """Angles (m, 2) that a flight at both ends of an interval must exceed, and not reach, to have no event within."""
+    least, most = np.empty((forced.shape[0], 2)), np.empty((forced.shape[0], 2))
+    low, high = np.empty(forced.shape[0]), np.empty(forced.shape[0])
+    force_bounds(forced, 0.5 * grid.spacing, low, high)
     for i in range(low.size):
-        segment = segment_of(forced[i], scratch, half)
-        low[i], high[i] = segment.force_low, segment.force_high
-
-
-def _clearance(cutoff, forced, spacing, noise_bound):
-    """Angles (m, 2) that a flight at an interval's both ends must exceed, and not reach, to have no event within.
-
-    Between its ends a path lies within |u''| d^2 / 8 of the chord, and u'' = u - 1 + s f.
-    """
-    low, high = np.empty((2, len(forced)))
-    force_bounds(forced, 0.5 * spacing, low, high)
-    rise, fall = np.stack([-low, high], axis=-1) + noise_bound, np.stack([high, -low], axis=-1) + noise_bound
-    least = np.maximum(cutoff - 1.0 + rise, 0.0) * spacing**2 / 8.0
-    most = cutoff - np.maximum(1.0 + fall, 0.0) * spacing**2 / 8.0
+        for s in range(2):
+            side = 2 * s - 1
+            below, above = clearance(side, low[i] - loudest, high[i] + loudest, grid.spacing, block)
+            least[i, s], most[i, s] = below, block.cutoff - above
     return least, most
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _prepare(harmonics, problem):
-    """Turn drawn harmonics of the noise into those of the interpolant of P, and tabulate their rotations."""
-    ratios, weights = harmonics.ratios, harmonics.weights
-    frequency = 2.0 * math.pi / problem.lap
+@kernel(fastmath={"contract"}, borrows=True)
+def _divide(harmonics, problem):
+    """Turn drawn harmonics of the noise into those of the interpolant of P."""
+    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (problem.count * problem.spacing)
     for n in range(ratios.size):
-        nu = frequency * ratios[n]
-        weights[n] *= -compensate(problem.compensation, ratios[n] * problem.ratio_scale) / (1.0 + nu * nu)
-    spacing = problem.spacing / problem.lap
-    band.prepare(harmonics, HALF, spacing)
-    band.set_rotation(ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+        gain = -compensate(problem.compensation, ratios[n] * problem.ratio_scale)
+        harmonics.weights[n] *= gain / stiffness(frequency * ratios[n])
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def _extend(harmonics, samples, node, ends):
-    """Make the next CHUNK samples, and P at the ends of the intervals that they complete."""
-    for k in range(WIDTH - 1):
-        samples[k] = samples[k + CHUNK]
-    samples[WIDTH - 1 :] = 0.0
-    band.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
+def _set_nodes(samples, node, ends):
+    """Write the noise's share of P at the ends of the intervals that the new samples complete."""
     node[:] = 0.0
     for i in range(0, WIDTH, 4):
         a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
@@ -199,100 +169,74 @@ class Room(NamedTuple):
 
 
 @kernel
-def _room(problem):
+def room_of(problem):
+    """Return the `Room` of a thread."""
     half, rows = 0.5 * problem.spacing, np.empty((3, TERMS))
     interval = Interval(rows[0], rows[1], rows[2], problem.exponentials, problem.bend, half, math.exp(half))
-    return Room(band.allocate(problem.harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK), np.empty(CHUNK), interval)
+    harmonics, samples = allocate(problem.harmonics)
+    return Room(harmonics, samples, np.empty(CHUNK), interval)
 
 
 @kernel(forceinline=True, borrows=True)
-def _begin(x, v, cycle, problem, room):
-    """Make the first samples of the noise; return the flight from (x, v): its side and exponentials."""
-    _prepare(room.harmonics, problem)
-    band.anchor(room.harmonics, cycle, (_LEAD - CHUNK) / problem.forced.shape[0])
-    _extend(room.harmonics, room.samples, room.node, problem.ends)
-    band.rotate(room.harmonics, room.harmonics.hop)
-    _extend(room.harmonics, room.samples, room.node, problem.ends)
-    side = 1 if x > 0.0 or (x == 0.0 and v > 0.0) else -1
-    if x == 0.0 and v == 0.0:
-        side = 0
-    _open(room.interval.particular, problem.forced, 0, problem.pieces, room.samples, 0)
-    p, q = polynomial(room.interval.particular, -room.interval.half)
-    y, z = x - side - p, v - q
-    return side, 0.5 * (y + z), 0.5 * (y - z)
+def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
+    """Make the first samples of the noise; return the flight from (x, v): its exponentials and its folded angle."""
+    _divide(room.harmonics, problem)
+    first_samples(room.harmonics, room.samples, cycle, problem)
+    _set_nodes(room.samples, room.node, problem.ends)
+    resolve(0, 0, problem, room)
+    grow, decay = split(x, v, side, room.interval.particular, -room.interval.half)
+    return grow, decay, abs(x)
 
 
 @kernel(forceinline=True, borrows=True)
-def _continue(j, anchored, cycle, problem, room):
-    """Make the samples of the next CHUNK intervals, from number j on; return the number at the last fresh anchor."""
-    intervals = problem.forced.shape[0]
-    if j - anchored >= band.ANCHOR_CYCLES * intervals:
-        anchored, centre = j, j + _LEAD
-        band.anchor(room.harmonics, cycle + centre // intervals, centre % intervals / intervals)
-    else:
-        band.rotate(room.harmonics, room.harmonics.hop)
-    _extend(room.harmonics, room.samples, room.node, problem.ends)
-    return anchored
+def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
+    """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
+    if more_samples(room.harmonics, room.samples, number, cycle, problem):
+        _set_nodes(room.samples, room.node, problem.ends)
 
 
-@kernel(borrows=True)
-def _realize(x, v, cycle, problem, room, angle, velocity, impacts):
-    """Simulate one realization from (x, v): fill its states, return time (nan: never) and side of overturning."""
-    samples, node, interval = room.samples, room.node, room.interval
-    forced, shapes, forced_node, least, most = problem.forced, problem.pieces, problem.node, problem.least, problem.most
-    intervals, marks, rows, u = forced.shape[0], problem.marks, problem.marks.size, abs(x)
-    side, grow, decay = _begin(x, v, cycle, problem, room)
-    stretch, shrink = interval.factor * interval.factor, 1.0 / (interval.factor * interval.factor)
-    anchored, k, i, row, mark = 0, 0, 0, 1, marks[0]
-    for j in range((angle.size - 1) // rows * intervals):
-        if k == CHUNK:
-            anchored, k = _continue(j, anchored, cycle, problem, room), 0
-        next_grow, next_decay = grow * stretch, decay * shrink
-        particular = forced_node[i, 0] + node[k]
-        end, s = 1.0 + side * (particular + next_grow + next_decay), 1 if side > 0 else 0
-        quiet = side != 0 and min(u, end) > least[i, s] and max(u, end) < most[i, s]
-        if not quiet or mark < j + 1:
-            _open(interval.particular, forced, i, shapes, samples, k)
-            while mark < j + 1:
-                time = (mark - j - 0.5) * problem.spacing
-                angle[row], velocity[row] = state_at(
-                    interval, grow, decay, side, time, problem.restitution, problem.cutoff
-                )
-                row += 1
-                mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
-        if quiet:
-            grow, decay, u = next_grow, next_decay, end
-        else:
-            middle = cycle * problem.lap + (j + 0.5) * problem.spacing
-            grow, decay, u, side, time = cross(
-                interval, particular, grow, decay, u, end, side, problem, impacts, middle
-            )
-            if time < math.inf:
-                return time, side
-        if mark == j + 1:
-            angle[row], velocity[row] = side * u, 0.0
-            if side != 0:
-                velocity[row] = forced_node[i, 1] + _slope(samples, k, problem.ends[1]) + grow - decay
-            row += 1
-            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
-        if row == angle.size:
-            break
-        k += 1
-        i = i + 1 if i + 1 < intervals else 0
-    return math.nan, 0
+@kernel(forceinline=True, borrows=True)
+def coast(state, side, number, j, problem, room):
+    """Whether nothing happens in an interval, and the flight at its end if so."""
+    factor, (grow, decay, u) = room.interval.factor * room.interval.factor, state
+    grow, decay = grow * factor, decay * (1.0 / factor)
+    end, s = fold(side, problem.node[j, 0] + room.node[number % CHUNK], grow, decay), 1 if side > 0 else 0
+    quiet = side != 0 and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
+    return quiet, (grow, decay, end)
 
 
-@kernel(parallel=True)
-def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate realizations `first`, `first` + 1, ... in parallel; see `montecarlo.engines.Engine`."""
-    count = angle.shape[0]
-    for block in prange((count + _BLOCK - 1) // _BLOCK):
-        room = _room(problem)
-        for r in range(block * _BLOCK, min((block + 1) * _BLOCK, count)):
-            x, v = draw(open_stream(keys, first + r), problem, room.harmonics)
-            if abs(x) >= problem.cutoff:
-                overturn_time[r], overturn_side[r] = cycle * problem.lap, (1 if x > 0.0 else -1)
-                continue
-            angle[r, 0], velocity[r, 0] = x, v
-            own = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
-            overturn_time[r], overturn_side[r] = _realize(x, v, cycle, problem, room, angle[r], velocity[r], own)
+@kernel(forceinline=True, borrows=True)
+def resolve(number, j, problem, room):
+    """Write P in an interval."""
+    _open(room.interval.particular, problem.forced, j, problem.pieces, room.samples, number % CHUNK)
+
+
+@kernel(forceinline=True, borrows=True)
+def look(state, side, number, j, share, problem, room):  # noqa: ARG001
+    """Angle and velocity in a resolved interval, nan if overturned."""
+    return state_at(room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, block_in(problem))
+
+
+@kernel(forceinline=True, borrows=True)
+def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
+    """Carry a block through a resolved interval."""
+    middle = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
+    node = problem.node[j, 0] + room.node[number % CHUNK]
+    grow, decay, u, side, time = pass_through(
+        room.interval, node, state[0], state[1], state[2], ahead[2], side, block_in(problem), impacts, middle
+    )
+    return (grow, decay, u), side, time
+
+
+@kernel(forceinline=True, borrows=True)
+def seen(state, side, number, j, problem, room):
+    """Angle and velocity at the end of an interval."""
+    grow, decay, u = state
+    if side == 0:
+        return 0.0, 0.0
+    return side * u, problem.node[j, 1] + _slope(room.samples, number % CHUNK, problem.ends[1]) + grow - decay
+
+
+draw = shinozuka.draw
+march = marcher(sys.modules[__name__], borrows=True)
+realize = realizer(sys.modules[__name__])

@@ -7,7 +7,7 @@ a flight over it. A flight without an event is therefore exact in law, however l
 Where a bound of the acceleration cannot exclude an event, the noise within the interval is needed. It is taken as the
 polynomial of least degree that has the drawn states at both ends and moves a flight by what was drawn: the conditional
 mean of the noise given all that, but for terms of relative order (interval times the filter's rate). Then
-`fpk_rocking.physics.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
+`physics.motion.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
 What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md). Under
 an envelope, linear in pieces that end at its kinks, the product of both is taken in flights too.
 
@@ -15,22 +15,39 @@ The noise is the same function of time for any samples, and for runs that begin 
 """
 
 import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.flight import move_origin, segment_of
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.events import is_eventless
+from fpk_rocking.physics.motion.particular import added, ends_of, hyperbolic, response
+from fpk_rocking.physics.motion.polynomial import move_origin
+from fpk_rocking.physics.motion.slender import (
+    block_in,
+    block_of,
+    can_lift_off,
+    force_bounds,
+    hyperbolic_turn,
+    respond,
+    segment_of,
+)
+from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise.state_space import transition
-from fpk_rocking.physics.transition import Impacts, advance
+from montecarlo.engines import start
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.random import normal, open_stream
-from montecarlo.engines.start import draw_start, start_numbers
+from montecarlo.engines.march import carriers, marcher, realizer, the_state
+from montecarlo.engines.random import normal
+from montecarlo.engines.start import start_numbers
 
-NOISES = ("filtered",)
+BLOCK = 1
+"""Realizations that follow each other in a thread's working memory."""
+
+METHOD = "filtered"
+RENEWS = False
 
 COARSEST = {True: 100.0, False: 50.0}
 """The longest interval times the filter's rate and `steps_per_cycle`, by whether noise has a derivative: at 200 steps
@@ -54,14 +71,20 @@ _NEAR = 1e-9
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 
 
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "filtered"
+
+
 class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables; m intervals in a lap, n states.
 
-    `start` (5,), `marks`: see `montecarlo.engines.start` and `grid`. `span`: an interval's duration; `hyperbolic` (2,):
-    its cosh and sinh. `stationary` (n, n): Cholesky factor of the states at τ = 0, of noise of variance 1. `move`
-    (n + 2, n), `spread` (n + 2, n + 2): mean and Cholesky factor of states, angle and velocity at an interval's end.
-    `shape` (d + 1, 2n + 2): Bernstein coefficients of the polynomial from the states at both ends and the flight;
-    `powers` (d + 1, d + 1): its coefficients in the time from them.
+    `start` (5,); `count`, `spacing`, `marks`: see `montecarlo.engines.start` and `grid`. `hyperbolic` (2,): cosh and
+    sinh of an interval's duration.
+    `stationary` (n, n): Cholesky factor of the states at τ = 0, of noise of variance 1. `move` (n + 2, n), `spread`
+    (n + 2, n + 2): mean and Cholesky factor of states, angle and velocity at an interval's end. `shape`
+    (d + 1, 2n + 2): Bernstein coefficients of the polynomial from the states at both ends and the flight; `powers`
+    (d + 1, d + 1): its coefficients in the time from them.
     Of the noise's envelope, all empty without one: `first` (m + 1,): number of the first piece in each interval.
     `begins`, `ends` (pieces,): times since the interval's begin. `strength` (pieces, 2): the envelope at a piece's
     begin and its slope. `strongest` (m,): its largest value in an interval. `response` (m, 2, d + 1): angle and
@@ -73,9 +96,10 @@ class Problem(NamedTuple):
     restitution: float
     cutoff: float
     start: np.ndarray
-    span: float
-    hyperbolic: np.ndarray
+    count: int
+    spacing: float
     marks: np.ndarray
+    hyperbolic: np.ndarray
     stationary: np.ndarray
     move: np.ndarray
     spread: np.ndarray
@@ -97,13 +121,14 @@ class Room(NamedTuple):
     """Working memory of one realization.
 
     `drawn` (2n + 2,): the states at the begin and at the end of an interval, and the angle and velocity that the noise
-    adds to a flight over it. `normals` (n + 2,); `bernstein` (d + 1,); `signal`, `particular`, `force` (TERMS,).
+    adds to a flight over it. `normals` (n + 2,); `bernstein` (d + 1,); the others (TERMS,).
     """
 
     drawn: np.ndarray
     normals: np.ndarray
     bernstein: np.ndarray
     signal: np.ndarray
+    share: np.ndarray
     particular: np.ndarray
     force: np.ndarray
 
@@ -126,12 +151,10 @@ def on_grid(scene, grid):
     forced = scene.forcing.pieces(np.arange(grid.count) * span)
     low, high, drift = _forcing_tables(forced, span)
     return Problem(
-        scene.block.restitution,
-        scene.overturning.angle,
+        *block_of(scene),
         start_numbers(scene.start),
-        span,
-        np.array([math.cosh(span), math.sinh(span)]),
-        grid.marks,
+        *grid,
+        hyperbolic(span),
         *_noise_tables(scene.noise, span),
         forced,
         *_envelope_tables(scene.noise.envelope, grid, _DEGREE[scene.noise.space.smooth]),
@@ -189,7 +212,7 @@ def _response(degree, span, begin, end):
     """
     since = 0.5 * (end - begin) * (1.0 + _NODES)
     t = (begin + since) / span
-    weights = 0.5 * (end - begin) * _WEIGHTS * np.stack([np.sinh(span * (1.0 - t)), np.cosh(span * (1.0 - t))])
+    weights = 0.5 * (end - begin) * _WEIGHTS * response(span * (1.0 - t))
     return np.stack([weights @ _bernstein(degree, t).T, (weights * since) @ _bernstein(degree, t).T])
 
 
@@ -201,13 +224,8 @@ def _bernstein(degree, t):
 def _forcing_tables(forced, span):
     """Return bounds of the forcing over the intervals, and what it adds to a flight: `low`, `high`, `drift`."""
     low, high = np.empty((2, len(forced)))
-    powers, order = span ** np.arange(TERMS), np.arange(TERMS)
-    for j, row in enumerate(forced):
-        segment = segment_of(row, np.empty(TERMS), span)
-        low[j], high[j] = segment.force_low, segment.force_high
-    p0, q0, p1, q1 = forced[:, 0], forced[:, 1], forced @ powers, forced[:, 1:] @ (order[1:] * powers[:-1])
-    cosh, sinh = math.cosh(span), math.sinh(span)
-    return low, high, np.stack([p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0], axis=-1)
+    force_bounds(forced, span, low, high)
+    return low, high, np.stack(added(forced[:, 0], forced[:, 1], *ends_of(forced, span), span), axis=-1)
 
 
 def _noise_tables(noise, span):
@@ -260,12 +278,11 @@ def _powers(degree, span):
 
 
 @kernel
-def make_room(problem):
-    """Make the `Room` of one realization."""
+def room_of(problem):
+    """Return the `Room` of one realization."""
     n, terms = problem.stationary.shape[0], problem.powers.shape[0]
-    return Room(
-        np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS), np.empty(TERMS), np.empty(TERMS)
-    )
+    rows = np.empty((4, TERMS))
+    return Room(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), rows[0], rows[1], rows[2], rows[3])
 
 
 @kernel(borrows=True)
@@ -277,6 +294,21 @@ def begin_noise(stream, problem, room):
         drawn[n + i] = 0.0
         for k in range(i + 1):
             drawn[n + i] += problem.stationary[i, k] * normals[k]
+
+
+@kernel(borrows=True)
+def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001
+    """Draw the noise up to the begin of the run."""
+    begin_noise(stream, problem, room)
+    for _ in range(cycle * problem.count):
+        draw_noise(stream, problem, room)
+    return x, v
+
+
+@kernel(borrows=True)
+def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
+    """Draw the noise of the next interval."""
+    draw_noise(stream, problem, room)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -328,41 +360,53 @@ def _added(j, problem, room):
     return x, v
 
 
+@kernel(forceinline=True, borrows=True)  # see events.next_event
+def coast(state, side, number, j, problem, room):  # noqa: ARG001
+    """Whether nothing happens in an interval, and angle and velocity at its end if so."""
+    low, high = bound_noise(j, problem, room)
+    low, high, (x, v) = low + problem.low[j], high + problem.high[j], state
+    if side == 0:
+        return not can_lift_off(low, high), state
+    push, kick = _added(j, problem, room)
+    end, speed = hyperbolic_turn(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
+    end, speed = end + side + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick
+    return is_eventless(side * x, side * end, side, low, high, problem.spacing, block_in(problem)), (end, speed)
+
+
 @kernel(fastmath={"contract"}, borrows=True)
-def _open(j, problem, room):
-    """Write P of forcing and noise in interval j, from the polynomial of the noise.
+def _write_signal(problem, room):
+    """Write the noise in an interval, less its envelope, as a polynomial in the time since its begin."""
+    signal, bernstein = room.signal, room.bernstein
+    signal[:] = 0.0
+    for k in range(bernstein.size):
+        for i in range(k + 1):
+            signal[k] += problem.powers[k, i] * bernstein[i]
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def resolve(number, j, problem, room):  # noqa: ARG001
+    """Write P of forcing and noise in an interval; under an envelope, the noise alone.
 
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
     """
-    particular, share, bernstein = room.particular, room.force, room.bernstein
-    share[0], share[1] = 0.0, 0.0
-    for k in range(TERMS - 2):
-        value = 0.0
-        if k < bernstein.size:
-            for i in range(k + 1):
-                value += problem.powers[k, i] * bernstein[i]
-        share[k + 2] = (share[k] + value) / ((k + 1) * (k + 2))
-    for k in range(TERMS):
-        particular[k] = problem.forced[j, k] + share[k]
+    _write_signal(problem, room)
+    if problem.strength.size == 0:
+        respond(room.signal, room.particular)
+        for k in range(TERMS):
+            room.particular[k] += problem.forced[j, k]
 
 
 @kernel(fastmath={"contract"}, borrows=True)
 def _open_piece(j, piece, problem, room):
     """Write P of forcing and noise in a piece of the envelope in interval j, in the time since the piece's begin."""
-    particular, signal, share, bernstein = room.particular, room.signal, room.force, room.bernstein
-    signal[:] = 0.0
-    for k in range(bernstein.size):
-        for i in range(k + 1):
-            signal[k] += problem.powers[k, i] * bernstein[i]
+    particular, force, share = room.particular, room.force, room.share
     begin, value, slope = problem.begins[piece], problem.strength[piece, 0], problem.strength[piece, 1]
-    move_origin(problem.forced[j], begin, particular)
-    move_origin(signal, begin, share)
+    move_origin(room.signal, begin, share)
     for k in range(TERMS):
-        signal[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
-    share[0], share[1] = 0.0, 0.0
-    for k in range(TERMS - 2):
-        share[k + 2] = (share[k] + signal[k]) / ((k + 1) * (k + 2))
+        force[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
+    respond(force, share)
+    move_origin(problem.forced[j], begin, particular)
     for k in range(TERMS):
         particular[k] += share[k]
 
@@ -377,104 +421,27 @@ def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
             break
         _open_piece(j, piece, problem, room)
         segment = segment_of(room.particular, room.force, end - begin)
-        x, v, side, time = advance(
-            x, v, side, segment, 0.0, end - begin, problem.restitution, problem.cutoff, impacts, origin + begin
-        )
+        x, v, side, time = advance(x, v, side, segment, 0.0, end - begin, block_in(problem), impacts, origin + begin)
         time += begin
         if abs(x) >= problem.cutoff:
             break
     return x, v, side, time
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
-def interval(x, v, side, j, problem, room, impacts, origin):
-    """Take the block through interval j of a cycle, whose noise is drawn; return as `advance`."""
-    low, high = bound_noise(j, problem, room)
-    low, high = low + problem.low[j], high + problem.high[j]
-    span, cutoff = problem.span, problem.cutoff
-    if side == 0:
-        if max(high, -low) < 1.0:
-            return x, v, side, span
-    else:
-        keep, swap = problem.hyperbolic
-        push, kick = _added(j, problem, room)
-        x_next = keep * (x - side) + swap * v + side + problem.drift[j, 0] + push
-        # Between its ends the angle lies within |u''| span^2 / 8 of its chord; u'' = u - 1 + s f.
-        rise, fall = (high, low) if side > 0 else (-low, -high)
-        below = 0.125 * span * span * max(cutoff - 1.0 + rise, 0.0)
-        above = 0.125 * span * span * max(1.0 - fall, 0.0)
-        u, end = side * x, side * x_next
-        if min(u, end) > below and max(u, end) + above < cutoff:
-            v_next = swap * (x - side) + keep * v + problem.drift[j, 1] + kick
-            return x_next, v_next, side, span
+@kernel(forceinline=True, borrows=True)  # see events.next_event
+def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
+    """Carry a block through a share of a resolved interval; return x, v, side and the time reached."""
+    origin, until = (cycle * problem.count + number) * problem.spacing, share * problem.spacing
     if problem.strength.size > 0:
-        return _through_pieces(x, v, side, j, span, problem, room, impacts, origin)
-    _open(j, problem, room)
-    segment = segment_of(room.particular, room.force, span)
-    return advance(x, v, side, segment, 0.0, span, problem.restitution, cutoff, impacts, origin)
-
-
-@kernel(borrows=True)
-def _look(x, v, side, j, time, problem, room):
-    """State at a time in interval j, nan if overturned."""
-    bound_noise(j, problem, room)
-    if problem.strength.size > 0:
-        x, v, _, _ = _through_pieces(x, v, side, j, time, problem, room, None, 0.0)
+        x, v, side, time = _through_pieces(x, v, side, j, until, problem, room, impacts, origin)
     else:
-        _open(j, problem, room)
-        segment = segment_of(room.particular, room.force, problem.span)
-        x, v, _, _ = advance(x, v, side, segment, 0.0, time, problem.restitution, problem.cutoff)
-    if abs(x) >= problem.cutoff:
-        return math.nan, math.nan
-    return x, v
+        segment = segment_of(room.particular, room.force, problem.spacing)
+        x, v, side, time = advance(x, v, side, segment, 0.0, until, block_in(problem), impacts, origin)
+    return x, v, side, origin + time
 
 
-@kernel
-def side_of(x, v):
-    """Side at the start: that of the angle, else of the velocity, else 0 for rest, which may end at once."""
-    if x == 0.0:
-        return 0 if v == 0.0 else (1 if v > 0.0 else -1)
-    return 1 if x > 0.0 else -1
-
-
-@kernel
-def _realize(stream, cycle, problem, angle, velocity, impacts):
-    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
-    intervals, marks, span, room = problem.low.size, problem.marks, problem.span, make_room(problem)
-    rows = marks.size
-    x, v = draw_start(stream, problem.start)
-    side = side_of(x, v)
-    if abs(x) >= problem.cutoff:
-        return cycle * intervals * span, side
-    angle[0], velocity[0] = x, v
-    begin_noise(stream, problem, room)
-    for _ in range(cycle * intervals):
-        draw_noise(stream, problem, room)
-    row, j, mark = 1, 0, marks[0]
-    for number in range((angle.size - 1) // rows * intervals):
-        draw_noise(stream, problem, room)
-        while mark < number + 1:
-            angle[row], velocity[row] = _look(x, v, side, j, (mark - number) * span, problem, room)
-            row += 1
-            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
-        origin = (cycle * intervals + number) * span
-        x, v, side, time = interval(x, v, side, j, problem, room, impacts, origin)
-        if abs(x) >= problem.cutoff:
-            return origin + time, side
-        if mark == number + 1:
-            angle[row], velocity[row] = x, v
-            row += 1
-            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
-        if row == angle.size:
-            break
-        j = j + 1 if j + 1 < intervals else 0
-    return math.nan, 0
-
-
-@kernel(parallel=True)
-def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate realizations `first`, `first` + 1, ... in parallel; see `montecarlo.engines.Engine`."""
-    for r in prange(angle.shape[0]):
-        stream = open_stream(keys, first + r)
-        hits = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
-        overturn_time[r], overturn_side[r] = _realize(stream, cycle, problem, angle[r], velocity[r], hits)
+draw = start.draw
+look, cross = carriers(sys.modules[__name__])
+seen = the_state
+march = marcher(sys.modules[__name__])
+realize = realizer(sys.modules[__name__])

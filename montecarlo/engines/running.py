@@ -1,4 +1,4 @@
-"""A run of any engine: its checked parameters, the engine that fits the noise, and batches of realizations."""
+"""A run of any engine: its checked parameters, and batches of realizations."""
 
 import math
 import time
@@ -7,15 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
-from fpk_rocking.physics.transition import Impacts
+from fpk_rocking.physics.motion.transition import Impacts
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import enveloped, exact, filtered, rk4, white
-from montecarlo.engines.random import stream_keys
-
-ENGINES = {"exact": exact, "rk4": rk4, "white": white, "filtered": filtered}
-"""Engines by their method's name; of those that fit a noise the first is the default."""
+from montecarlo.engines.choice import engine_of, task_of
+from montecarlo.engines.random import keys_at, stream_keys
 
 _BATCH_S, _SMALLEST_BATCH, _FIRST_STATES = 0.3, 64, 4096
 """Seconds that a batch should take, its fewest realizations, and the states of the first one."""
@@ -66,16 +63,9 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress
         result_times(scene, cycles, times),
         checks.count("realizations", 1 if realizations is None and scene.deterministic else realizations),
         _whole("seed", seed, 0, 2**64 - 1),
-        _method(method, scene.noise.kind),
+        engine_of(scene, method).METHOD,
         _whole("steps_per_cycle", steps_per_cycle, 8, 10**6),
     )
-
-
-def engine_of(run):
-    """Return the engine of a run: that of its method, or what does the same under an envelope."""
-    if run.method == "exact" and run.scene.noise.envelope is not None:
-        return enveloped
-    return ENGINES[run.method]
 
 
 def refuse_large(run, per_cycle=1, instead=""):
@@ -110,11 +100,12 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     Batch
         Each of its own arrays.
     """
-    engine, period, alike = engine_of(run), run.scene.period, run.scene.deterministic
-    ahead.before(f"montecarlo.ahead:{engine.__name__.rpartition('.')[2]}")
+    engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
+    ahead.before(task_of(engine))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     lap = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
     problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)
+    keys = keys_at(keys, cycle) if engine.RENEWS else keys
     size = max(_SMALLEST_BATCH, _FIRST_STATES // run.rows)
     while first < run.realizations:
         began = time.perf_counter()
@@ -176,18 +167,3 @@ def _whole(name, value, low, high):
     if not low <= value <= high:
         raise ValueError(checks.refusal(name, value, accepted))
     return int(value)
-
-
-def _method(method, kind):
-    fitting = [name for name, engine in ENGINES.items() if kind in engine.NOISES]
-    if method is None:
-        return fitting[0]
-    if isinstance(method, str) and method in fitting:
-        return method
-    if not isinstance(method, str) or method not in ENGINES:
-        accepted = ", ".join(map(repr, ENGINES)) + " or None (the first that fits the noise)"
-        raise ValueError(checks.refusal("method", method, accepted))
-    accepted = f"{' or '.join(map(repr, fitting))} for noise of kind {kind!r}"
-    if method in {"white", "filtered"}:
-        accepted += f"; {method!r} needs {method} noise, which scene.{method}_equivalent() makes of this one"
-    raise ValueError(checks.refusal("method", method, accepted))

@@ -20,3 +20,9 @@ def draw_start(stream, numbers):
         first, second = normal(stream), normal(stream)
         angle, velocity = angle + xx * first, velocity + vx * first + vv * second
     return angle, velocity
+
+
+@kernel(borrows=True)
+def draw(stream, problem, room):  # noqa: ARG001
+    """Draw the start alone."""
+    return draw_start(stream, problem.start)

@@ -14,26 +14,33 @@ The motion is folded: u = s x >= 0, w = s v. Everything is nondimensional.
 """
 
 import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.flight import Segment, flight, polynomial, segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.events import reach
+from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered, noise_factor
+from fpk_rocking.physics.motion.particular import hyperbolic
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, flight, hyperbolic_turn, segment_of
+from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise.envelope import mean_squares
-from fpk_rocking.physics.transition import Impacts, advance
-from montecarlo.engines.approach import land, near, noise_factor
+from montecarlo.engines import start as start_of
+from montecarlo.engines.approach import land, near
 from montecarlo.engines.bounce import bounce
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.random import keys_at, normal, open_stream
-from montecarlo.engines.start import draw_start, start_numbers
+from montecarlo.engines.march import realizer
+from montecarlo.engines.random import normal
+from montecarlo.engines.start import start_numbers
 
-NOISES = ("white",)
+METHOD = "white"
+RENEWS = True
+BLOCK = 1
 
 REACH = 4.0
 """Standard deviations of the noise by which a step stays away from a barrier."""
@@ -48,13 +55,19 @@ _FEWEST, _LONGEST = 16, 0.075
 """Intervals in the forcing's shortest period at least, and the longest interval."""
 
 
+def takes(scene):
+    """Whether this engine simulates a scene."""
+    return scene.noise.kind == "white"
+
+
 class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
-    `start` (5,), `marks`: see `start` and `grid`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
+    `start` (5,); `count`, `spacing`, `marks`: see `montecarlo.engines.start` and `grid`.
+    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
     segments of the forcing. `diffusion` (m,): D, 0 where it counts as none (`noise.envelope.QUIET`). `drift` (m, 2,
     2): angle and velocity after an interval from (0, 0), indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh
-    and sinh of `span`, an interval's duration; `spread` (m, 3): Cholesky factor of its noise. `shortest`: duration of
+    and sinh of an interval's duration; `spread` (m, 3): Cholesky factor of its noise. `shortest`: duration of
     the shortest step. `brief`: half the duration of the longest bounce that is one draw. `reach`: REACH standard
     deviations of the angle after a time t <= span are at most reach t^1.5, and `margin` after an interval, (m,) both.
     `repeats`: whether a lap does, and has no kinks, so that a bounce in one draw may go on into the next intervals.
@@ -62,6 +75,9 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    count: int
+    spacing: float
+    marks: np.ndarray
     diffusion: np.ndarray
     start: np.ndarray
     particular: np.ndarray
@@ -72,12 +88,10 @@ class Problem(NamedTuple):
     drift: np.ndarray
     hyperbolic: np.ndarray
     spread: np.ndarray
-    span: float
     shortest: float
     brief: float
     reach: np.ndarray
     margin: np.ndarray
-    marks: np.ndarray
     repeats: bool
 
 
@@ -99,8 +113,7 @@ def _factors(diffusions, envelope, span):
     strength = envelope.value(span * np.arange(len(diffusions))[:, None] + s) ** 2
     means = strength @ weights / 2.0
     weights = span * weights * strength * (diffusions / np.where(means > 0.0, means, 1.0))[:, None]
-    sinh, cosh = np.sinh(span - s), np.cosh(span - s)
-    xx, xv, vv = weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
+    xx, xv, vv = gathered(weights, span - s)
     x = np.sqrt(xx)
     v = np.divide(xv, x, out=np.zeros_like(x), where=x > 0.0)
     return np.stack([x, v, np.sqrt(np.maximum(vv - v * v, 0.0))], axis=-1)
@@ -138,32 +151,30 @@ def problem_of(scene, steps_per_cycle, times=None):
     xx, _, _ = flight_covariance(1.0, span)
     roots = np.sqrt(diffusions)
     return Problem(
-        restitution,
-        scene.overturning.angle,
+        *block_of(scene),
+        *grid,
         diffusions,
         start_numbers(scene.start),
         particular,
         *tables,
-        np.array([math.cosh(span), math.sinh(span)]),
+        hyperbolic(span),
         _factors(diffusions, envelope, span),
-        span,
         scene.forcing.time_scale / (FINEST * steps_per_cycle),
         BRIEF * span,
         REACH * math.sqrt(xx / span**3) * roots,
         REACH * math.sqrt(xx) * roots,
-        grid.marks,
         scene.repeats and scene.period is not None,
     )
 
 
-@kernel(forceinline=True, borrows=True)  # see flight.next_event
+@kernel(forceinline=True, borrows=True)  # see events.next_event
 def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
     """Take the block from `start` to `end` of interval j of a lap; return u, w, side and the time reached.
 
     That is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`, that
     of the interval's begin, and `end` is at most its end; `impacts` records the impacts.
     """
-    span, cutoff, time = problem.span, problem.cutoff, start
+    span, cutoff, time = problem.spacing, problem.cutoff, start
     end = min(end, span)
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
     if start == 0.0 and end == span and is_clear(u, w, side, j, problem):
@@ -171,11 +182,11 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
         drift = problem.drift[j, (side + 1) // 2]
         keep, swap = problem.hyperbolic
         xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
-        x = keep * u + swap * w + side * (drift[0] + xx * first)
-        w = swap * u + keep * w + side * (drift[1] + vx * first + vv * second)
-        if x >= 0.0:
-            return x, w, side, span
-        u, w, side, time = land(x, w, side, segment, 0.0, span, span, problem, impacts, origin)
+        u, w = hyperbolic_turn(u, w, keep, swap)
+        u, w = u + side * (drift[0] + xx * first), w + side * (drift[1] + vx * first + vv * second)
+        if u >= 0.0:
+            return u, w, side, span
+        u, w, side, time = land(u, w, side, segment, 0.0, span, span, problem, impacts, origin)
     if problem.diffusion[j] == 0.0:
         return _undisturbed(u, w, side, segment, time, end, problem, impacts, origin)
     if u == 0.0 and w == 0.0:
@@ -196,9 +207,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
 def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
     """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
     side = 0 if u == 0.0 and w == 0.0 else side
-    x, v, side, time = advance(
-        side * u, side * w, side, segment, start, end, problem.restitution, problem.cutoff, impacts, origin
-    )
+    x, v, side, time = advance(side * u, side * w, side, segment, start, end, block_in(problem), impacts, origin)
     if side == 0:
         return 0.0, 0.0, 1, time
     return side * x, side * v, side, time
@@ -207,11 +216,8 @@ def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
 @kernel(borrows=True)
 def is_clear(u, w, side, j, problem):
     """Whether neither barrier is within REACH standard deviations in all of interval j."""
-    low, high = (problem.low[j], problem.high[j]) if side > 0 else (-problem.high[j], -problem.low[j])
-    span, cutoff, half = problem.span, problem.cutoff, 0.5 * problem.span * problem.span
-    above = u + span * w + half * min(0.0, low - 1.0)
-    below = cutoff - u - span * w + half * min(0.0, 1.0 - cutoff - high)
-    return above >= problem.margin[j] and below >= problem.margin[j]
+    below, above = reach(u, w, side, problem.low[j], problem.high[j], problem.spacing, block_in(problem))
+    return below >= problem.margin[j] and problem.cutoff - above >= problem.margin[j]
 
 
 @kernel
@@ -222,16 +228,21 @@ def first_side(x, v, problem):
 
 
 @kernel
-def _realize(stream, cycle, problem, angle, velocity, impacts):
-    """Simulate one path: fill its rows of states, return time (nan: never) and side of overturning."""
-    x, v = draw_start(stream, problem.start)
+def room_of(problem):  # noqa: ARG001
+    """Return nothing: a path needs no working memory."""
+    return
+
+
+@kernel(forceinline=True, borrows=True)
+def march(stream, x, v, cycle, problem, room, angle, velocity, impacts):  # noqa: ARG001
+    """Simulate one path from (x, v): fill its rows of states, return time (nan: never) and side of overturning.
+
+    A path cannot be looked at within a step, as that would take random numbers: its steps end at the times wanted.
+    """
     side = first_side(x, v, problem)
     u, w = side * x, side * v
-    intervals, span, marks = problem.low.size, problem.span, problem.marks
+    intervals, span, marks = problem.count, problem.spacing, problem.marks
     elapsed, start = cycle * intervals, 0.0
-    if u >= problem.cutoff:
-        return elapsed * span, side
-    angle[0], velocity[0] = x, v
     for row in range(1, angle.size):
         mark = marks[(row - 1) % marks.size] + (cycle + (row - 1) // marks.size) * intervals
         while elapsed < mark:
@@ -251,14 +262,5 @@ def _realize(stream, cycle, problem, angle, velocity, impacts):
     return math.nan, 0
 
 
-@kernel(parallel=True)
-def realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate paths `first`, `first` + 1, ... in parallel; see `montecarlo.engines.Engine`.
-
-    Each path has a stream of its own, and another one in a run that begins at another cycle.
-    """
-    keys = keys_at(keys, cycle)
-    for r in prange(angle.shape[0]):
-        stream = open_stream(keys, first + r)
-        hits = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
-        overturn_time[r], overturn_side[r] = _realize(stream, cycle, problem, angle[r], velocity[r], hits)
+draw = start_of.draw
+realize = realizer(sys.modules[__name__])

@@ -24,7 +24,7 @@ def _continue(stream, i, population, steps, problem, prospects):
     k = population.records[i] - 1
     step, state = population.step[i, k], population.state[i, k]
     u, w, side = state[0], state[1], int(state[2])
-    intervals = problem.low.size
+    intervals = problem.count
     while step < steps and u < problem.cutoff:
         u, w, side, _ = interval(stream, u, w, side, step % intervals, problem)
         step += 1
@@ -38,7 +38,7 @@ def realize(repeat, keys, walkers, problem, prospects, overturned):
 
     Adds its estimates to `overturned` (cycles + 1, 2) zeros; returns the numbers of levels and of killed walkers.
     """
-    intervals = problem.low.size
+    intervals = problem.count
     steps = (overturned.shape[0] - 1) * intervals
     population = populate(walkers, steps)
     # No two paths share a stream, nor one with a realization of an ensemble: those have the numbers below 2^32.

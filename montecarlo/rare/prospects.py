@@ -16,9 +16,10 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import impact
-from fpk_rocking.physics.flight import IMPACT, OVERTURNING, Segment, bounds, next_event, polynomial
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, next_event
+from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, bounds, escape
 
 AHEAD = 7.0
 """Time for which the motion without noise is followed."""
@@ -83,32 +84,25 @@ def _course(scene, intervals, span):
     low, high, curvature = np.empty((3, intervals))
     for j in range(intervals):
         low[j], high[j], curvature[j] = bounds(particular[j], duration, force[j])
-    ahead = (duration, stride, math.ceil(AHEAD / duration), scene.block.restitution, scene.overturning.angle)
+    ahead = (duration, stride, math.ceil(AHEAD / duration), *block_of(scene))
     return Course(particular, force, low, high, curvature, *ahead)
-
-
-@kernel
-def _distance(u, w, side, particular, t):
-    """Unstable coordinate z."""
-    value, slope = polynomial(particular, t)
-    return u + w - 1.0 - side * (value + slope)
 
 
 @kernel
 def _ahead(u, w, side, j, course):
     """Prospects of a state at time j of the cycle; a block is followed until it escapes or comes to rest."""
-    best = _distance(u, w, side, course.particular[j], 0.0)
+    best = escape(u, w, side, course.particular[j], 0.0)
     x, v = side * u, side * w
     for _ in range(course.count):
         segment = Segment(course.particular[j], course.force[j], course.low[j], course.high[j], course.curvature[j])
         t = 0.0
         while t < course.duration and best <= 0.0:
-            kind, t, x, v = next_event(x, v, side, segment, t, course.duration, course.cutoff)
+            kind, t, x, v = next_event(x, v, side, segment, t, course.duration, block_in(course))
             if kind == OVERTURNING or (kind == IMPACT and abs(v) < _SLOW):
                 return best
             if kind == IMPACT:
                 v, side = impact(v, course.restitution), -side
-                best = max(best, _distance(0.0, side * v, side, course.particular[j], t))
+                best = max(best, escape(0.0, side * v, side, course.particular[j], t))
         j = (j + course.stride) % course.low.size
     return best
 

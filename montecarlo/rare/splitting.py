@@ -251,12 +251,12 @@ def split(
     repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
     run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
     problem, keys = problem_of(scene, run.steps_per_cycle), stream_keys(run.seed)
-    if problem.low.size > _INTERVALS:
-        accepted = f"a cycle of {_INTERVALS} intervals or fewer for `split`, {problem.span:.2g} each"
+    if problem.count > _INTERVALS:
+        accepted = f"a cycle of {_INTERVALS} intervals or fewer for `split`, {problem.spacing:.2g} each"
         raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
-    _refuse_large("walkers", walkers, run.rows * problem.low.size)
+    _refuse_large("walkers", walkers, run.rows * problem.count)
     _refuse_large("repeats", repeats, run.rows)
-    prospects = prospects_of(scene, problem.low.size)
+    prospects = prospects_of(scene, problem.count)
     overturned = np.zeros((repeats, run.rows + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
     pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())

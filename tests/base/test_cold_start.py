@@ -13,7 +13,7 @@ import time
 import pytest
 
 from fpk_rocking.base import ahead, jit
-from montecarlo.engines.running import ENGINES
+from montecarlo.engines.choice import ENGINES, task_of
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -105,7 +105,7 @@ WHITE = "montecarlo.ahead:white"
 
 
 def test_every_engine_and_every_call_has_its_task():
-    named = {f"montecarlo.ahead:{method}" for method in ENGINES}
+    named = set(map(task_of, ENGINES))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
         named.update(re.findall(r'ahead\.before\("([\w.:]+)"', path.read_text(encoding="utf-8")))
     assert named <= set(ahead.TASKS)
@@ -146,7 +146,7 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
     """As many at once as would collide: each answers, and the kernel is compiled once."""
     code = """
 import sys
-from fpk_rocking.physics.contact import chatter_time
+from fpk_rocking.physics.motion.contact import chatter_time
 print(chatter_time(0.25, 0.0, 0.0), sum(chatter_time.stats.cache_misses.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
@@ -206,7 +206,7 @@ def test_kernels_give_the_same_where_each_is_compiled_apart(tmp_path):
     """As with a numba whose libraries cannot be extended."""
     code = """
 from fpk_rocking.base import jit
-from fpk_rocking.physics.contact import chatter_time
+from fpk_rocking.physics.motion.contact import chatter_time
 print(jit.WHOLE, chatter_time(0.25, 0.3, 0.7))
 """
     answers = []

@@ -13,7 +13,7 @@ from fpk_rocking.base import jit
 
 PROBE = """
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import chatter_time
+from fpk_rocking.physics.motion.contact import chatter_time
 
 @kernel
 def probe(speed):
@@ -51,7 +51,7 @@ def test_an_edited_kernel_is_compiled_anew_also_where_another_file_calls_it(pack
     checks.write_text(checks.read_text() + "\n")
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 1)
     assert set(cache.iterdir()) == before
-    contact = package / "physics" / "contact.py"
+    contact = package / "physics" / "motion" / "contact.py"
     contact.write_text(contact.read_text().replace("return 2.0 * speed *", "return 6.0 * speed *"))
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (1.5, 0)
     assert len(list(cache.iterdir())) == 2 * len(before)
@@ -67,8 +67,10 @@ def test_the_cache_is_in_the_users_cache_folder_unless_chosen(package, tmp_path)
 COUNTED = """
 import sys
 from fpk_rocking.base import jit
-from fpk_rocking.physics.flight import SPEED_FLOOR, flight, segment_of
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.motion.events import SPEED_FLOOR
+from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.motion import TERMS
 import numpy as np
 
 segment = segment_of(Forcing(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
@@ -92,7 +94,8 @@ BORROWED = """
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.flight import TERMS, Segment, bounds
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.slender import Segment, bounds
 
 @kernel
 def make(particular, force, duration):

@@ -13,8 +13,8 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space, gauss
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.free_flight import blur_variances
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.motion.gaussian import blur_variances
 from fpk_rocking.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)

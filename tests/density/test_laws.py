@@ -100,8 +100,9 @@ def test_mass_that_crosses_zero_is_what_arrives():
     trace = Trace(space, 0.7, 0.15, dynamics, QUADRATURE)
     after, sinks = Step(trace, space).apply(coefficients)
     events = np.argwhere(trace.events >= 0)
-    values = space.cell_values(coefficients, trace.angle_points, trace.velocity_points)[tuple(events.T)]
-    masses = np.einsum("cpq,p,q,k->cpqk", values, trace.angle_weights, trace.velocity_weights, trace.node_weights)
+    points = trace.points
+    values = space.cell_values(coefficients, points.angle_points, points.velocity_points)[tuple(events.T)]
+    masses = np.einsum("cpq,p,q,k->cpqk", values, points.angle_weights, points.velocity_weights, trace.node_weights)
     masses *= space.areas[tuple(events.T)][:, None, None, None]
     positive = (events[:, 0] >= space.first_positive)[:, None, None, None]
     risen, fallen = (masses * (~positive & (trace.codes > 0))).sum(), (masses * (positive & (trace.codes < 0))).sum()

@@ -11,8 +11,8 @@ import pytest
 from density_operators import affine, flow
 
 from fpk_rocking import Forcing
-from fpk_rocking.density.step import noise_paths
 from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.physics.motion import saltation
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
 AMPLITUDE, FREQUENCY, PHASE = 4.6, 2.7, math.pi - 1.0
@@ -28,7 +28,7 @@ def forcing(time):
 
 def expansion(displacement, time, speed, side, duration=DURATION):
     """Displacement at the end and whether the impact came within the step, by the kernel."""
-    return noise_paths._through(
+    return saltation.through_impact_expanded(
         *displacement, time, duration - time, DYNAMICS.restitution, speed, side, *forcing(START + time)
     )
 

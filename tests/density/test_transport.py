@@ -17,7 +17,8 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import landing, noise_paths
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.motion import TERMS
 
 CUTOFF = 1.2
 DYNAMICS = Dynamics(Forcing(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
@@ -41,10 +42,9 @@ def traced(points, side, dynamics, quadrature, duration=DURATION):
     offsets = noise_offsets(dynamics, duration, quadrature.long, quadrature.short)
     states, codes = np.empty((len(points), len(nodes), 2)), np.empty((len(points), len(nodes)), np.int32)
     for k, (x, v) in enumerate(points):
-        noise_paths.trace(
-            x, v, side, dynamics.segment(START, duration), duration, dynamics.diffusion, dynamics.restitution,
-            dynamics.cutoff, nodes, offsets, np.abs(offsets[:, 0]).max(), np.empty((4, TERMS)), states[k], codes[k],
-        )  # fmt: skip
+        noise = noise_paths.Noise(duration, dynamics.diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
+        segment, scratch = dynamics.segment(START, duration), np.empty((4, TERMS))
+        noise_paths.trace(x, v, side, segment, dynamics.block, noise, scratch, states[k], codes[k])
     return states, codes
 
 
@@ -129,7 +129,7 @@ def test_the_tested_step_holds_every_kind_of_event(trace):
 @pytest.mark.parametrize("side", [1, -1])
 def test_shifts_are_projections_of_the_moved_lines(trace, coefficients, side):
     """With coefficients in all cells of a side much passes every end: nothing passes x = 0, and mass is balanced."""
-    affinity, columns = (trace.cosh, trace.sinh, trace.shifts), SIDES[side]
+    affinity, columns = trace.affine, SIDES[side]
     free, out = np.zeros(SOURCE.shape[:2], dtype=bool), np.zeros(SOURCE.shape)
     free[columns] = True
     overturned_left, overturned_right, lost = FreeFlight(
@@ -196,7 +196,7 @@ def test_free_cells_are_those_that_no_flight_leaves():
         angle_lines = np.sort([*rng.uniform(-CUTOFF, CUTOFF, 7), -CUTOFF, 0.0, CUTOFF])
         velocity_lines = np.sort(rng.uniform(-3.0, 3.0, 7))
         segment = dynamics.segment(start, duration)
-        marks = landing.classify(angle_lines, velocity_lines, segment, duration, CUTOFF, margin)
+        marks = landing.classify(angle_lines, velocity_lines, segment, duration, dynamics.block, margin)
         for side, columns in ((-1, angle_lines[:-1] < 0.0), (1, angle_lines[:-1] >= 0.0)):
             edges = np.array([angle_lines[:-1][columns], angle_lines[1:][columns]])
             sides = np.array([velocity_lines[:-1], velocity_lines[1:]])

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from fpk_rocking.physics.flight import Segment, next_event
+from fpk_rocking.physics.motion.events import next_event
+from fpk_rocking.physics.motion.slender import Segment, Slender
 from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
@@ -60,15 +61,17 @@ def bounce_errors(share, monkeypatch):
     """Relative errors of arrival speed and duration of bounces without noise that last about 2 share intervals."""
     monkeypatch.setattr(white, "BRIEF", 2.0)
     problem = white.problem_of(Scene(Block(0.9), Forcing(0.9, 7.0), WhiteNoise(1e-20)), 200)
-    stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * problem.span, {}
+    stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * problem.spacing, {}
     for j in range(problem.low.size):
         for side in (-1, 1):
             pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, problem.force[j])
-            speed = share * problem.span * pull
+            speed = share * problem.spacing * pull
             after, gone, end = bounce(stream, speed, side, j, begin, math.inf, problem, None, 0.0)
             if gone != 0:
                 segment = Segment(problem.particular[j], problem.force[j], -1.0, 1.0, 200.0)
-                _, time, _, v = next_event(0.0, side * speed, side, segment, begin, 10.0 * problem.span, 1.5)
+                _, time, _, v = next_event(
+                    0.0, side * speed, side, segment, begin, 10.0 * problem.spacing, Slender(0.9, 1.5)
+                )
                 errors[j, side] = after / (0.9 * abs(v)) - 1.0, (end - begin) / (time - begin) - 1.0
     return errors
 

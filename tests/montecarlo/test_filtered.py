@@ -8,7 +8,7 @@ import filter_formulas as formulas
 import numba
 import numpy as np
 import pytest
-from filtered_paths import coupled, noise_of, with_intervals
+from filtered_paths import coupled, interval, noise_of, with_intervals
 from scipy.stats import kstest
 from stepped_paths import soil, survival
 from two_samples import survival_test
@@ -70,7 +70,7 @@ def test_sampled_noise_has_the_autocovariance(noise):
     scene, n, grid = scene_of(noise), 100_000, 4
     problem = with_intervals(scene, 24)
     values, flights = noise_of(problem, grid, n)
-    h, nodes = problem.span, np.polynomial.legendre.leggauss(48)
+    h, nodes = problem.spacing, np.polynomial.legendre.leggauss(48)
     time, weight = 0.5 * h * (1.0 + nodes[0]), 0.5 * h * nodes[1]
     output = noise.space.output * math.sqrt(noise.variance)
     times, kernels = [], []
@@ -104,19 +104,22 @@ def _mean(noise, first, second):
 def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     """A flight by the polynomial ends where the drawn one does, to rounding, and the polynomial has the drawn noise."""
     problem = with_intervals(scene_of(noise), intervals)
-    room, stream = filtered.make_room(problem), open_stream(stream_keys(1), 0)
+    room, stream = filtered.room_of(problem), open_stream(stream_keys(1), 0)
     filtered.begin_noise(stream, problem, room)
     output, rate = noise.space.output, noise.space.output @ noise.space.drift
     n, sigma = output.size, math.sqrt(noise.variance)
     for j in range(intervals):
         filtered.draw_noise(stream, problem, room)
-        drawn = filtered.interval(0.8, 0.1, 1, j, problem, room, None, 0.0)[:2]
-        assert filtered._look(0.8, 0.1, 1, j, problem.span, problem, room) == pytest.approx(drawn, abs=1e-13)
+        drawn = interval(0.8, 0.1, 1, 0, j, problem, room)[:2]
+        filtered.resolve(j, j, problem, room)
+        assert filtered.look((0.8, 0.1), 1, j, j, 1.0, problem, room) == pytest.approx(drawn, abs=1e-13)
         ends = [sigma * (output @ room.drawn[:n]), sigma * (output @ room.drawn[n : 2 * n])]
         assert room.bernstein[[0, -1]] == pytest.approx(ends, abs=1e-14)
         if noise in (LOW_PASS, THIRD):
             slopes = (room.bernstein.size - 1) * np.diff(room.bernstein)[[0, -1]]
-            assert slopes == pytest.approx(problem.span * sigma * room.drawn[: 2 * n].reshape(2, n) @ rate, abs=1e-12)
+            assert slopes == pytest.approx(
+                problem.spacing * sigma * room.drawn[: 2 * n].reshape(2, n) @ rate, abs=1e-12
+            )
 
 
 KINKED = Table((0.3, 0.6, 2.0), (0.2, 1.5, 0.1))
@@ -124,7 +127,7 @@ KINKED = Table((0.3, 0.6, 2.0), (0.2, 1.5, 0.1))
 
 def lap(scene, end):
     """The engine's tables for a time, in intervals of its default length at most."""
-    spacing = filtered.problem_of(scene, 200, np.array([end])).span
+    spacing = filtered.problem_of(scene, 200, np.array([end])).spacing
     count = math.ceil(end / spacing - 1e-9)
     return filtered.on_grid(scene, Grid(count, end / count, np.array([float(count)])))
 
@@ -179,16 +182,17 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
     """Far from every event the paths by pieces, to any time, and by the tables of whole intervals are the same."""
     noise = dataclasses.replace(LOW_PASS, envelope=Table((0.03, 0.31, 0.32, 0.6), (0.2, 1.5, 0.0, 1.0)))
     problem = lap(scene_of(noise), 0.7)
-    room, stream, cut = filtered.make_room(problem), open_stream(stream_keys(1), 0), 0
+    room, stream, cut = filtered.room_of(problem), open_stream(stream_keys(1), 0), 0
     filtered.begin_noise(stream, problem, room)
     for j in range(len(problem.response)):
         filtered.draw_noise(stream, problem, room)
-        x, v, side, _ = filtered.interval(0.8, 0.1, 1, j, problem, room, None, 0.0)
-        parts = filtered._through_pieces(0.8, 0.1, 1, j, problem.span, problem, room, None, 0.0)
-        assert parts == pytest.approx((x, v, side, problem.span), abs=1e-13)
+        x, v, side, _ = interval(0.8, 0.1, 1, 0, j, problem, room)
+        filtered.resolve(j, j, problem, room)
+        parts = filtered.carry(0.8, 0.1, 1, 0, j, 1.0, 0, problem, room, None)
+        assert parts == pytest.approx((x, v, side, problem.spacing), abs=1e-13)
         pieces = range(problem.first[j], problem.first[j + 1])
         cut += len(pieces) > 1
-        begins, values = j * problem.span + problem.begins[pieces], problem.strength[pieces, 0]
+        begins, values = j * problem.spacing + problem.begins[pieces], problem.strength[pieces, 0]
         assert values == pytest.approx(noise.envelope.value(begins + 1e-12), abs=1e-9)
     assert cut == 3
 

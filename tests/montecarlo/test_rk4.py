@@ -10,10 +10,10 @@ import pytest
 from two_samples import survival_test
 
 import montecarlo
-from fpk_rocking.physics.contact import side_at_zero
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import side_of
+from fpk_rocking.physics.motion.slender import Slender, segment_of
+from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")
@@ -29,13 +29,13 @@ def noise_free(amplitude=0.0, restitution=0.5, frequency=2.7, phase=math.pi, sta
 def closed_form(scene, x, v, cycles):
     """Poincaré points (cycles + 1, 2) by exact flights; nan after overturning."""
     forcing, span = scene.forcing, scene.period / 16
-    side = int(np.sign(x)) or side_at_zero(v, -forcing.amplitude * math.cos(forcing.phase))
+    side = side_of(x, v)
     points = np.full((cycles + 1, 2), math.nan)
     points[0] = x, v
     for i in range(16 * cycles):
         segment = segment_of(forcing.pieces([i * span])[0], np.empty(TERMS), span)
         cutoff = scene.overturning.angle
-        x, v, side, _ = advance(x, v, side, segment, 0.0, span, scene.block.restitution, cutoff)
+        x, v, side, _ = advance(x, v, side, segment, 0.0, span, Slender(scene.block.restitution, cutoff))
         if abs(x) >= cutoff:
             break
         if i % 16 == 15:

@@ -7,7 +7,7 @@ import numpy as np
 import oracle
 import pytest
 
-from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
 from montecarlo.engines.random import open_stream, stream_keys, uniform

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from two_samples import survival_test
 
-from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.flight import flight, segment_of
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.slender import flight, segment_of
 from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white

@@ -6,7 +6,8 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from montecarlo.engines.filtered import begin_noise, draw_noise, interval, make_room, on_grid, side_of
+from fpk_rocking.physics.motion.contact import side_of
+from montecarlo.engines.filtered import begin_noise, carry, coast, draw_noise, on_grid, resolve, room_of
 from montecarlo.engines.grid import Grid
 from montecarlo.engines.random import open_stream, stream_keys
 from montecarlo.engines.start import draw_start
@@ -34,9 +35,19 @@ def _gather(fine, part, problem, room):
 
 
 @kernel
+def interval(x, v, side, number, j, problem, room):
+    """Carry a block through an interval whose noise is drawn; return x, v, side and the time reached."""
+    quiet, ahead = coast((x, v), side, number, j, problem, room)
+    if quiet:
+        return *ahead, side, (number + 1) * problem.spacing
+    resolve(number, j, problem, room)
+    return carry(x, v, side, number, j, 1.0, 0, problem, room, None)
+
+
+@kernel
 def _pair(stream, fine, coarse, factor, cycles):
     """Follow one path on both grids; return both times of overturning (inf: none) and both last angles."""
-    rooms = make_room(fine), make_room(coarse)
+    rooms = room_of(fine), room_of(coarse)
     x, v = draw_start(stream, fine.start)
     states = [(x, v, side_of(x, v)), (x, v, side_of(x, v))]
     times = [math.inf, math.inf]
@@ -47,19 +58,17 @@ def _pair(stream, fine, coarse, factor, cycles):
         _gather(rooms[0], number % factor, fine, rooms[1])
         if times[0] == math.inf:
             x, v, side = states[0]
-            origin = number * fine.span
-            x, v, side, time = interval(x, v, side, number % intervals, fine, rooms[0], None, origin)
+            x, v, side, time = interval(x, v, side, number, number % intervals, fine, rooms[0])
             states[0] = x, v, side
             if abs(x) >= fine.cutoff:
-                times[0] = origin + time
+                times[0] = time
         if times[1] == math.inf and number % factor == factor - 1:
             x, v, side = states[1]
-            origin = (number + 1 - factor) * fine.span
             j = number % intervals // factor
-            x, v, side, time = interval(x, v, side, j, coarse, rooms[1], None, origin)
+            x, v, side, time = interval(x, v, side, number // factor, j, coarse, rooms[1])
             states[1] = x, v, side
             if abs(x) >= fine.cutoff:
-                times[1] = origin + time
+                times[1] = time
     return times[0], times[1], states[0][0], states[1][0]
 
 
@@ -81,7 +90,7 @@ def coupled(scene, intervals, factor, cycles, paths, seed=1):
 def _noise(keys, problem, states, flights):
     n = len(problem.stationary)
     for r in range(states.shape[0]):
-        stream, room = open_stream(keys, r), make_room(problem)
+        stream, room = open_stream(keys, r), room_of(problem)
         begin_noise(stream, problem, room)
         for k in range(states.shape[1]):
             states[r, k] = room.drawn[n : 2 * n]

@@ -27,7 +27,7 @@ def follow_scene(scene, seed, realization, cycles, rounding=2e-14, digits=50):
     """
     problem = rk4.problem_of(scene, 8)
     harmonics = band.allocate(problem.harmonics, 1)
-    angle, velocity = shinozuka.draw(open_stream(stream_keys(seed), realization), problem, harmonics)
+    angle, velocity = shinozuka.draw_band(open_stream(stream_keys(seed), realization), problem, harmonics)
     rows = harmonics.ratios, harmonics.phases, harmonics.weights
     ratios, phases, weights = (row[: problem.harmonics].tolist() for row in rows)
     forcing = scene.forcing

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 
 

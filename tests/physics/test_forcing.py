@@ -18,8 +18,8 @@ from fpk_rocking import (
     melnikov,
     solve_fpk,
 )
-from fpk_rocking.physics.flight import move_origin, polynomial
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
 from montecarlo import histories, simulate, split, tally
 
 TWO = Harmonics(2.7, (2.4, 1.1), (0.0, 0.7))

@@ -21,7 +21,7 @@ from fpk_rocking.density.step.free_flight import angle_shear_of
 from fpk_rocking.density.step.occupied import meeting, occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace, deposit_buffers
 from fpk_rocking.physics.forcing import PeriodicForcing
-from fpk_rocking.physics.transition import advance
+from fpk_rocking.physics.motion.transition import advance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,7 +178,7 @@ class NodePropagator:
         """Angle, velocity and side (0: none) at the end of a step of a block that is at rest at its begin."""
         dynamics = trace.dynamics
         segment = dynamics.segment(trace.start, trace.duration)
-        return carried_from_rest(segment, trace.duration, dynamics.restitution, dynamics.cutoff)
+        return carried_from_rest(segment, trace.duration, dynamics.block)
 
     def _activate(self, k, density):
         """Make all cells active, at every node, that hold something at one of them."""
@@ -192,7 +192,7 @@ class NodePropagator:
 
 
 @kernel
-def carried_from_rest(segment, duration, restitution, cutoff):
+def carried_from_rest(segment, duration, block):
     """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin."""
-    x, v, side, _ = advance(0.0, 0.0, 0, segment, 0.0, duration, restitution, cutoff)
+    x, v, side, _ = advance(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side

@@ -12,6 +12,7 @@ import numpy as np
 
 from fpk_rocking.density.memory.nodes import whitened
 from fpk_rocking.density.space.space import shapes
+from fpk_rocking.physics.motion import LIFT_OFF
 from fpk_rocking.physics.noise.state_space import transition
 
 REACH = 8.0
@@ -50,12 +51,12 @@ class Flight:
         if self._mean.any() or self._covariance.any():
             return False
         room = REACH * math.sqrt(self.scene.noise.variance)
-        return abs(self.scene.forcing.value(0.0)) <= 1.0 + room
+        return abs(self.scene.forcing.value(0.0)) <= LIFT_OFF + room
 
     def at(self, time):
         """Mean (2,) and covariance (2 + states, 2 + states) of angle, velocity and the whitened states at a time."""
-        cosh, sinh, shifts = self.dynamics.affine(0.0, time)
-        mean = np.array([[cosh, sinh], [sinh, cosh]]) @ self._mean + shifts[self.side]
+        flight = self.dynamics.affine(0.0, time)
+        mean = flight.matrix @ self._mean + flight.shifts[self.side]
         return mean, _joint_covariance(self.nodes, self._covariance, time)
 
     def undisturbed(self, time):

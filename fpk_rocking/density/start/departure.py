@@ -16,6 +16,7 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.motion import LIFT_OFF
 
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
@@ -75,11 +76,10 @@ class Gaussian:
 
     def after(self, dynamics: Dynamics, start, duration, side):
         """Return the Gaussian after a flight on one side in which nothing happens."""
-        cosh, sinh, shifts = dynamics.affine(start, duration)
-        matrix = np.array([[cosh, sinh], [sinh, cosh]])
+        flight = dynamics.affine(start, duration)
         xx, xv, vv = dynamics.covariance(start, duration)
-        covariance = matrix @ self.covariance @ matrix.T + [[xx, xv], [xv, vv]]
-        return Gaussian(matrix @ self.mean + shifts[side], covariance)
+        covariance = flight.matrix @ self.covariance @ flight.matrix.T + [[xx, xv], [xv, vv]]
+        return Gaussian(flight.matrix @ self.mean + flight.shifts[side], covariance)
 
 
 def initial_density(start, space, cutoff):
@@ -129,7 +129,7 @@ class Departure:
     def rests(self):
         """Whether the block is at rest and the forcing does not lift it off."""
         still = not self._initial.mean.any() and not self._initial.covariance.any()
-        return still and abs(self.dynamics.forcing.value(0.0)) <= 1.0
+        return still and abs(self.dynamics.forcing.value(0.0)) <= LIFT_OFF
 
     def flight(self, time):
         """Gaussian that an undisturbed flight leads to."""
@@ -198,7 +198,7 @@ class Departure:
 
     def _trace(self, now, duration, quiet):
         """Trace one step from the cells of a window that hold something."""
-        points = self.windows.points + (0 if abs(self.dynamics.forcing.value(now.time)) > 1.0 else MORE)
+        points = self.windows.points + (0 if abs(self.dynamics.forcing.value(now.time)) > LIFT_OFF else MORE)
         quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
         holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
         return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding)
@@ -234,7 +234,7 @@ class Departure:
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
         dynamics, growth = self.dynamics.during(time, 1e-6 * self._cycle), self.windows.growth
-        gap, change = 1.0 - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
+        gap, change = LIFT_OFF - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
             return growth * max(_RATTLE * lifting, self._cycle / _MOST_STEPS, _AHEAD * (self._patience - time))
@@ -245,7 +245,7 @@ class Departure:
 
     def _rattles(self, now, duration):
         """Whether mass that matters may come to rest at x = 0 within a step."""
-        slow = max(1.0 - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
+        slow = max(LIFT_OFF - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
         slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.during(now.time, duration).diffusion * duration)
         angle, velocity = (
             (lines[:-1] < size) & (lines[1:] > -size)
@@ -259,7 +259,7 @@ class Departure:
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.windows.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
             segment = dynamics.segment(now.time, duration)
-            events = classify(*window.lines, segment, duration, dynamics.cutoff, reach)
+            events = classify(*window.lines, segment, duration, dynamics.block, reach)
             if masses[events].sum() < NEGLIGIBLE:
                 return duration
         return 0.0
@@ -295,7 +295,7 @@ def _resolution(gaussian, space):
 def _drift_time(dynamics: Dynamics):
     """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
     dynamics = dynamics.during(0.0, 1e-9)
-    drift = abs(abs(dynamics.forcing.value(0.0)) - 1.0)
+    drift = abs(abs(dynamics.forcing.value(0.0)) - LIFT_OFF)
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
     return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)
 

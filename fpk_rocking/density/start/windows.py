@@ -8,8 +8,11 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import window_lines
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.deposit import Flown
+from fpk_rocking.density.step.landing import points_of
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
 from fpk_rocking.density.step.step import Trace
+from fpk_rocking.physics.motion.slender import carried
 
 DEGREE = 3
 """Degree of a window."""
@@ -84,14 +87,13 @@ def next_window(windows: WindowSettings, trace: Trace, coefficients, cutoff):
     """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
     # Cells that are not active hold nothing, and were not traced: where they would land nobody knows.
-    values = np.where(trace.active[..., None, None], trace.tables[0] @ coefficients @ trace.tables[1].T, 0.0)
-    values *= np.outer(trace.angle_weights, trace.velocity_weights)
+    points = trace.points
+    values = np.where(trace.active[..., None, None], points.angle_table @ coefficients @ points.velocity_table.T, 0.0)
+    values *= np.outer(points.angle_weights, points.velocity_weights)
     values *= source.areas[..., None, None]
-    total, x, v, xx, xv, vv, box = landing_sums(
-        values, source.angle_lines, source.velocity_lines, trace.angle_points, trace.velocity_points,
-        trace.node_weights, trace.events, trace.states, trace.codes, trace.cosh, trace.sinh, trace.shifts,
-        trace.offsets, VISIBLE,
-    )  # fmt: skip
+    flown = Flown(*trace.affine, trace.offsets, trace.node_weights)
+    sums = landing_sums(values, points, flown, trace.events, trace.states, trace.codes, VISIBLE)
+    total, x, v, xx, xv, vv, box = sums
     if total < NEGLIGIBLE:
         return source
     x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
@@ -102,10 +104,7 @@ def next_window(windows: WindowSettings, trace: Trace, coefficients, cutoff):
 
 
 @kernel
-def landing_sums(
-    values, angle_lines, velocity_lines, angle_points, velocity_points, weights, events, states, codes, cosh, sinh,
-    shifts, offsets, least,
-):  # fmt: skip
+def landing_sums(values, points, flown, events, states, codes, least):
     """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2, and the box that holds them.
 
     `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace. The box
@@ -114,22 +113,20 @@ def landing_sums(
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     box = np.array([np.inf, -np.inf, np.inf, -np.inf])
     for i in range(values.shape[0]):
-        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
         for j in range(values.shape[1]):
-            row = events[i, j]
-            for p in range(len(angle_points)):
-                x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
-                for q in range(len(velocity_points)):
-                    v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
-                    for n in range(len(weights)):
-                        mass = values[i, j, p, q] * weights[n]
+            side, x, v = points_of(i, j, points)
+            affine, row = (flown.cosh, flown.sinh, flown.shifts[side]), events[i, j]
+            for p in range(len(x)):
+                for q in range(len(v)):
+                    for n in range(len(flown.weights)):
+                        mass = values[i, j, p, q] * flown.weights[n]
                         if row >= 0:
                             if abs(codes[row, p, q, n]) == OVERTURNED_SIDE:
                                 continue
                             xn, vn = states[row, p, q, n]
                         else:
-                            xn = shifts[side, 0] + cosh * x + sinh * v + offsets[n, 0]
-                            vn = shifts[side, 1] + sinh * x + cosh * v + offsets[n, 1]
+                            xn, vn = carried(x[p], v[q], affine)
+                            xn, vn = xn + flown.offsets[n, 0], vn + flown.offsets[n, 1]
                         total += mass
                         sx += mass * xn
                         sv += mass * vn

@@ -16,7 +16,8 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.deposit import legendre
 from fpk_rocking.density.step.free_flight import transform
-from fpk_rocking.density.step.landing import LOST, locate
+from fpk_rocking.density.step.landing import LOST, locate, points_of
+from fpk_rocking.physics.motion.slender import carried
 
 _FASTMATH = {"contract", "reassoc", "nsz"}
 
@@ -73,11 +74,9 @@ def collect_landed(function, exit_values, node_weights, cells, points, values, b
 @kernel(fastmath=_FASTMATH)
 def collect_free(function, exit_values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, basis):
     """Mean value over the nodes of every Gauss point of one cell that moves in affine flight."""
-    cosh, sinh, shift = affine
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
-            mean_x = shift[0] + cosh * x[p] + sinh * v[q]
-            mean_v = shift[1] + sinh * x[p] + cosh * v[q]
+            mean_x, mean_v = carried(x[p], v[q], affine)
             total = 0.0
             for k in range(len(node_weights)):
                 i, xi = locate(angle_grid, mean_x + offsets[k, 0])
@@ -91,10 +90,11 @@ def collect_free(function, exit_values, node_weights, x, v, affine, offsets, ang
 
 
 @kernel
-def project_points(values, tables, weights, rows, out, basis):
+def project_points(values, points, rows, out, basis):
     """Coefficients of one cell from values at its Gauss points: the transpose of `deposit.values_at_points`."""
     modes = len(basis)
-    (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
+    angle_table, velocity_table = points.angle_table, points.velocity_table
+    angle_weights, velocity_weights = points.angle_weights, points.velocity_weights
     for p in range(values.shape[0]):
         for b in range(modes):
             total = 0.0
@@ -111,19 +111,7 @@ def project_points(values, tables, weights, rows, out, basis):
 
 @kernel(parallel=True)
 def collect(
-    function,
-    exit_values,
-    tables,
-    weights,
-    events,
-    landed,
-    free,
-    angle_grid,
-    velocity_grid,
-    cells,
-    out,
-    source_basis,
-    basis,
+    function, exit_values, points, events, landed, flown, angle_grid, velocity_grid, cells, out, source_basis, basis
 ):
     """Transpose of `deposit.deposit`, whose arguments these are.
 
@@ -138,22 +126,21 @@ def collect(
     out : ndarray, shape of the source's coefficients
         Receives them; others are left as they are.
     """
-    angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
     for n in prange(len(cells)):
         i, j = cells[n]
-        rows = np.empty((len(angle_points), len(source_basis)))
-        values = np.empty((len(angle_points), len(velocity_points)))
+        rows = np.empty((len(points.angle_points), len(source_basis)))
+        values = np.empty((len(points.angle_points), len(points.velocity_points)))
         row = events[i, j]
         if row >= 0:
-            collect_landed(function, exit_values, node_weights, landed[0][row], landed[1][row], values, basis)
+            collect_landed(function, exit_values, flown.weights, landed[0][row], landed[1][row], values, basis)
         else:
-            x = angle_lines[i] + angle_points * (angle_lines[i + 1] - angle_lines[i])
-            v = velocity_lines[j] + velocity_points * (velocity_lines[j + 1] - velocity_lines[j])
-            affine = cosh, sinh, shifts[1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1]
+            side, x, v = points_of(i, j, points)
+            affine = flown.cosh, flown.sinh, flown.shifts[side]
             collect_free(
-                function, exit_values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, values, basis
-            )
-        project_points(values, tables, weights, rows, out[i, j], source_basis)
+                function, exit_values, flown.weights, x, v, affine, flown.offsets, angle_grid, velocity_grid, values,
+                basis,
+            )  # fmt: skip
+        project_points(values, points, rows, out[i, j], source_basis)
 
 
 @kernel(fastmath=_FASTMATH)

@@ -6,12 +6,14 @@ and the buffers are added in a fixed order: the result does not depend on the nu
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.step.landing import LOST, locate
+from fpk_rocking.density.step.landing import LOST, locate, points_of
+from fpk_rocking.physics.motion.slender import carried
 
 CHUNKS = 8
 """Parts of the source mesh, each with a buffer: as many threads at most."""
@@ -66,10 +68,11 @@ def add(target, amount, xi, eta, basis):
 
 
 @kernel
-def values_at_points(cell, area, tables, weights, rows, values, basis):
+def values_at_points(cell, area, points, rows, values, basis):
     """Masses (g, h) of the Gauss points of one cell."""
     modes = len(basis)
-    (angle_table, velocity_table), (angle_weights, velocity_weights) = tables, weights
+    angle_table, velocity_table = points.angle_table, points.velocity_table
+    angle_weights, velocity_weights = points.angle_weights, points.velocity_weights
     for a in range(modes):
         for q in range(values.shape[1]):
             total = 0.0
@@ -101,11 +104,9 @@ def deposit_landed(values, node_weights, cells, points, buffer, sink, basis):
 @kernel(fastmath={"contract", "reassoc", "nsz"}, tuned=True)
 def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, basis):
     """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
-    cosh, sinh, shift = affine
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
-            mean_x = shift[0] + cosh * x[p] + sinh * v[q]
-            mean_v = shift[1] + sinh * x[p] + cosh * v[q]
+            mean_x, mean_v = carried(x[p], v[q], affine)
             for k in range(len(node_weights)):
                 amount = values[p, q] * node_weights[k]
                 i, xi = locate(angle_grid, mean_x + offsets[k, 0])
@@ -118,57 +119,84 @@ def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, veloci
 
 @kernel
 def deposit_chunk(
-    source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid, chunk, buffer, sink,
-    source_basis, basis,
-):  # fmt: skip
+    source, cells, points, landed, flown, angle_grid, velocity_grid, chunk, buffer, sink, source_basis, basis
+):
     """Deposit the columns of one chunk."""
-    angle_lines, velocity_lines, angle_points, velocity_points, cosh, sinh, shifts, offsets, node_weights = free
     across = len(velocity_grid[0]) - 1
     sink[:] = 0.0
     buffer[chunk[2] * across : chunk[3] * across] = 0.0
-    rows = np.empty((len(source_basis), len(velocity_points)))
-    values = np.empty((len(angle_points), len(velocity_points)))
+    rows = np.empty((len(source_basis), len(points.velocity_points)))
+    values = np.empty((len(points.angle_points), len(points.velocity_points)))
     for i in range(chunk[0], chunk[1]):
-        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
-        x = angle_lines[i] + angle_points * (angle_lines[i + 1] - angle_lines[i])
         for j in range(source.shape[1]):
-            if not chosen[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
+            if not cells.chosen[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
                 continue
-            values_at_points(source[i, j], areas[i, j], tables, weights, rows, values, source_basis)
-            row = events[i, j]
+            values_at_points(source[i, j], cells.areas[i, j], points, rows, values, source_basis)
+            row = cells.events[i, j]
             if row >= 0:
-                deposit_landed(values, node_weights, landed[0][row], landed[1][row], buffer, sink, basis)
+                deposit_landed(values, flown.weights, landed[0][row], landed[1][row], buffer, sink, basis)
             else:
-                v = velocity_lines[j] + velocity_points * (velocity_lines[j + 1] - velocity_lines[j])
-                affine = cosh, sinh, shifts[side]
+                side, x, v = points_of(i, j, points)
+                affine = flown.cosh, flown.sinh, flown.shifts[side]
                 deposit_free(
-                    values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, basis
+                    values, flown.weights, x, v, affine, flown.offsets, angle_grid, velocity_grid, buffer, sink, basis
                 )
 
 
+class Cells(NamedTuple):
+    """Cells of the source, (angle, velocity): those to deposit, their areas, their rows in what landed (-1: free)."""
+
+    chosen: np.ndarray
+    areas: np.ndarray
+    events: np.ndarray
+
+
+class Flown(NamedTuple):
+    """Where free cells fly: an `Affine`, and offsets (n, 2) and weights (n,) of the nodes of the noise."""
+
+    cosh: float
+    sinh: float
+    shifts: np.ndarray
+    offsets: np.ndarray
+    weights: np.ndarray
+
+
+class Parts(NamedTuple):
+    """Chunks of a deposit, each of which writes to a buffer of its own.
+
+    `chunks` (CHUNKS, 4): source columns from, to; target columns from, to. `buffers` (CHUNKS, target cells, modes *
+    modes). `sinks` (CHUNKS, 3 or 4): what overturned to the left, to the right, left the mesh, and came to rest.
+    """
+
+    chunks: np.ndarray
+    buffers: np.ndarray
+    sinks: np.ndarray
+
+
 @kernel(parallel=True)
-def deposit(
-    source,  # (angle cells, velocity cells, modes, modes) coefficients
-    chosen,  # (angle cells, velocity cells) of the source: those to deposit
-    areas,  # (angle cells, velocity cells) of the source
-    tables,  # (g, modes), (h, modes) shape functions at the Gauss points of both axes
-    weights,  # (g,), (h,) Gauss weights on [0, 1]
-    events,  # (angle cells, velocity cells) row in `landed`, or -1 for a free cell
-    landed,  # cells (m, g, h, n) and reference coordinates (m, g, h, n, 2)
-    free,  # source lines, Gauss points (g,), (h,), cosh, sinh, shifts (3, 2) by side, offsets (n, 2), node weights (n,)
-    angle_grid,
-    velocity_grid,
-    chunks,  # (CHUNKS, 4): source columns from, to; target columns from, to
-    buffers,  # (CHUNKS, target angle cells * target velocity cells, modes * modes)
-    sinks,  # (CHUNKS, 3) receives what overturned to the left, to the right, and left the mesh
-    source_basis,  # tuple (modes,) of the source: its length tells the compiler the number of modes
-    basis,  # the same of the target
-):
-    """Deposit the density of the chosen cells into the buffers of the chunks."""
-    for k in prange(len(chunks)):
+def deposit(source, cells, points, landed, flown, angle_grid, velocity_grid, parts, source_basis, basis):
+    """Deposit the density of the chosen cells into the buffers of the chunks.
+
+    Parameters
+    ----------
+    source : ndarray, shape (angle cells, velocity cells, modes, modes)
+        Coefficients.
+    cells : Cells
+    points : Gauss
+    landed : tuple of ndarray, shapes (m, g, h, n) and (m, g, h, n, 2)
+        Cells and reference coordinates of what was traced.
+    flown : Flown
+    angle_grid, velocity_grid : tuple
+        Of the target, see `landing.locate`.
+    parts : Parts
+        Overwritten.
+    source_basis, basis : tuple, shape (modes,)
+        Of source and target: their lengths tell the compiler the numbers of modes.
+    """
+    for k in prange(len(parts.chunks)):
         deposit_chunk(
-            source, chosen, areas, tables, weights, events, landed, free, angle_grid, velocity_grid,
-            chunks[k], buffers[k], sinks[k], source_basis, basis,
+            source, cells, points, landed, flown, angle_grid, velocity_grid,
+            parts.chunks[k], parts.buffers[k], parts.sinks[k], source_basis, basis,
         )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.space import Space, gauss, gauss_shapes, shapes
 from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
 from fpk_rocking.density.step.shifts import hermite, landing_range, prepare_shift
+from fpk_rocking.physics.motion.gaussian import blur_variances, shears
 
 _FINE_NODES = 3
 """Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
@@ -33,18 +34,6 @@ def _ends(degree):
     return shapes(np.array([0.0, 1.0]), degree)
 
 
-def blur_variances(diffusion, duration):
-    """Variances of the velocity's blur and of each of the angle's two blurs (derived in docs/theory)."""
-    sinh = math.sinh(duration)
-    if duration < 0.1:
-        square = duration * duration
-        deficit = square / 6.0 * (1.0 - square * (7.0 / 60.0) * (1.0 - square * (31.0 / 294.0)))
-    else:
-        deficit = 1.0 - duration / sinh
-    small = diffusion * math.tanh(0.5 * duration) * deficit
-    return diffusion * (sinh + duration * math.cosh(duration)), small
-
-
 class FreeFlight:
     """Map of densities over one step for the cells that no event can reach.
 
@@ -54,8 +43,7 @@ class FreeFlight:
         Source and target.
     free : ndarray of bool, shape (angle cells, velocity cells)
         The cells to fly from.
-    affine : tuple
-        cosh and sinh of the duration, and shifts (3, 2) with the side as first index.
+    affine : Affine
     diffusion, duration : float
         D and the length of the step.
     nodes : int
@@ -65,7 +53,7 @@ class FreeFlight:
     """
 
     def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_shear=None):
-        _, sinh, shifts = affine
+        sinh, shifts = shears(duration)[1], affine.shifts
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
         points, weights = gauss(space.degree + 1)
@@ -156,8 +144,8 @@ def angle_shear_of(space, affine, diffusion, duration):
 
 def _angle_shears(space, affine, diffusion, duration):
     """Rows, how far their lines move, the part of it that is the forcing's by side, and the nodes of the blur."""
-    (limit, across, *_), shifts = space.shape, affine[2]
-    middle, shear = min(space.first_positive, limit), math.tanh(0.5 * duration)
+    (limit, across, *_), shifts = space.shape, affine.shifts
+    middle, shear = min(space.first_positive, limit), shears(duration)[0]
     small = blur_variances(diffusion, duration)[1]
     nodes, weights = hermite(_FINE_NODES if small > 0.0 else 1)
     drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}

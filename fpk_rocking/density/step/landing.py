@@ -4,34 +4,59 @@ Cells that no event can reach within the step ("free") share one affine map and 
 others are those of `density.step.noise_paths`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.slender import pulls
 
 LEFT, RIGHT, LOST, REST = -1, -2, -3, -4
 """Landing cells below zero: overturned to the left, to the right, outside the mesh, at rest."""
 
 
+class Gauss(NamedTuple):
+    """Gauss points of a mesh: its lines, points (g,), (h,) on [0, 1] in a cell, and their weights.
+
+    The tables hold the shape functions there, (g, modes) and (h, modes).
+    """
+
+    angle_lines: np.ndarray
+    velocity_lines: np.ndarray
+    angle_points: np.ndarray
+    velocity_points: np.ndarray
+    angle_weights: np.ndarray
+    velocity_weights: np.ndarray
+    angle_table: np.ndarray
+    velocity_table: np.ndarray
+
+
 @kernel
-def free(low, high, slow, fast, side, segment, duration, cutoff, margin):
+def points_of(i, j, points):
+    """Side of a cell, and angles (g,) and velocities (h,) of its Gauss points."""
+    angle, velocity = points.angle_lines, points.velocity_lines
+    x = angle[i] + points.angle_points * (angle[i + 1] - angle[i])
+    v = velocity[j] + points.velocity_points * (velocity[j + 1] - velocity[j])
+    return (1 if angle[i] + angle[i + 1] > 0.0 else -1), x, v
+
+
+@kernel
+def free(low, high, slow, fast, side, segment, duration, block, margin):
     """Whether no path from a cell comes within `margin` of an impact or the cut-off during a step.
 
     In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity.
     """
-    if side > 0:
-        fall, rise = 1.0 - segment.force_low, cutoff - 1.0 + segment.force_high
-    else:
-        fall, rise = 1.0 + segment.force_high, cutoff - 1.0 - segment.force_low
+    fall, rise = pulls(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
     most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
-    return least > margin and most < cutoff - margin
+    return least > margin and most < block.cutoff - margin
 
 
 @kernel
-def classify(angle_lines, velocity_lines, segment, duration, cutoff, margin):
+def classify(angle_lines, velocity_lines, segment, duration, block, margin):
     """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool."""
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
@@ -40,51 +65,36 @@ def classify(angle_lines, velocity_lines, segment, duration, cutoff, margin):
         for j in range(marks.shape[1]):
             slow, fast = side * velocity_lines[j], side * velocity_lines[j + 1]
             slow, fast = min(slow, fast), max(slow, fast)
-            marks[i, j] = not free(low, high, slow, fast, side, segment, duration, cutoff, margin)
+            marks[i, j] = not free(low, high, slow, fast, side, segment, duration, block, margin)
     return marks
 
 
 @kernel
-def _trace_cell(
-    i, j, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
-    cutoff, nodes, offsets, margin, states, codes,
-):  # fmt: skip
+def _trace_cell(i, j, points, segment, block, noise, states, codes):
     scratch = np.empty((4, TERMS))
-    side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
-    for p in range(len(angle_points)):
-        x = angle_lines[i] + angle_points[p] * (angle_lines[i + 1] - angle_lines[i])
-        for q in range(len(velocity_points)):
-            v = velocity_lines[j] + velocity_points[q] * (velocity_lines[j + 1] - velocity_lines[j])
-            trace(
-                x, v, side, segment, duration, diffusion, restitution, cutoff, nodes, offsets, margin, scratch,
-                states[p, q], codes[p, q],
-            )  # fmt: skip
+    side, x, v = points_of(i, j, points)
+    for p in range(len(x)):
+        for q in range(len(v)):
+            trace(x[p], v[q], side, segment, block, noise, scratch, states[p, q], codes[p, q])
 
 
 @kernel(parallel=True)
-def _trace_all(
-    cells, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
-    cutoff, nodes, offsets, margin, states, codes,
-):  # fmt: skip
+def _trace_all(cells, points, segment, block, noise, states, codes):
     for c in prange(len(cells)):
-        _trace_cell(
-            cells[c, 0], cells[c, 1], angle_lines, velocity_lines, angle_points, velocity_points, segment, duration,
-            diffusion, restitution, cutoff, nodes, offsets, margin, states[c], codes[c],
-        )  # fmt: skip
+        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, states[c], codes[c])
 
 
-def trace_cells(
-    cells, angle_lines, velocity_lines, angle_points, velocity_points, segment, duration, diffusion, restitution,
-    cutoff, nodes, offsets, margin,
-):  # fmt: skip
+def trace_cells(cells, points, segment, block, noise):
     """Trace all nodes of all Gauss points of the given cells.
 
     Parameters
     ----------
     cells : ndarray, shape (m, 2)
         Angle and velocity index of each cell.
-    angle_points, velocity_points : ndarray, shape (g,), (h,)
-        Gauss points on [0, 1].
+    points : Gauss
+    segment : Segment
+    block : Slender
+    noise : Noise
 
     Returns
     -------
@@ -93,12 +103,9 @@ def trace_cells(
     codes : ndarray, shape (m, g, h, n)
         The side there, +-2 where overturned, 0 at rest.
     """
-    shape = len(cells), len(angle_points), len(velocity_points), len(nodes)
+    shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     states, codes = np.empty((*shape, 2)), np.empty(shape, np.int32)
-    _trace_all(
-        np.ascontiguousarray(cells), angle_lines, velocity_lines, angle_points, velocity_points, segment, duration,
-        diffusion, restitution, cutoff, nodes, offsets, margin, states, codes,
-    )  # fmt: skip
+    _trace_all(np.ascontiguousarray(cells), points, segment, block, noise, states, codes)
     return states, codes
 
 

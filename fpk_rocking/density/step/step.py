@@ -2,19 +2,20 @@
 
 import dataclasses
 import itertools
-import math
 
 import numpy as np
 
 from fpk_rocking.density.space.space import Space, gauss, gauss_shapes
 from fpk_rocking.density.step.adjoint import collect, fly_back
-from fpk_rocking.density.step.deposit import CHUNKS, deposit, gather
+from fpk_rocking.density.step.deposit import CHUNKS, Cells, Flown, Parts, deposit, gather
 from fpk_rocking.density.step.free_flight import FreeFlight
-from fpk_rocking.density.step.landing import classify, settle_in_cells, trace_cells
-from fpk_rocking.density.step.noise_paths import hermite_nodes, principal_axes
-from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS, PeriodicForcing
-from fpk_rocking.physics.gaussian import flight_covariance
+from fpk_rocking.density.step.landing import Gauss, classify, settle_in_cells, trace_cells
+from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
+from fpk_rocking.physics.forcing import PeriodicForcing
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered
+from fpk_rocking.physics.motion.particular import affine
+from fpk_rocking.physics.motion.slender import Slender, segment_of
 from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
 
 _NODES = np.polynomial.legendre.leggauss(16)
@@ -67,21 +68,21 @@ class Dynamics:
         late = 0.5 * duration * (1.0 - nodes)
         strength = np.maximum(self.envelope.value(start + duration - late) ** 2, self.faintest)
         weights = self.diffusion * duration * weights * strength
-        sinh, cosh = np.sinh(late), np.cosh(late)
-        return tuple(float(weights @ part) for part in (sinh**2, sinh * cosh, cosh**2))
+        return tuple(float(part) for part in gathered(weights, late))
 
     def segment(self, start, duration):
         """Return the forcing over a step as the kernels take it."""
         return segment_of(self.forcing.over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Affine flight z -> F z + shift: (cosh, sinh, shifts), the latter (3, 2) with the side as first index."""
-        (p0, q0), (p1, q1) = self.forcing.particular(start), self.forcing.particular(start + duration)
-        cosh, sinh = math.cosh(duration), math.sinh(duration)
-        shifts = np.zeros((3, 2))
-        for side in (1, -1):
-            shifts[side] = side + p1 - cosh * (side + p0) - sinh * q0, q1 - sinh * (side + p0) - cosh * q0
-        return cosh, sinh, shifts
+        """Return the flight over a step as an `Affine` map."""
+        forcing = self.forcing
+        return affine(*forcing.particular(start), *forcing.particular(start + duration), duration)
+
+    @property
+    def block(self):
+        """What the kernels have to know of the block."""
+        return Slender(self.restitution, self.cutoff)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,32 +129,26 @@ class Trace:
         axes = principal_axes(*dynamics.covariance(start, duration))
         dynamics = dynamics.during(start, duration)
         self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
-        (self.angle_points, self.angle_weights) = gauss(quadrature.angle)
-        (self.velocity_points, self.velocity_weights) = gauss(quadrature.velocity)
-        self.tables = tuple(gauss_shapes(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
-        self._nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
-        self.blur = quadrature.blur
-        self.offsets = self._nodes @ np.reshape(axes, (2, 2))
-        self.cosh, self.sinh, self.shifts = dynamics.affine(start, duration)
-        self._margin = np.abs(self.offsets[:, 0]).max()
+        rules = gauss(quadrature.angle), gauss(quadrature.velocity)
+        tables = (gauss_shapes(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
         lines = source.angle_lines, source.velocity_lines
+        self.points = Gauss(*lines, *(points for points, _ in rules), *(weights for _, weights in rules), *tables)
+        nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
+        self.blur, self.affine = quadrature.blur, dynamics.affine(start, duration)
+        self.offsets = nodes @ np.reshape(axes, (2, 2))
+        self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
         self._segment = dynamics.segment(start, duration)
-        self.marks = classify(*lines, self._segment, duration, dynamics.cutoff, self._margin)
+        self.marks = classify(*lines, self._segment, duration, dynamics.block, self._noise.margin)
         self.active = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
         self.states, self.codes = self.activate(np.full_like(self.marks, cells))
 
     def activate(self, cells):
         """Add cells to those that the step moves; return the states and codes of what had to be traced for that."""
-        source, dynamics = self.source, self.dynamics
         new = np.argwhere(self.marks & cells & ~self.active)
         self.active |= cells
         self.events[new[:, 0], new[:, 1]] = self.events.max() + 1 + np.arange(len(new))
-        return trace_cells(
-            new, source.angle_lines, source.velocity_lines, self.angle_points, self.velocity_points, self._segment,
-            self.duration, dynamics.diffusion, dynamics.restitution, dynamics.cutoff, self._nodes, self.offsets,
-            self._margin,
-        )  # fmt: skip
+        return trace_cells(new, self.points, self._segment, self.dynamics.block, self._noise)
 
 
 class Step:
@@ -177,11 +172,7 @@ class Step:
         self.trace, self.target, self.angle_shear = trace, target, angle_shear
         self._grids = target.tables
         degree, modes = trace.source.degree, target.degree + 1
-        self._weights = trace.angle_weights, trace.velocity_weights
-        self._affine = (
-            trace.source.angle_lines, trace.source.velocity_lines, trace.angle_points, trace.velocity_points,
-            trace.cosh, trace.sinh, trace.shifts, trace.offsets, trace.node_weights,
-        )  # fmt: skip
+        self._flown = Flown(*trace.affine, trace.offsets, trace.node_weights)
         self.buffers = deposit_buffers(target) if buffers is None else buffers
         self._sinks = np.empty((CHUNKS, 3 if trace.dynamics.diffusion > 0.0 else 4))
         self._bases = (1.0,) * (degree + 1), (1.0,) * modes
@@ -214,11 +205,10 @@ class Step:
         trace = self.trace
         self._flight, self._deposited = None, trace.active
         if self.target is trace.source:
-            affine = trace.cosh, trace.sinh, trace.shifts
             free = trace.active & ~trace.marks
             self._deposited = trace.active & trace.marks
             self._flight = FreeFlight(
-                self.target, free, affine, trace.dynamics.diffusion, trace.duration, trace.blur, self.angle_shear
+                self.target, free, trace.affine, trace.dynamics.diffusion, trace.duration, trace.blur, self.angle_shear
             )
         self._chunks = self._split()
 
@@ -228,10 +218,9 @@ class Step:
         Without diffusion there is a fourth mass: what came to rest.
         """
         trace, source = self.trace, self.trace.source
-        deposit(
-            coefficients, self._deposited, source.areas, trace.tables, self._weights, trace.events, self._landed,
-            self._affine, *self._grids, self._chunks, self.buffers, self._sinks, *self._bases,
-        )  # fmt: skip
+        cells = Cells(self._deposited, source.areas, trace.events)
+        parts = Parts(self._chunks, self.buffers, self._sinks)
+        deposit(coefficients, cells, trace.points, self._landed, self._flown, *self._grids, parts, *self._bases)
         out = np.empty(self.target.shape)
         gather(self.buffers, self._chunks, self.target.areas, out)
         sinks = self._sinks.sum(axis=0)
@@ -263,8 +252,8 @@ class Step:
         if self._flight:
             fly_back(self._flight, values, exit_values, out)
         collect(
-            values.reshape(-1, self.buffers.shape[2]), exit_values, trace.tables, self._weights, trace.events,
-            self._landed, self._affine, *self._grids, np.argwhere(self._deposited), out, *self._bases,
+            values.reshape(-1, self.buffers.shape[2]), exit_values, trace.points, trace.events, self._landed,
+            self._flown, *self._grids, np.argwhere(self._deposited), out, *self._bases,
         )  # fmt: skip
         out[~trace.active, 0, 0] = exit_values[2]
         return out
@@ -294,9 +283,9 @@ class Step:
         trace, lines = self.trace, self.trace.source.angle_lines
         free = self._deposited & ~trace.marks
         hulls = np.stack([free.argmax(axis=1), free.shape[1] - free[:, ::-1].argmax(axis=1)])
-        shift = trace.shifts[np.where(lines[1:] + lines[:-1] > 0.0, 1, -1), 0]
+        shift = trace.affine.shifts[np.where(lines[1:] + lines[:-1] > 0.0, 1, -1), 0]
         low, high = (
-            shift + trace.cosh * edge + trace.sinh * trace.source.velocity_lines[hull] + extreme
+            shift + trace.affine.cosh * edge + trace.affine.sinh * trace.source.velocity_lines[hull] + extreme
             for edge, hull, extreme in zip(
                 (lines[:-1], lines[1:]), hulls, (trace.offsets[:, 0].min(), trace.offsets[:, 0].max()), strict=True
             )

@@ -9,9 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-
-TERMS = 16
-"""Coefficients of a piece: for `longest_piece` from its instant it is right to 1e-14 of the forcing's size."""
+from fpk_rocking.physics.motion import LIFT_OFF, TERMS
+from fpk_rocking.physics.motion.particular import stiffness
 
 
 class PeriodicForcing:
@@ -262,7 +261,7 @@ def _set(value, name, checked):
 def _add_cosine(row, instant, amplitude, frequency, phase):
     """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²)."""
     angle = frequency * instant + phase
-    scale = amplitude / (1.0 + frequency * frequency)
+    scale = amplitude / stiffness(frequency)
     even, odd = scale * math.cos(angle), -scale * math.sin(angle)
     for k in range(0, TERMS, 2):
         row[k] += even
@@ -287,8 +286,8 @@ def _course(forcing):
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     largest = max(turning, default=0.0)
     lift_offs, landings = [], []
-    if largest > 1.0:
-        for level in (1.0, -1.0):
+    if largest > LIFT_OFF:
+        for level in (LIFT_OFF, -LIFT_OFF):
             for time in _zeros(forcing, level, 0):
                 rises = level * forcing.slope(time) > 0.0
                 (lift_offs if rises else landings).append(time)

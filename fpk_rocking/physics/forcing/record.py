@@ -11,8 +11,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.physics.forcing.periodic import TERMS
 from fpk_rocking.physics.forcing.transient import TransientForcing
+from fpk_rocking.physics.motion import TERMS
 
 MOST = 2**20
 """Most samples: 87 minutes at 200 Hz."""

@@ -15,7 +15,8 @@ from typing import ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing.periodic import TERMS
+from fpk_rocking.physics.motion import LIFT_OFF, TERMS
+from fpk_rocking.physics.motion.particular import added, added_by_line, continued
 
 _LONGEST = 0.2
 """Longest interval of the grid on which P is held."""
@@ -73,14 +74,14 @@ class TransientForcing:
         node = np.minimum((times / spacing + 1e-9).astype(np.int64), last)
         since = times - node * spacing
         p, q = states[node].T
-        near = _particular(p, q, self.series(node * spacing))
+        near = continued(p, q, self.series(node * spacing))
         # After the end P = P(end) exp(-since); a piece from there need not reach as far.
         decay = np.exp(-since)
         ended = node == last
         powers, order = since[:, None] ** np.arange(TERMS), np.arange(1, TERMS)
         p = np.where(ended, p * decay, (near * powers).sum(axis=1))
         q = np.where(ended, q * decay, (near[:, 1:] * order * powers[:, :-1]).sum(axis=1))
-        return _particular(p, q, self.series(times))
+        return continued(p, q, self.series(times))
 
     def over(self, start, duration):
         """Coefficients (TERMS,) of P in the time since the start of a step.
@@ -93,13 +94,9 @@ class TransientForcing:
         if last <= first or start >= self.duration:
             return self.pieces([start])[0]
         (p0, q0), (p1, q1) = self.particular(start), self.particular(start + duration)
-        cosh, sinh = math.cosh(duration), math.sinh(duration)
-        # What forces 1 and t add to a flight over the step.
-        unit = [[cosh - 1.0, sinh - duration], [sinh, cosh - 1.0]]
-        push = p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
         force = np.zeros((1, TERMS))
-        force[0, :2] = np.linalg.solve(unit, push)
-        return _particular(np.array([p0]), np.array([q0]), force)[0]
+        force[0, :2] = np.linalg.solve(added_by_line(duration), added(p0, q0, p1, q1, duration))
+        return continued(np.array([p0]), np.array([q0]), force)[0]
 
     @functools.cached_property
     def _grid(self):
@@ -160,13 +157,13 @@ class TransientForcing:
     def _lift_offs(self):
         """Times (n,) at which |f| rises through 1, ascending, and those (m,) at which it falls back."""
         grid = self._looks
-        above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > 1.0, [False]])
+        above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > LIFT_OFF, [False]])
         rises, falls = ([], [])
         for place in np.flatnonzero(above[1:] != above[:-1]):
             low, high = grid[max(place - 1, 0)], grid[place]
             for _ in range(60):
                 middle = 0.5 * (low + high)
-                if (abs(self.value(middle)) > 1.0) == above[place + 1]:
+                if (abs(self.value(middle)) > LIFT_OFF) == above[place + 1]:
                     high = middle
                 else:
                     low = middle
@@ -192,15 +189,6 @@ def refuse_transient(forcing, what):
     if isinstance(forcing, TransientForcing):
         accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"
         raise ValueError(checks.refusal("forcing.kind", forcing.kind, accepted))
-
-
-def _particular(p, q, force):
-    """Continue P and P' at n instants to Taylor coefficients (n, TERMS), with those of f."""
-    out = np.empty((len(force), TERMS))
-    out[:, 0], out[:, 1] = p, q
-    for k in range(TERMS - 2):
-        out[:, k + 2] = (out[:, k] + force[:, k]) / ((k + 1) * (k + 2))
-    return out
 
 
 def _sine(shift):

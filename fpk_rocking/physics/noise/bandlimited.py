@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.forcing import TERMS
+from fpk_rocking.physics.motion import TERMS
 
 WIDTH = 16
 OVERSAMPLING = 1.6

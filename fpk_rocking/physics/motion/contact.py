@@ -1,7 +1,7 @@
 """The rules of contact: impact at zero angle, rest, and the side on which a block moves (paper 3).
 
 The side is +1 where the angle is positive, -1 where it is negative and 0 for a block at rest. On the side s the
-acceleration is x - s + f; all quantities are nondimensional.
+acceleration at x = 0 is f - s; all quantities are nondimensional.
 """
 
 import math
@@ -19,17 +19,11 @@ def impact(velocity, restitution):
 
 
 @kernel
-def side_at_zero(velocity, force):
-    """Side of a block at zero angle: that of its velocity, else that of a force able to uplift it, else 0 for rest."""
-    if velocity > 0.0:
-        return 1
-    if velocity < 0.0:
-        return -1
-    if force > 1.0:
-        return 1
-    if force < -1.0:
-        return -1
-    return 0
+def side_of(x, v):
+    """Side at a start: that of the angle, else of the velocity, else 0 for rest, which may end at once."""
+    if x == 0.0:
+        return 0 if v == 0.0 else (1 if v > 0.0 else -1)
+    return 1 if x > 0.0 else -1
 
 
 @kernel

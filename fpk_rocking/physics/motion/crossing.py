@@ -1,8 +1,8 @@
-"""What happens to a block within one interval of the exact engine's grid: impacts, rest, overturning, states between.
+"""A slender block through one interval of a grid, fast: impacts, rest, overturning, and states between.
 
 An impact between two grid points is met by Halley's iteration on the flight written as a polynomial, and accepted only
 where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
-impacts, chatter, rest, uplift, grazing and overturning, goes to `fpk_rocking.physics.transition.advance`.
+impacts, chatter, rest, uplift, grazing and overturning, goes to `fpk_rocking.physics.motion.transition.advance`.
 
 A flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
 as they are at the interval's begin and returned as they are at its end.
@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.flight import Segment, bounds, polynomial
-from fpk_rocking.physics.forcing import TERMS
-from fpk_rocking.physics.transition import advance, record
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import fold, join, segment_of, split
+from fpk_rocking.physics.motion.transition import advance, record
 
 LEAST_SPEED = 1e-4
 """Impacts that leave with less speed go to `advance`, which decides about chatter and rest."""
@@ -106,10 +107,10 @@ def _stays(u, end, square, rise, fall, cutoff):
 
 
 @kernel(borrows=True)
-def _carry(particular, force, half, x, v, side, begin, end, restitution, cutoff, impacts, origin):
+def _carry(particular, force, half, x, v, side, begin, end, block, impacts, origin):
     """Carry a block from one time in the interval to another through whatever happens; returns as `advance`."""
-    segment = Segment(particular, force, *bounds(particular, half, force))
-    return advance(x, v, side, segment, begin, end, restitution, cutoff, impacts, origin)
+    segment = segment_of(particular, force, half)
+    return advance(x, v, side, segment, begin, end, block, impacts, origin)
 
 
 @kernel(borrows=True)
@@ -117,12 +118,11 @@ def begin_of(particular, half, grow, decay, side):
     """Angle and velocity at the interval's begin."""
     if side == 0:
         return 0.0, 0.0
-    p, q = polynomial(particular, -half)
-    return side + p + grow + decay, q + grow - decay
+    return join(grow, decay, side, particular, -half)
 
 
 @kernel(forceinline=True, borrows=True)
-def cross(interval, node, grow, decay, u, end, side, problem, impacts, origin):
+def pass_through(interval, node, grow, decay, u, end, side, block, impacts, origin):
     """Carry a block through an interval in which it may meet an event.
 
     Parameters
@@ -136,8 +136,7 @@ def cross(interval, node, grow, decay, u, end, side, problem, impacts, origin):
         Folded angle at the interval's begin, and at its end if nothing happens.
     side : int
         +1, -1, or 0 at rest.
-    problem : NamedTuple
-        Its restitution and cut-off are used.
+    block : Slender
     impacts : Impacts
         Records the impacts.
     origin : float
@@ -148,7 +147,7 @@ def cross(interval, node, grow, decay, u, end, side, problem, impacts, origin):
     grow, decay, u, side, time : float, float, float, int, float
         At the interval's end; `time` is that of overturning within the interval, or inf.
     """
-    half, factor, cutoff = interval.half, interval.factor, problem.cutoff
+    half, factor, cutoff = interval.half, interval.factor, block.cutoff
     x, v, begin = 0.0, 0.0, -half
     if side != 0:
         middle_grow, middle_decay = grow * factor, decay / factor
@@ -157,44 +156,39 @@ def cross(interval, node, grow, decay, u, end, side, problem, impacts, origin):
         if end > 0.0 and u > 0.0 and _stays(u, end, 4.0 * half * half, rise, fall, cutoff):
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
         time, slope = _meet(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
-        speed, square = -problem.restitution * slope, (time + half) ** 2
+        speed, square = -block.restitution * slope, (time + half) ** 2
         if speed > LEAST_SPEED and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
             record(impacts, origin + time, v)
-            shift, shrink = 0.5 * (problem.restitution - 1.0) * v, math.exp(-time)
+            shift, shrink = 0.5 * (block.restitution - 1.0) * v, math.exp(-time)
             middle_grow += (side + shift) * shrink
             middle_decay += (side - shift) / shrink
             side = -side
             grow, decay = middle_grow * factor, middle_decay / factor
-            old, end = end, 1.0 + side * (node + grow + decay)
+            old, end = end, fold(side, node, grow, decay)
             # Seen from the new side, u'' is that of the old flight turned round, plus the sum of both angles less 2.
             rise, fall = max(1.01 * fall + 0.5 * cutoff - 1.0, 0.0), 1.01 * rise + 1.0 - 0.5 * old
             if end > 0.0 and _stays(0.0, end, (half - time) ** 2, rise, fall, cutoff):
                 return grow, decay, end, side, math.inf
-            v, begin = problem.restitution * v, time
+            v, begin = block.restitution * v, time
         else:
             x, v = begin_of(interval.particular, half, grow, decay, side)
     particular = interval.particular
-    x, v, side, time = _carry(
-        particular, interval.force, half, x, v, side, begin, half, problem.restitution, cutoff, impacts, origin
-    )
+    x, v, side, time = _carry(particular, interval.force, half, x, v, side, begin, half, block, impacts, origin)
     if abs(x) >= cutoff:
         return 0.0, 0.0, cutoff, side, origin + time
     if side == 0:
         return 0.0, 0.0, 0.0, 0, math.inf
-    p, q = polynomial(particular, half)
-    y, z = x - side - p, v - q
-    return 0.5 * (y + z), 0.5 * (y - z), side * x, side, math.inf
+    grow, decay = split(x, v, side, particular, half)
+    return grow, decay, side * x, side, math.inf
 
 
 @kernel(forceinline=True, borrows=True)
-def state_at(interval, grow, decay, side, time, restitution, cutoff):
-    """Angle and velocity at a time in the interval, nan if overturned; arguments as for `cross`."""
+def state_at(interval, grow, decay, side, time, block):
+    """Angle and velocity at a time in the interval, nan if overturned; arguments as for `pass_through`."""
     x, v = begin_of(interval.particular, interval.half, grow, decay, side)
     begin = -interval.half
-    x, v, _, _ = _carry(
-        interval.particular, interval.force, interval.half, x, v, side, begin, time, restitution, cutoff, None, 0.0
-    )
-    if abs(x) >= cutoff:
+    x, v, _, _ = _carry(interval.particular, interval.force, interval.half, x, v, side, begin, time, block, None, 0.0)
+    if abs(x) >= block.cutoff:
         return math.nan, math.nan
     return x, v

@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.contact import chatter_time, impact
-from fpk_rocking.physics.flight import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, polynomial, safe_time
+from fpk_rocking.physics.motion import LIFT_OFF
+from fpk_rocking.physics.motion.contact import chatter_time, impact
+from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, safe_time
+from fpk_rocking.physics.motion.polynomial import polynomial
 
 SLOW = 1e-6
 """Chatter that ends within this time is summed in closed form; a segment that ends meanwhile sees it over already."""
@@ -37,13 +39,14 @@ def record(impacts, time, velocity):
 
 @kernel(borrows=True)
 def uplift_time(segment, start, end):
-    """First time in [start, end] at which a block at rest uplifts, |f| passing 1, and the side it goes to (0: none).
+    """First time in [start, end] at which a block at rest uplifts, and the side it goes to (0: none).
 
-    |f| must pass 1 by more than a margin above the rounding of f: the block then surely leaves, and whoever asks again
-    at the same time gets the same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
+    |f| must pass `LIFT_OFF` by more than a margin above the rounding of f: the block then surely leaves, and whoever
+    asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot dwindle
+    to nothing.
     """
     margin = _FORCE_FLOOR * max(1.0, -segment.force_low, segment.force_high)
-    level, target = 1.0 + margin, 1.0 + 2.0 * margin
+    level, target = LIFT_OFF + margin, LIFT_OFF + 2.0 * margin
     t = start
     while t < end:
         force, slope = polynomial(segment.force, t)
@@ -60,10 +63,11 @@ def settle(speed, side, segment, time, restitution, slow=SLOW):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
     `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `slow`
-    under a force that changes by less than a hundredth of its distance to 1; below `SPEED_FLOOR` the speed is dropped.
+    under a force that changes by less than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are
+    dropped.
     """
     force, slope = polynomial(segment.force, time)
-    gap = 1.0 - abs(force)
+    gap = LIFT_OFF - abs(force)
     if gap > 0.0:
         delay = chatter_time(speed, side * force, restitution)
         if delay <= slow and abs(slope) * delay <= 0.01 * gap:
@@ -72,7 +76,7 @@ def settle(speed, side, segment, time, restitution, slow=SLOW):
 
 
 @kernel(forceinline=True, borrows=True)  # see next_event
-def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, origin=0.0, slow=SLOW):
+def advance(x, v, side, segment, start, end, block, impacts=None, origin=0.0, slow=SLOW):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 
     Parameters
@@ -85,8 +89,7 @@ def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, 
         The forcing; times count from its start.
     start, end : float
         Times since the segment's start.
-    restitution, cutoff : float
-        Velocity ratio e, and the angle whose first passage is overturning.
+    block : Slender
     impacts : Impacts, optional
         Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
     origin : float
@@ -105,14 +108,14 @@ def advance(x, v, side, segment, start, end, restitution, cutoff, impacts=None, 
             t, side = uplift_time(segment, t, end)
             x, v = 0.0, 0.0
             continue
-        kind, t, x, v = next_event(x, v, side, segment, t, end, cutoff)
+        kind, t, x, v = next_event(x, v, side, segment, t, end, block)
         if kind == OVERTURNING:
             return x, v, side, t
         if kind == IMPACT:
             if impacts is not None and v != 0.0:
                 record(impacts, origin + t, v)
-            v = impact(v, restitution)
-            side, delay = settle(abs(v), -side, segment, t, restitution, slow)
+            v = impact(v, block.restitution)
+            side, delay = settle(abs(v), -side, segment, t, block.restitution, slow)
             if side == 0:
                 v, t = 0.0, t + delay
     return x, v, side, min(t, end)

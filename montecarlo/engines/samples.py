@@ -1,0 +1,61 @@
+"""Samples of the interpolant of band noise on an engine's grid, made in chunks as a realization goes on."""
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.noise import band
+from fpk_rocking.physics.noise.bandlimited import WIDTH
+
+HALF = 8
+"""Samples on each side of the centre of a chunk of noise."""
+
+CHUNK = 2 * HALF + 1
+
+_LEAD = WIDTH // 2 + HALF
+"""Centre of the samples that the CHUNK intervals from number 0 on still lack."""
+
+
+@kernel
+def allocate(harmonics):
+    """Make room for a number of harmonics, and for the samples (WIDTH - 1 + CHUNK,), the last CHUNK of them new."""
+    return band.allocate(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK)
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def first_samples(harmonics, samples, cycle, problem):
+    """Tabulate the rotations of harmonics that are those of the interpolant, and make the first samples."""
+    spacing = problem.spacing / (problem.count * problem.spacing)
+    band.prepare(harmonics, HALF, spacing)
+    band.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    band.anchor(harmonics, cycle, (_LEAD - CHUNK) / problem.count)
+    extend(harmonics, samples)
+    band.rotate(harmonics, harmonics.hop)
+    extend(harmonics, samples)
+
+
+@kernel(forceinline=True, borrows=True)
+def more_samples(harmonics, samples, number, cycle, problem):
+    """Make the samples of CHUNK intervals from a number on, if the last ones are used up; tell whether they were."""
+    used_up = number % CHUNK == 0 and number > 0
+    if used_up:
+        _further(harmonics, samples, number, cycle, problem.count)
+    return used_up
+
+
+@kernel(borrows=True)
+def _further(harmonics, samples, number, cycle, intervals):
+    if number // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
+        centre = number + _LEAD
+        band.anchor(harmonics, cycle + centre // intervals, centre % intervals / intervals)
+    else:
+        band.rotate(harmonics, harmonics.hop)
+    extend(harmonics, samples)
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def extend(harmonics, samples):
+    """Make the next CHUNK samples about the centre of the harmonics."""
+    for k in range(WIDTH - 1):
+        samples[k] = samples[k + CHUNK]
+    samples[WIDTH - 1 :] = 0.0
+    band.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
