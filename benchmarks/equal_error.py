@@ -21,8 +21,8 @@ from report import PAGE, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.resolution import RESOLUTIONS, Resolution
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -82,7 +82,7 @@ def solver_rows(scene, truth):
 def solved_alone(scene, resolution):
     """Solve a scene once, at one resolution and with no estimate: the run and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = Propagator(scene, resolution.of(scene, bound, motion_of(scene, CYCLES)), NEGLIGIBLE * TOLERANCES[0])
+    run = PeriodicRun(scene, resolution.of(scene, bound, motion_of(scene, CYCLES)), NEGLIGIBLE * TOLERANCES[0])
     return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, resolution.windows, scene.period))
 
 

@@ -16,8 +16,8 @@ from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.departure import Departure
@@ -48,7 +48,7 @@ def truth_of(scene, finest):
     bound, motion = velocity_bound(scene, scene.noise.diffusion), motion_of(scene, CYCLES)
     levels = [resolution.of(scene, bound, motion) for resolution in RESOLUTIONS]
     number = [grid.cells[0] for grid in levels].index(finest.settings["angle_cells"])
-    run = Propagator(scene, levels[min(number + 1, len(levels) - 1)], NEGLIGIBLE * TOLERANCES[-1])
+    run = PeriodicRun(scene, levels[min(number + 1, len(levels) - 1)], NEGLIGIBLE * TOLERANCES[-1])
     found = run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.grid.windows, scene.period))
     return found.inside, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
 

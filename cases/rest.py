@@ -26,10 +26,10 @@ import warnings
 import numpy as np
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.memory.propagator import NodePropagator
 from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output import motion, style, summary
 from montecarlo import simulate
@@ -98,7 +98,7 @@ def look_inside(scene, resolution):
     bound = velocity_bound(white, white.noise.diffusion)
     plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, 2))
     grid = node_grid(scene, plane, resolution)._replace(marks=np.linspace(0.0, 0.5, STEPS // 2 + 1))
-    run = NodePropagator(scene, grid, 1e-8)
+    run = FilteredRun(scene, grid, 1e-8)
     times, resting, angles = [], [], []
 
     def watch(time, density, rest, turned):

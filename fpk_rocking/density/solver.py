@@ -9,11 +9,8 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
-from fpk_rocking.density.memory.propagator import NodePropagator
 from fpk_rocking.density.memory.resolution import node_grid
-from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Count, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import (
     refuse_broken,
@@ -24,6 +21,9 @@ from fpk_rocking.density.refusals import (
     warn_unresolved,
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.run.filtered import FilteredRun
+from fpk_rocking.density.run.periodic import PeriodicRun
+from fpk_rocking.density.run.transient import TransientRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics import filters
 from fpk_rocking.physics.equivalence import equivalent_diffusion
@@ -128,14 +128,14 @@ def solve_fpk(
     def made(grid, coarser):
         guide, negligible = coarser and coarser.run, NEGLIGIBLE * tol
         if solved.noise.kind == "filtered":
-            run = NodePropagator(solved, grid, negligible, guide)
+            run = FilteredRun(solved, grid, negligible, guide)
             solution = run.evolve(extent, count.next())
             rests.append(solution.at_rest)
             return Solved(run, solution, motion.edges)
         if not white.repeats:
-            run = Passage(white, grid, negligible, times[-1], guide)
+            run = TransientRun(white, grid, negligible, times[-1], guide)
             return Solved(run, run.evolve(times, count.next()), motion.edges)
-        run = Propagator(white, grid, negligible, guide)
+        run = PeriodicRun(white, grid, negligible, guide)
         if grid.windows not in departures:
             departures[grid.windows] = run.departure(grid.windows)
         return Solved(run, run.evolve(extent, departures[grid.windows], count.next()), motion.edges)
@@ -180,7 +180,7 @@ class Solved:
 
     Parameters
     ----------
-    run : Propagator
+    run : PeriodicRun
     solution : Solution
     edges : sequence of ndarray
         Of the bins in angle and in velocity that it is compared in.

@@ -112,7 +112,7 @@ def test_the_check_of_replaced_noise_can_be_left_out(run):
 
 def test_the_closure_reaches_the_solver(monkeypatch, run):
     seen = []
-    monkeypatch.setattr(solver, "NodePropagator", lambda scene, *_: seen.append(scene.noise) or 1 / 0)
+    monkeypatch.setattr(solver, "FilteredRun", lambda scene, *_: seen.append(scene.noise) or 1 / 0)
     with pytest.raises(AssertionError, match="division by zero"):
         run("fpk", PERIODIC, **SOLVED, closure="filtered")
     assert seen == [PERIODIC.filtered_equivalent().noise]

@@ -11,9 +11,9 @@ import pytest
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.start.departure import Departure
@@ -125,7 +125,7 @@ def test_what_is_not_covered_is_little_and_counted_as_lost():
     """A run that covers all cells from the start, against one that covers what holds something."""
     grid, found = grid_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
     for negligible in (0.0, 1e-8):
-        run = Propagator(MAIN, grid, negligible)
+        run = PeriodicRun(MAIN, grid, negligible)
         departure = Departure(run.dynamics, MAIN.start, grid.windows, MAIN.period)
         found.append(run.evolve(2, departure))
         covered = np.mean([step.trace.active.mean() for step in run.leg])

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, FilteredNoise, Forcing, Overturning, Scene, Start
-from fpk_rocking.density.memory.propagator import NodePropagator
 from fpk_rocking.density.memory.resolution import NodeGrid
 from fpk_rocking.density.memory.start import Flight
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 
@@ -28,7 +28,7 @@ def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
     plane, found = plane_of(scene), []
     for legs in (2, 1):
         rests, grid = [], NodeGrid(plane, (5, 3), 3, np.linspace(0.0, 1.0 / legs, 8 // legs + 1))
-        run = NodePropagator(scene, grid, 1e-12)
+        run = FilteredRun(scene, grid, 1e-12)
 
         def watch(_, density, rest, turned, rests=rests):  # noqa: ARG001
             rests.append(rest[::-1, ::-1] if turned else rest.copy())
@@ -59,7 +59,7 @@ def test_held_noise_is_of_second_order_in_flight():
     errors, counts = [], np.array([24, 48])
     for steps in counts:
         part = np.linspace(0.0, 1.0, steps + 1)
-        run = NodePropagator(scene, NodeGrid(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
+        run = FilteredRun(scene, NodeGrid(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
         _, wanted = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics).at(scene.period)
         density = Density(run.space, run.evolve(1).coefficients[1])
         errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))

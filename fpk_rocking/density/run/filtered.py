@@ -43,7 +43,7 @@ class Held:
         return value - self.constant, slope
 
 
-class NodePropagator:
+class FilteredRun:
     """A scene with filtered noise at one resolution.
 
     Parameters
@@ -54,7 +54,7 @@ class NodePropagator:
         Mesh, nodes and steps.
     negligible : float
         A cell that has never held more at any node is not active: what comes to it is lost, and counted.
-    guide : NodePropagator, optional
+    guide : FilteredRun, optional
         A run of the same scene that tells which cells to activate.
 
     Attributes

@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.resolution import FEWEST, cycle_of
-from fpk_rocking.density.rest import Hold, resting
+from fpk_rocking.density.run.rest import Hold, resting
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
@@ -20,7 +20,7 @@ _NEAR = 0.3
 """Part of a step by which a time that is wanted, or the end of the motion, takes the place of a step's end."""
 
 FAINT = 0.1
-"""Mass over that of `Propagator` that a cell must hold to be active: here it is lost in every step anew."""
+"""Mass over that of `PeriodicRun` that a cell must hold to be active: here it is lost in every step anew."""
 
 FADED = 0.05
 """Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
@@ -36,7 +36,7 @@ _SETTLED = 0.5
 """Part of what was released that counts as being at rest again, from which on it is taken over to be held."""
 
 _SMALL = 1e4
-"""Mass over that of `Propagator` that may, in all, be held at rest while it moves, or be released as if it had the size
+"""Mass over that of `PeriodicRun` that may, in all, be held at rest while it moves, or be released as if it had the size
 of the cells about the origin: a hundredth of the tolerance."""
 
 
@@ -125,7 +125,7 @@ class _Parts:
         return small
 
 
-class Passage:
+class TransientRun:
     """A scene with white noise, its forcing or noise a transient, at one resolution.
 
     Parameters
@@ -138,7 +138,7 @@ class Passage:
         A cell that holds less is not active: what is in it is lost, and counted.
     end : float
         Last time that is wanted.
-    guide : Passage, optional
+    guide : TransientRun, optional
         A coarser run of the same scene. What it assumes of rest and of noise that has faded this one assumes less of.
     """
 

@@ -13,7 +13,7 @@ from fpk_rocking.density.step.occupied import meeting, occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
 
 
-class Propagator:
+class PeriodicRun:
     """A scene with white noise at one resolution.
 
     Parameters
@@ -24,7 +24,7 @@ class Propagator:
         Mesh and steps.
     negligible : float
         A cell that has never held more is not active: what comes to it is lost, and counted.
-    guide : Propagator, optional
+    guide : PeriodicRun, optional
         A run of the same scene that tells which cells to activate.
 
     Attributes
