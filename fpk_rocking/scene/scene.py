@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.forcing import FORCINGS, BaseForcing, Forcing, Pulse, Record
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.text import read_part, table_of
 from fpk_rocking.scene.units import Dimensions
@@ -34,8 +34,9 @@ class Scene:
     ----------
     block : Block
         Restitution, and the size of the block where units are wanted.
-    forcing : Forcing, Harmonics, Pulse or Record
-        Acceleration of the base that is known: periodic, a pulse, or a record. A record needs ``block.dimensions``.
+    forcing : BaseForcing
+        Acceleration of the base that is known: `Forcing`, `Harmonics`, `Pulse` or `Record`. A record needs
+        ``block.dimensions``.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Random acceleration of the base.
     start : Start
@@ -52,7 +53,7 @@ class Scene:
     """
 
     block: Block
-    forcing: Forcing | Harmonics | Pulse | Record
+    forcing: BaseForcing
     noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise
     start: Start = Start()
     overturning: Overturning = Overturning()
@@ -63,8 +64,7 @@ class Scene:
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
-        if self.forcing.kind == "record":
-            object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
+        object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
@@ -168,7 +168,7 @@ class Scene:
         peak_acceleration: float | None = None,
         frequency_hz: float | None = None,
         *,
-        record: Forcing | Harmonics | Pulse | Record | None = None,
+        record: Record | None = None,
         pulse: str | None = None,
         pulse_cycles: int | None = None,
         restitution: float | None = None,

@@ -12,76 +12,51 @@ import dataclasses
 
 import numpy as np
 
+from fpk_rocking.base import ahead
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.memory.nodes import Nodes
+from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.memory.start import Flight, deposit_points
-from fpk_rocking.density.space.solution import Solution
-from fpk_rocking.density.space.space import Space, turn
+from fpk_rocking.density.run.base import Seen
+from fpk_rocking.density.run.cyclic import CyclicRun, State
+from fpk_rocking.density.space.space import turn
 from fpk_rocking.density.step.free_flight import angle_shear_of
-from fpk_rocking.density.step.occupied import meeting, occupy, with_neighbours
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace, deposit_buffers
-from fpk_rocking.physics.forcing import PeriodicForcing
+from fpk_rocking.density.step.occupied import occupy, with_neighbours
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.transition import advance
 
 
-@dataclasses.dataclass(frozen=True)
-class Held:
-    """A forcing with a constant added to it; see `PeriodicForcing`."""
-
-    forcing: PeriodicForcing
-    constant: float
-
-    def over(self, start, duration):
-        """Coefficients of the particular solution over a step: that of a constant c is -c."""
-        out = self.forcing.over(start, duration).copy()
-        out[0] -= self.constant
-        return out
-
-    def particular(self, time):
-        """Particular solution and its derivative at a time."""
-        value, slope = self.forcing.particular(time)
-        return value - self.constant, slope
-
-
-class FilteredRun:
-    """A scene with filtered noise at one resolution.
-
-    Parameters
-    ----------
-    scene : Scene
-        With filtered noise.
-    grid : NodeGrid
-        Mesh, nodes and steps.
-    negligible : float
-        A cell that has never held more at any node is not active: what comes to it is lost, and counted.
-    guide : FilteredRun, optional
-        A run of the same scene that tells which cells to activate.
+class FilteredRun(CyclicRun):
+    """A scene that repeats, under filtered noise, at one resolution; parameters as of `Run`.
 
     Attributes
     ----------
     leg : list of list of Step
-        The steps of a leg (half a cycle, or a cycle), each at every node of the noise.
+        The steps of a leg, each at every node of the noise.
     memory : int
         Bytes that an evolution took.
     """
 
+    atom = True
+    memory = 0
+
     def __init__(self, scene, grid, negligible, guide=None):
-        self.scene, self.grid, self.negligible, self.steps = scene, grid, negligible, grid.steps
-        plane = grid.plane
-        self.space = Space(plane.angle_lines, plane.velocity_lines, plane.degree)
+        super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks, guide)
         self.nodes = Nodes(scene.noise, grid.nodes)
-        self.begins = scene.period * grid.marks
         self.durations = np.diff(self.begins)
         self._mixing = {}
-        self.buffers, self.quadrature = deposit_buffers(self.space), Quadrature(grid.points, grid.points, 1, 1, 1)
+        self.quadrature = Quadrature(grid.points, grid.points, 1, 1, 1)
         self.leg = [self._steps(k) for k in range(len(self.durations))]
-        self.occupied, self.memory = np.zeros((len(self.leg), *self.space.shape[:2]), dtype=bool), 0
-        if guide:
-            self.occupied[:] = [guide.occupied_near(begin, self.space) for begin in self.begins[:-1]]
+
+    @staticmethod
+    def adapted(scene, grid, number):
+        """Return the mesh with the nodes and steps of a resolution."""
+        ahead.before("fpk_rocking.density.ahead:filtered")
+        return node_grid(scene, grid, number)
 
     def _dynamics(self, constant):
         scene = self.scene
-        return Dynamics(Held(scene.forcing, constant), 0.0, scene.block.restitution, scene.overturning.angle)
+        return Dynamics(scene.forcing.plus(constant), 0.0, scene.block.restitution, scene.overturning.angle)
 
     def _steps(self, k):
         """Step k of a leg at every node of the noise; they share what does not depend on the node."""
@@ -107,56 +82,36 @@ class FilteredRun:
         shears = sum(part.nbytes for steps in self.leg for part in steps[0].angle_shear)
         return self.buffers.nbytes + densities + shears + sum(step.memory for steps in self.leg for step in steps)
 
-    def occupied_near(self, time, space):
-        """Cells of another space that meet one which was occupied about a time, within the first leg."""
+    def _around(self, time):
         before = int(np.searchsorted(self.begins, time, side="right")) - 1
-        after = min(before + 1, len(self.occupied) - 1)
-        return meeting(self.space, self.occupied[before] | self.occupied[after], space)
+        return before, before + 1
 
-    def evolve(self, cycles, progress=None, watch=None):
-        """Evolve over whole cycles, once; returns a `Solution` of the marginal over the filter's states.
-
-        The steps are let go of then, and `memory` tells what they took. Before each step, and at the end, `watch` is
-        called with the time in cycles, the densities of the nodes, their masses at rest, and whether these are
-        those of the mirror image (turned, with the nodes in reverse).
-        """
-        density, rest, gone, first = self._begin()
-        inside, out, at_rest = np.ones(cycles + 1), np.zeros((cycles + 1, 3)), np.zeros(cycles + 1)
-        coefficients, turned = np.zeros((cycles + 1, *self.space.shape)), False
-        at_rest[0] = float(not (self.scene.start.angle or self.scene.start.velocity or self.scene.start.covariance))
-        for k in range(first, cycles * self.steps + 1):
-            if k % self.steps == 0 and k > 0:
-                now, cycle = density.sum(axis=(0, 1)), k // self.steps
-                coefficients[cycle] = turn(now) if turned else now
-                at_rest[cycle], out[cycle] = rest.sum(), gone
-                inside[cycle] = self.space.masses(now).sum() + at_rest[cycle]
-                if progress:
-                    progress()
-            here = k % len(self.leg)
-            if watch:
-                watch(k // len(self.leg) / self.grid.legs + self.grid.marks[here], density, rest, turned)
-            if k == cycles * self.steps:
-                break
-            if (k % self.steps >= len(self.leg)) != turned:
-                density, rest, turned = turn(density)[::-1, ::-1], rest[::-1, ::-1], not turned
-            mixing = self._mixed(0.5 * (self.durations[here] + (self.durations[here - 1] if k > first else 0.0)))
-            density = (mixing @ density.reshape(len(mixing), -1)).reshape(density.shape)
-            rest = (mixing @ rest.ravel()).reshape(rest.shape)
-            sinks = self._move(here, density, rest)
-            gone = gone + (sinks[[1, 0, 2]] if turned else sinks)
+    def march(self, times, start):
+        """Show the density after every cycle, once: the steps are let go of then, and `memory` tells what they took."""
+        yield from super().march(times, start)
         self.memory, self.leg, self.buffers = self._memory(), None, None
-        return Solution(inside, out, coefficients, at_rest=at_rest)
 
-    def _begin(self):
-        """Densities and masses at rest of the nodes, what is gone (3,), and the number of steps that led there."""
-        flight = Flight(self.scene, self.nodes, self._dynamics(0.0))
+    def _begin(self, start):
+        flight = Flight(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
         shape = self.nodes.weights.shape
         if flight.at_rest:
-            return np.zeros((*shape, *self.space.shape)), self.nodes.weights.copy(), np.zeros(3), 0
-        begins = np.unique(np.concatenate([self.begins + lap * self.begins[-1] for lap in range(self.grid.legs)]))
+            return State(np.zeros((*shape, *self.space.shape)), np.zeros(3), rest=self.nodes.weights.copy()), 0
+        begins = np.unique(np.concatenate([self.begins + lap * self.begins[-1] for lap in range(self.legs)]))
         first = flight.last_step(self.space, begins)
         density, gone = flight.land(begins[first], self.space)
-        return density, np.zeros(shape), gone, first
+        return State(density, gone, rest=np.zeros(shape)), first
+
+    def _after(self, k, state, first):
+        """Mix the nodes over half of the step before and half of step k of the leg, and carry them by the latter."""
+        mixing = self._mixed(0.5 * (self.durations[k] + (0.0 if first else self.durations[k - 1])))
+        density = (mixing @ state.density.reshape(len(mixing), -1)).reshape(state.density.shape)
+        rest = (mixing @ state.rest.ravel()).reshape(state.rest.shape)
+        sinks = self._move(k, density, rest)
+        return state.after(density, sinks, rest)
+
+    def _seen(self, state):
+        marginal = state.density.sum(axis=(0, 1))
+        return Seen(turn(marginal) if state.turned else marginal, state.gone, state.rest.sum())
 
     def _move(self, k, density, rest):
         """Move densities and what is at rest by step k of the leg, in place; return the masses (3,) that are gone."""

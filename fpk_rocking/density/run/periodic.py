@@ -1,100 +1,63 @@
-"""A scene at one resolution: its mesh, the time steps of a forcing cycle or of half of it, and the density they evolve.
+"""A scene that repeats, under white noise, at one resolution: the steps of a leg of its cycle, set up once."""
 
-Where the forcing is its own mirror image half a cycle later, the steps of the first half serve the second one too: the
-density is turned about the origin instead. That half, or else the whole cycle, is a *leg* here.
-"""
+import math
 
 import numpy as np
 
-from fpk_rocking.density.space.solution import Solution
-from fpk_rocking.density.space.space import Space, turn
-from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
-from fpk_rocking.density.step.occupied import meeting, occupy, with_neighbours
-from fpk_rocking.density.step.step import Dynamics, Step, Trace, deposit_buffers
+from fpk_rocking.density.run.base import Seen
+from fpk_rocking.density.run.cyclic import CyclicRun, State
+from fpk_rocking.density.space.space import turn
+from fpk_rocking.density.start.departure import Departure, first_resolved
+from fpk_rocking.density.step.occupied import occupy, with_neighbours
+from fpk_rocking.density.step.step import Dynamics, Step, Trace
 
 
-class PeriodicRun:
-    """A scene with white noise at one resolution.
-
-    Parameters
-    ----------
-    white : Scene
-        With white noise.
-    grid : Grid
-        Mesh and steps.
-    negligible : float
-        A cell that has never held more is not active: what comes to it is lost, and counted.
-    guide : PeriodicRun, optional
-        A run of the same scene that tells which cells to activate.
+class PeriodicRun(CyclicRun):
+    """A scene with white noise that repeats, at one resolution; parameters as of `Run`.
 
     Attributes
     ----------
-    legs : int
-        Legs in a cycle, 1 or 2; with 2 the density is turned after each.
     leg : list of Step
-        The steps of one.
+        The steps of a leg.
     """
 
-    def __init__(self, white, grid, negligible, guide=None):
-        self.scene, self.dynamics, self.grid = white, Dynamics.of(white), grid
-        self.steps, self.negligible = grid.steps, negligible
-        self.space = Space(grid.angle_lines, grid.velocity_lines, grid.degree)
-        self.legs = 2 if white.forcing.half_antisymmetric else 1
-        self.duration, buffers = white.period / self.steps, deposit_buffers(self.space)
+    def __init__(self, scene, grid, negligible, guide=None):
+        self.dynamics, self.duration = Dynamics.of(scene), scene.period / grid.steps
+        steps = grid.steps // (2 if scene.forcing.half_antisymmetric else 1)
+        super().__init__(scene, grid, grid, negligible, np.arange(steps + 1) * self.duration, guide)
         self.leg = [
             Step(
-                Trace(self.space, k * self.duration, self.duration, self.dynamics, grid.quadrature, cells=False),
+                Trace(self.space, begin, self.duration, self.dynamics, grid.quadrature, cells=False),
                 self.space,
-                buffers,
+                self.buffers,
             )
-            for k in range(self.steps // self.legs)
+            for begin in self.begins[:-1].tolist()
         ]
-        self.occupied = np.zeros((len(self.leg), *self.space.shape[:2]), dtype=bool)
-        if guide:
-            self.occupied[:] = [guide.occupied_near(k / self.steps, self.space) for k in range(len(self.leg))]
+        # What a start leaves on windows does not depend on the mesh.
+        self._departures = guide._departures if guide and guide.grid.windows == grid.windows else {}
 
     @property
     def memory(self):
         """Bytes that the run holds, densities of all cycles left out."""
-        return self.leg[0].buffers.nbytes + sum(step.memory for step in self.leg)
+        return self.buffers.nbytes + sum(step.memory for step in self.leg)
 
-    def occupied_near(self, part, space):
-        """Cells of another space that meet one which was occupied about a part of the cycle, within its first leg."""
-        before = int(part * self.steps + 1e-9)
-        after = min(before + (part * self.steps - before > 1e-9), len(self.leg) - 1)
-        return meeting(self.space, self.occupied[before] | self.occupied[after], space)
+    def _around(self, time):
+        place = time / self.duration
+        return math.floor(place + 1e-9), math.ceil(place - 1e-9)
 
-    def departure(self, windows):
-        """Return the `Departure` of the scene's start."""
-        return Departure(self.dynamics, self.scene.start, windows, self.scene.period)
+    def _begin(self, start):
+        if start not in self._departures:
+            self._departures[start] = Departure(self.dynamics, start, self.grid.windows, self.scene.period)
+        departure = self._departures[start]
+        first = first_resolved(departure, self.space, np.arange(self.steps + 1) * self.duration)
+        return State(*departure.land(first * self.duration, self.space)), first
 
-    def evolve(self, cycles, departure: Departure, progress=None):
-        """Evolve over whole cycles, from where the mesh takes over from the windows of a start."""
-        steps, scene = self.steps, self.scene
-        inside, out = np.ones(cycles + 1), np.zeros((cycles + 1, 3))
-        coefficients = np.zeros((cycles + 1, *self.space.shape))
-        coefficients[0], out[0, :2] = initial_density(departure.start, self.space, scene.overturning.angle)
-        inside[0] -= out[0].sum()
-        first = first_resolved(departure, self.space, np.arange(steps + 1) * self.duration)
-        now, gone = departure.land(first * self.duration, self.space)
-        turned = False
-        for k in range(first, cycles * steps + 1):
-            if k % steps == 0:
-                current, cycle = turn(now) if turned else now, k // steps
-                inside[cycle], out[cycle], coefficients[cycle] = self.space.masses(current).sum(), gone, current
-                if progress:
-                    progress()
-            if k == cycles * steps:
-                break
-            if (k % steps >= len(self.leg)) != turned:
-                now, turned = turn(now), not turned
-            now, sinks = self._activated(k % len(self.leg), now).apply(now)
-            gone += sinks[[1, 0, 2]] if turned else sinks
-        return Solution(inside, out, coefficients)
-
-    def _activated(self, k, coefficients):
-        """Step k of the leg, with all cells active that hold something."""
+    def _after(self, k, state, first):  # noqa: ARG002  (as of other runs)
+        """Carry the density by step k of the leg, with all cells active that hold something."""
         step = self.leg[k]
-        if occupy(coefficients, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
+        if occupy(state.density, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
             step.activate(with_neighbours(self.occupied[k]))
-        return step
+        return state.after(*step.apply(state.density))
+
+    def _seen(self, state):
+        return Seen(turn(state.density) if state.turned else state.density, state.gone)

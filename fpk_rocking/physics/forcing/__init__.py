@@ -4,24 +4,26 @@ The engines do not depend on what a forcing is made of. On an interval that is s
 given by the coefficients of the bounded particular solution P of P'' = P + f in the time since some instant; from those
 follow the force f = P'' - P itself, its slope, and the flight of a block under it (`fpk_rocking.physics.flight`). The
 rest are properties of the forcing as a whole: its period (None where it does not repeat), its symmetry, how large it
-gets, and when it lifts a block off. `periodic` has sums of harmonics, `transient` and `record` what ends.
+gets, and when it lifts a block off. `base` says what a forcing is; `periodic` has sums of harmonics, `transient` what
+all that ends has, and `pulse` and `record` the kinds of it.
 
 All quantities are nondimensional. This package makes values; it is not compiled.
 """
 
-from fpk_rocking.physics.forcing.periodic import TERMS, Forcing, Harmonics, PeriodicForcing
+from fpk_rocking.physics.forcing.base import TERMS, BaseForcing, Force, refuse_transient
+from fpk_rocking.physics.forcing.periodic import Forcing, Harmonics
+from fpk_rocking.physics.forcing.pulse import Pulse
 from fpk_rocking.physics.forcing.record import Record
-from fpk_rocking.physics.forcing.transient import Pulse, TransientForcing, refuse_transient
 
 __all__ = [
     "FORCINGS",
     "TERMS",
+    "BaseForcing",
+    "Force",
     "Forcing",
     "Harmonics",
-    "PeriodicForcing",
     "Pulse",
     "Record",
-    "TransientForcing",
     "refuse_transient",
 ]
 
