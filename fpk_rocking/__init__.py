@@ -9,11 +9,11 @@ import importlib
 
 __all__ = [
     "BandNoise",
+    "BaseForcing",
     "Block",
     "CycleOperator",
     "Dimensions",
     "Evolution",
-    "Exponential",
     "FilteredNoise",
     "Forcing",
     "Harmonics",
@@ -23,8 +23,6 @@ __all__ = [
     "Record",
     "Scene",
     "Start",
-    "Table",
-    "Trapezoid",
     "WhiteNoise",
     "load_scene",
     "melnikov",

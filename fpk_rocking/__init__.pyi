@@ -6,9 +6,9 @@ from fpk_rocking.density import solve_fpk as solve_fpk
 from fpk_rocking.density import solve_realizations as solve_realizations
 from fpk_rocking.horizon import CycleOperator as CycleOperator
 from fpk_rocking.scene import BandNoise as BandNoise
+from fpk_rocking.scene import BaseForcing as BaseForcing
 from fpk_rocking.scene import Block as Block
 from fpk_rocking.scene import Dimensions as Dimensions
-from fpk_rocking.scene import Exponential as Exponential
 from fpk_rocking.scene import FilteredNoise as FilteredNoise
 from fpk_rocking.scene import Forcing as Forcing
 from fpk_rocking.scene import Harmonics as Harmonics
@@ -18,8 +18,6 @@ from fpk_rocking.scene import Pulse as Pulse
 from fpk_rocking.scene import Record as Record
 from fpk_rocking.scene import Scene as Scene
 from fpk_rocking.scene import Start as Start
-from fpk_rocking.scene import Table as Table
-from fpk_rocking.scene import Trapezoid as Trapezoid
 from fpk_rocking.scene import WhiteNoise as WhiteNoise
 from fpk_rocking.scene import load_scene as load_scene
 

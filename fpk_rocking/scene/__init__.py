@@ -1,16 +1,15 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
-from fpk_rocking.physics.forcing import Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.forcing import BaseForcing, Forcing, Harmonics, Pulse, Record
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene
 from fpk_rocking.scene.units import Dimensions
 
 __all__ = [
     "BandNoise",
+    "BaseForcing",
     "Block",
     "Dimensions",
-    "Exponential",
     "FilteredNoise",
     "Forcing",
     "Harmonics",
@@ -20,8 +19,6 @@ __all__ = [
     "Record",
     "Scene",
     "Start",
-    "Table",
-    "Trapezoid",
     "WhiteNoise",
     "load_scene",
 ]

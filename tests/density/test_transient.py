@@ -6,19 +6,7 @@ import numpy as np
 import pytest
 from flight_moments import flight_moments
 
-from fpk_rocking import (
-    Block,
-    Dimensions,
-    Evolution,
-    Forcing,
-    Pulse,
-    Record,
-    Scene,
-    Start,
-    Trapezoid,
-    WhiteNoise,
-    solve_fpk,
-)
+from fpk_rocking import Block, Dimensions, Evolution, Forcing, Pulse, Record, Scene, Start, WhiteNoise, solve_fpk
 from fpk_rocking.density import solver
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
@@ -28,6 +16,7 @@ from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.step.step import FAINTEST, Dynamics
+from fpk_rocking.envelopes import Trapezoid
 from montecarlo import simulate
 
 SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)

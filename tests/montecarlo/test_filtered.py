@@ -10,7 +10,8 @@ import pytest
 from filtered_paths import coupled, noise_of, with_intervals
 from scipy.stats import kstest
 
-from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, Table, Trapezoid, load_scene
+from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, load_scene
+from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.physics import filters
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Forcing, Overturning, Scene

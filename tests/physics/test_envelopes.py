@@ -12,7 +12,6 @@ from fpk_rocking import (
     Block,
     CycleOperator,
     Dimensions,
-    Exponential,
     FilteredNoise,
     Forcing,
     NoNoise,
@@ -21,11 +20,10 @@ from fpk_rocking import (
     Record,
     Scene,
     Start,
-    Table,
-    Trapezoid,
     WhiteNoise,
 )  # fmt: skip
 from fpk_rocking.analytics import melnikov
+from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.physics.envelope import mean_squares
 from fpk_rocking.physics.filters import autocovariance
 from montecarlo import simulate

@@ -29,7 +29,7 @@ from fpk_rocking import (
     Start,
     WhiteNoise,
 )
-from fpk_rocking.physics.envelope import Exponential, Table, Trapezoid
+from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.physics.forcing.transient import SHAPES
 
 LONGEST = 20.0

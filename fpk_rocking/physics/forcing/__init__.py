@@ -11,6 +11,7 @@ All quantities are nondimensional. This package makes values; it is not compiled
 """
 
 from fpk_rocking.physics.forcing.base import TERMS, BaseForcing, Force, refuse_transient
+from fpk_rocking.physics.forcing.chirp import Chirp
 from fpk_rocking.physics.forcing.periodic import Forcing, Harmonics
 from fpk_rocking.physics.forcing.pulse import Pulse
 from fpk_rocking.physics.forcing.record import Record
@@ -19,6 +20,7 @@ __all__ = [
     "FORCINGS",
     "TERMS",
     "BaseForcing",
+    "Chirp",
     "Force",
     "Forcing",
     "Harmonics",
@@ -27,5 +29,5 @@ __all__ = [
     "refuse_transient",
 ]
 
-FORCINGS = {cls.kind: cls for cls in (Forcing, Harmonics, Pulse, Record)}
+FORCINGS = {cls.kind: cls for cls in (Forcing, Harmonics, Pulse, Chirp, Record)}
 """Forcings by their kind; the first is the default of a scene file."""
