@@ -60,7 +60,7 @@ class Scene:
 
     def __post_init__(self):
         checks.instance("block", self.block, Block)
-        checks.instance("forcing", self.forcing, *FORCINGS.values())
+        checks.instance("forcing", self.forcing, BaseForcing, *FORCINGS.values())
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
@@ -250,8 +250,8 @@ class Scene:
             The tables ``[block]``, ``[forcing]`` and ``[noise]`` are required, ``[start]`` and ``[overturning]`` are
             optional. Their keys are the parameters of the classes, and the following: ``noise.kind`` is "band",
             "white", "filtered" or "none"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
-            ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse" or "record". A record may have ``file`` in
-            place of ``interval`` and ``samples``.
+            ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
+            ``file`` in place of ``interval`` and ``samples``.
         folder : str or pathlib.Path
             Folder that the file of a record is relative to.
 

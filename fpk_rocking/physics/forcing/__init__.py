@@ -12,9 +12,10 @@ All quantities are nondimensional. This package makes values; it is not compiled
 
 from fpk_rocking.physics.forcing.base import TERMS, BaseForcing, Force, refuse_transient
 from fpk_rocking.physics.forcing.chirp import Chirp
-from fpk_rocking.physics.forcing.periodic import Forcing, Harmonics
+from fpk_rocking.physics.forcing.periodic import Forcing, Harmonics, PeriodicForcing
 from fpk_rocking.physics.forcing.pulse import Pulse
 from fpk_rocking.physics.forcing.record import Record
+from fpk_rocking.physics.forcing.transient import TransientForcing
 
 __all__ = [
     "FORCINGS",
@@ -24,8 +25,10 @@ __all__ = [
     "Force",
     "Forcing",
     "Harmonics",
+    "PeriodicForcing",
     "Pulse",
     "Record",
+    "TransientForcing",
     "refuse_transient",
 ]
 
