@@ -16,11 +16,10 @@ from report import ROOT, medians, table, write_section
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.results import distances
 from fpk_rocking.scene import WhiteNoise
 
@@ -42,8 +41,12 @@ print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_te
 def run_of(scene, number, tol):
     """Return a run at the resolution of a number, evolved, and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = Propagator(scene, RESOLUTIONS[number].of(scene, bound, motion_of(scene, CYCLES)), NEGLIGIBLE * tol)
-    return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.grid.windows, scene.period))
+    run = PeriodicRun(
+        scene,
+        RESOLUTIONS[number].of(scene, bound, motion_of(scene, scene.period * np.arange(CYCLES + 1))),
+        NEGLIGIBLE * tol,
+    )
+    return run, run.evolve(scene.period * np.arange(CYCLES + 1))
 
 
 def peak_memory(tol):

@@ -21,11 +21,10 @@ from report import PAGE, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.resolution import RESOLUTIONS, Resolution
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.results import distances
@@ -82,8 +81,12 @@ def solver_rows(scene, truth):
 def solved_alone(scene, resolution):
     """Solve a scene once, at one resolution and with no estimate: the run and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = Propagator(scene, resolution.of(scene, bound, motion_of(scene, CYCLES)), NEGLIGIBLE * TOLERANCES[0])
-    return run, run.evolve(CYCLES, Departure(run.dynamics, scene.start, resolution.windows, scene.period))
+    run = PeriodicRun(
+        scene,
+        resolution.of(scene, bound, motion_of(scene, scene.period * np.arange(CYCLES + 1))),
+        NEGLIGIBLE * TOLERANCES[0],
+    )
+    return run, run.evolve(scene.period * np.arange(CYCLES + 1))
 
 
 def alone_rows(scene, truth):

@@ -16,11 +16,10 @@ from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -45,11 +44,11 @@ def random_scene(rng):
 
 def truth_of(scene, finest):
     """Solve a scene one resolution above a solution: survival, and a function (cycle, edges) for its bins."""
-    bound, motion = velocity_bound(scene, scene.noise.diffusion), motion_of(scene, CYCLES)
+    bound, motion = velocity_bound(scene, scene.noise.diffusion), motion_of(scene, scene.period * np.arange(CYCLES + 1))
     levels = [resolution.of(scene, bound, motion) for resolution in RESOLUTIONS]
     number = [grid.cells[0] for grid in levels].index(finest.settings["angle_cells"])
-    run = Propagator(scene, levels[min(number + 1, len(levels) - 1)], NEGLIGIBLE * TOLERANCES[-1])
-    found = run.evolve(CYCLES, Departure(run.dynamics, scene.start, run.grid.windows, scene.period))
+    run = PeriodicRun(scene, levels[min(number + 1, len(levels) - 1)], NEGLIGIBLE * TOLERANCES[-1])
+    found = run.evolve(scene.period * np.arange(CYCLES + 1))
     return found.inside, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
 
 
@@ -57,7 +56,7 @@ def judged(name, scene):
     """Rows of a scene: true errors against estimates and tolerances."""
     solutions = [solve_fpk(scene, cycles=CYCLES, tol=tol) for tol in TOLERANCES]
     survival, probabilities = truth_of(scene, solutions[-1])
-    edges = motion_of(scene, CYCLES).edges
+    edges = motion_of(scene, scene.period * np.arange(CYCLES + 1)).edges
     rows = []
     for tol, ours in zip(TOLERANCES, solutions, strict=True):
         error = np.abs(ours.survival - survival).max()

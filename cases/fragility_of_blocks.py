@@ -23,10 +23,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from fpk_rocking import Record, Scene
+from fpk_rocking.envelopes import Table
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.physics.noise.envelope import Table
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
 

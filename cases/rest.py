@@ -26,10 +26,10 @@ import warnings
 import numpy as np
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.memory.propagator import NodePropagator
 from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output import motion, style, summary
 from montecarlo import simulate
@@ -96,25 +96,23 @@ def look_inside(scene, resolution):
     """Rest by value of the noise at every step of the second cycle, and at its end the density of the angle."""
     white = scene.white_equivalent()
     bound = velocity_bound(white, white.noise.diffusion)
-    plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, 2))
+    plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, white.period * np.arange(3)))
     grid = node_grid(scene, plane, resolution)._replace(marks=np.linspace(0.0, 0.5, STEPS // 2 + 1))
-    run = NodePropagator(scene, grid, 1e-8)
+    run = FilteredRun(scene, grid, 1e-8)
     times, resting, angles = [], [], []
 
-    def watch(time, density, rest, turned):
-        if time < 1.0:
-            return
-        order = -1 if turned else 1
-        each = run.nodes.weights.sum(axis=1)
-        held = density.sum(axis=1)
+    each = run.nodes.weights.sum(axis=1)
+    for k, state in run.states(2, scene.start):
+        if k < STEPS:
+            continue
+        order = -1 if state.turned else 1
+        held = state.density.sum(axis=1)
         binned = np.array(
             [run.space.bin_integrals(part, ANGLE_EDGES, run.space.velocity_lines[[0, -1]]) for part in held]
         )
-        times.append(time - 1.0)
-        resting.append((rest.sum(axis=1) / each)[::order].tolist())
+        times.append(k / STEPS - 1.0)
+        resting.append((state.rest.sum(axis=1) / each)[::order].tolist())
         angles.append((binned[:, :, 0] / each[:, None])[::order, ::order].tolist())
-
-    run.evolve(2, watch=watch)
     return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting, "angles": angles[-1]}
 
 

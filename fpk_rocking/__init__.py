@@ -9,12 +9,12 @@ import importlib
 
 __all__ = [
     "BandNoise",
+    "BaseForcing",
     "Block",
     "CloughPenzien",
     "CycleOperator",
     "Dimensions",
     "Evolution",
-    "Exponential",
     "Filter",
     "FilteredNoise",
     "Forcing",
@@ -27,8 +27,6 @@ __all__ = [
     "Scene",
     "Start",
     "StateSpace",
-    "Table",
-    "Trapezoid",
     "WhiteNoise",
     "load_scene",
     "melnikov",

@@ -6,10 +6,10 @@ from fpk_rocking.density import solve_fpk as solve_fpk
 from fpk_rocking.density import solve_realizations as solve_realizations
 from fpk_rocking.horizon import CycleOperator as CycleOperator
 from fpk_rocking.scene import BandNoise as BandNoise
+from fpk_rocking.scene import BaseForcing as BaseForcing
 from fpk_rocking.scene import Block as Block
 from fpk_rocking.scene import CloughPenzien as CloughPenzien
 from fpk_rocking.scene import Dimensions as Dimensions
-from fpk_rocking.scene import Exponential as Exponential
 from fpk_rocking.scene import Filter as Filter
 from fpk_rocking.scene import FilteredNoise as FilteredNoise
 from fpk_rocking.scene import Forcing as Forcing
@@ -22,8 +22,6 @@ from fpk_rocking.scene import Record as Record
 from fpk_rocking.scene import Scene as Scene
 from fpk_rocking.scene import Start as Start
 from fpk_rocking.scene import StateSpace as StateSpace
-from fpk_rocking.scene import Table as Table
-from fpk_rocking.scene import Trapezoid as Trapezoid
 from fpk_rocking.scene import WhiteNoise as WhiteNoise
 from fpk_rocking.scene import load_scene as load_scene
 

@@ -191,3 +191,16 @@ def arguments(name, value, cls):
         if key not in value:
             raise ValueError(f"{prefix}{key}: missing, required: {', '.join(required)}")
     return dict(value)
+
+
+ENGINES = " (the range of the engines)"
+"""What is said of a range in which engines can carry values."""
+
+
+def sizes(name, values, low, high, or_none=False):
+    """Refuse a number, or one of a tuple, whose size is out of the engines' range; 0 too is taken where it is none."""
+    none = low > 0.0 and or_none
+    for value in values if isinstance(values, tuple) else (values,):
+        if value is not None and not (low <= abs(value) <= high or (none and value == 0.0)):
+            accepted = f"an absolute value from {low:g} to {high:g}" + (", or 0" if none else "") + ENGINES
+            raise ValueError(refusal(name, value, accepted))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fpk_rocking.density.memory.propagator import carried_from_rest
 from fpk_rocking.density.refinement import candidates_for
+from fpk_rocking.density.run.filtered import carried_from_rest
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space

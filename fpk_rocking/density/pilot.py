@@ -70,15 +70,15 @@ class Motion(NamedTuple):
         return [centred_edges(*ends, BINS) for ends in (self.angles, self.velocities)]
 
 
-def motion_of(white, extent):
+def motion_of(white, times):
     """Sample some paths of a scene with white noise, always the same ones, and return their `Motion`.
 
     Parameters
     ----------
     white : Scene
         With white noise.
-    extent : int or ndarray
-        The cycles that the density is wanted for, or where the scene does not repeat the times, from 0 on.
+    times : ndarray, shape (n + 1,)
+        That the density is wanted for, from 0 on; of a scene that repeats they are whole cycles.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def motion_of(white, extent):
     sides = np.sign(np.where(states[:, 0], states[:, 0], states[:, 1]))
     sides = np.where(sides, sides, np.sign(white.forcing.value(0.0)) or 1.0).astype(np.int32)
     seen = [np.array([[dynamics.cutoff, 1.0]])]
-    for segment, duration, diffusion, axes in _steps(white, dynamics, extent):
+    for segment, duration, diffusion, axes in _steps(white, dynamics, times):
         nodes = _pairs(random)
         follow(states, sides, segment, dynamics.block, Noise(duration, diffusion, nodes, nodes @ axes, 0.0))
         seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
@@ -106,17 +106,17 @@ def motion_of(white, extent):
     return Motion(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()), fastest)
 
 
-def _steps(white, dynamics, extent):
+def _steps(white, dynamics, times):
     """Yield segment, duration, diffusion and axes (2, 2) of the noise of the steps that paths are followed for."""
     longest = min(LONGEST, white.forcing.shortest_period / 6.0)
     if white.repeats:
-        steps, cycles = math.ceil(white.period / longest - 1e-9), min(extent, CYCLES)
+        steps, cycles = math.ceil(white.period / longest - 1e-9), min(len(times) - 1, CYCLES)
         made = [_step(dynamics, k * white.period / steps, white.period / steps) for k in range(steps)]
         yield from made * cycles
         return
-    steps = math.ceil(extent[-1] / longest)
+    steps = math.ceil(times[-1] / longest)
     for k in range(steps):
-        yield _step(dynamics, k * extent[-1] / steps, extent[-1] / steps)
+        yield _step(dynamics, k * times[-1] / steps, times[-1] / steps)
 
 
 def _step(dynamics, start, duration):

@@ -9,11 +9,7 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
-from fpk_rocking.density.memory.propagator import NodePropagator
-from fpk_rocking.density.memory.resolution import node_grid
-from fpk_rocking.density.passage import Passage
 from fpk_rocking.density.pilot import in_rest, motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import UNRESOLVED, Count, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import (
     refuse_broken,
@@ -24,6 +20,7 @@ from fpk_rocking.density.refusals import (
     warn_unresolved,
 )
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.run import kind_of
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import closure_of
@@ -117,27 +114,14 @@ def solve_fpk(
     solved = _closed(scene, closure)
     white, rows = solved.white_equivalent(), len(times) - 1
     ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
-    extent = rows if solved.repeats else times
-    motion, departures = motion_of(white, extent), {}
-    rests = []
+    kind, motion = kind_of(solved), motion_of(white, times)
     grids = _grids(solved, white, motion, tol)
     least, count = grids[2], Count(progress, rows, least=3)
     refuse_large(least.memory, least.stored(rows), solved, rows)
 
     def made(grid, coarser):
-        guide, negligible = coarser and coarser.run, NEGLIGIBLE * tol
-        if solved.noise.kind == "filtered":
-            run = NodePropagator(solved, grid, negligible, guide)
-            solution = run.evolve(extent, count.next())
-            rests.append(solution.at_rest)
-            return Solved(run, solution, motion.edges)
-        if not white.repeats:
-            run = Passage(white, grid, negligible, times[-1], guide)
-            return Solved(run, run.evolve(times, count.next()), motion.edges)
-        run = Propagator(white, grid, negligible, guide)
-        if grid.windows not in departures:
-            departures[grid.windows] = run.departure(grid.windows)
-        return Solved(run, run.evolve(extent, departures[grid.windows], count.next()), motion.edges)
+        run = kind(solved, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+        return Solved(run, run.evolve(times, count.next()), motion.edges, coarser)
 
     def fits(level, grid):
         held = level.memory * grid.memory / level.run.grid.memory
@@ -157,7 +141,7 @@ def solve_fpk(
         lost=fine.gone[:, 2],
         error_estimate=found.error,
         bins_error_estimate=found.bins_error,
-        rest_error_estimate=_rest_error(rests) if rests else 0.0,
+        rest_error_estimate=found.fine.rest_error,
         mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
         negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
         moving_negative_mass=found.fine.negative_mass,
@@ -180,14 +164,17 @@ class Solved:
 
     Parameters
     ----------
-    run : Propagator
+    run : Run
     solution : Solution
     edges : sequence of ndarray
         Of the bins in angle and in velocity that it is compared in.
+    coarser : Solved, optional
+        The level before.
     """
 
-    def __init__(self, run, solution, edges):
+    def __init__(self, run, solution, edges, coarser=None):
         self.run, self.solution = run, solution
+        self._rests = [*(coarser._rests if coarser else ()), solution.at_rest]
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
         if solution.at_rest is not None:
             self.bins += solution.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]
@@ -219,6 +206,18 @@ class Solved:
             difference *= _RESTING
         return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 
+    @property
+    def rest_error(self):
+        """Error of what is at rest, 0 where nothing is.
+
+        Of first order, the larger of what the two levels before tell: one may agree with the last by chance, for at
+        each resolution the nodes lie about |f + η| = 1 anew.
+        """
+        if self.solution.at_rest is None:
+            return 0.0
+        apart = [float(np.abs(self._rests[-1] - before).max()) for before in self._rests[-2:-4:-1]]
+        return max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
+
     def release(self):
         """Let go of the densities."""
         self.solution = self.solution._replace(coefficients=None)
@@ -235,11 +234,8 @@ def _grids(scene, white, motion, tol):
         # Blocks that are bound to overturn, but have not yet, may be faster.
         bound = max(bound, _FASTER * motion.fastest)
     grids = [resolution.of(white, bound, motion) for resolution in resolutions]
-    if scene.noise.kind == "white":
-        return grids
-    ahead.before("fpk_rocking.density.ahead:filtered")
-    coarsest = len(RESOLUTIONS) - len(resolutions)
-    return [node_grid(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
+    kind, coarsest = kind_of(scene), len(RESOLUTIONS) - len(resolutions)
+    return [kind.adapted(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
 
 
 def _closed(scene, closure):
@@ -265,16 +261,6 @@ def _spread(noise):
     if noise.kind == "white":
         return noise.diffusion
     return max(equivalent_diffusion(noise), noise.variance * noise.space.inward_variance)
-
-
-def _rest_error(rests):
-    """Error of what is at rest in the last of some solutions.
-
-    Of first order, the larger of what the two solutions before tell: one may agree with the last by chance, for at each
-    resolution the nodes lie about |f + η| = 1 anew.
-    """
-    apart = [float(np.abs(rests[-1] - before).max()) for before in rests[-2:-4:-1]]
-    return max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
 
 
 def _refuse_unresolved(result, negative):

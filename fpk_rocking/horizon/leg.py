@@ -6,7 +6,7 @@ map over it and R the turn about the origin, a cycle is R H R H = K^2, K = R H. 
 
 import numpy as np
 
-from fpk_rocking.density.propagator import Propagator
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.space.space import turn
 
 _NOTHING = np.zeros(3)
@@ -24,7 +24,7 @@ class CycleLeg:
 
     Attributes
     ----------
-    run : Propagator
+    run : PeriodicRun
         Of the scene, every cell active, so that nothing is lost but beyond the velocity bound.
     space : Space
     count : int
@@ -32,7 +32,7 @@ class CycleLeg:
     """
 
     def __init__(self, white, grid):
-        self.run = Propagator(white, grid, negligible=0.0)
+        self.run = PeriodicRun(white, grid, negligible=0.0)
         self.space, self.count = self.run.space, self.run.legs
         self._root = np.sqrt(self.space.areas)[:, :, None, None]
         everything = np.ones(self.space.shape[:2], dtype=bool)

@@ -149,9 +149,9 @@ class Level:
         white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
         return Level(white, *self._given, plane_bound(white, self._given[1]))
 
-    def survival(self, departure, cycles):
-        """Survival after numbers of cycles, and an estimate of what the modes leave out of it: two arrays (n,)."""
-        first = self.leg.run.evolve(1, departure)
+    def survival(self, cycles, start):
+        """Survival of a start after numbers of cycles, and an estimate of what the modes leave out: two arrays (n,)."""
+        first = self.leg.run.evolve(self._white.period * np.arange(2), start=start)
         powers = self._powers(self.leg.matvec, lambda: self.modes, self.leg.vector(first.coefficients[1]))
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
         for k in np.argsort(cycles, kind="stable"):
@@ -205,7 +205,11 @@ def climb(white, tol):
     ValueError
         Next to everything overturns within a cycle, or no rate can be told from the mesh's own errors.
     """
-    bound, motion, wanted = velocity_bound(white, white.noise.diffusion), motion_of(white, CYCLES), math.e * tol
+    bound, motion, wanted = (
+        velocity_bound(white, white.noise.diffusion),
+        motion_of(white, white.period * np.arange(CYCLES + 1)),
+        math.e * tol,
+    )
     beyond = plane_bound(white, motion)
     refinement = []
 

@@ -13,7 +13,6 @@ from fpk_rocking.density.refusals import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.physics.forcing import refuse_transient
@@ -278,15 +277,11 @@ class CycleOperator(Shown, LinearOperator):
         Outlook
         """
         cycles = np.array([checks.count("cycles", one, at_least=0) for one in cycles], dtype=np.int64)
-        survival, left_out = self._fine.survival(self._departure(self._fine), cycles)
-        rough, _ = self._coarse.survival(self._departure(self._coarse), cycles)
+        survival, left_out = self._fine.survival(cycles, self._white.start)
+        rough, _ = self._coarse.survival(cycles, self._white.start)
         slope = np.abs(survival) * -np.expm1(-cycles * self.escape_rate * self.escape_error)
         error = np.maximum(np.abs(survival - rough), slope) + left_out
         return Outlook(cycles, survival, left_out, error)
-
-    def _departure(self, level, start=None):
-        run = level.leg.run
-        return Departure(run.dynamics, start or self._white.start, run.grid.windows, self._white.period)
 
     def survival_map(self, cycles: int, phase: float | None = None) -> PlaneMap:
         """Probability of not overturning within some cycles, as a function of the start.
@@ -365,7 +360,6 @@ class CycleOperator(Shown, LinearOperator):
         """Angle, velocity and value of a function of survival, from rest and from the scene's start."""
         starts, found = {Start(), self._white.start}, []
         for start in (one for one in starts if one.covariance is None):
-            departure = self._departure(level, start)
-            value = function(lambda *cycles, departure=departure: level.survival(departure, np.array(cycles))[0])
+            value = function(lambda *cycles, start=start: level.survival(np.array(cycles), start)[0])
             found.append((start.angle, start.velocity, float(value)))
         return tuple(found)

@@ -1,8 +1,7 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.forcing import Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.forcing import BaseForcing, Forcing, Harmonics, Pulse, Record
 from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
-from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.filters import Filter, LinearFilter
 from fpk_rocking.physics.noise.state_space import StateSpace
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
@@ -11,10 +10,10 @@ from fpk_rocking.scene.units import Dimensions
 
 __all__ = [
     "BandNoise",
+    "BaseForcing",
     "Block",
     "CloughPenzien",
     "Dimensions",
-    "Exponential",
     "Filter",
     "FilteredNoise",
     "Forcing",
@@ -27,8 +26,6 @@ __all__ = [
     "Scene",
     "Start",
     "StateSpace",
-    "Table",
-    "Trapezoid",
     "WhiteNoise",
     "load_scene",
 ]

@@ -14,13 +14,6 @@ from fpk_rocking.base import checks
 from fpk_rocking.physics.noise.filters import Filter
 
 _RANGES = {
-    "forcing.amplitude": (0.0, 1e4),
-    "forcing.frequency": (1e-3, 1e4),
-    "forcing.phase": (0.0, 1e6),
-    "forcing.amplitudes": (0.0, 1e4),
-    "forcing.phases": (0.0, 1e6),
-    "forcing.duration": (1e-5, 1e5),
-    "forcing.unit": (1e-5, 1e5),
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),
     "noise.frequency": (1e-3, 1e4),
@@ -34,9 +27,8 @@ _RANGES = {
     "start.velocity": (1e-30, 1e4),
     "overturning.angle": (1e-2, 1e4),
 }
-"""Smallest and largest size by dotted name; noise and start may be 0 as well."""
+"""Smallest and largest size by dotted name, those of the forcing left out; noise and start may be 0 as well."""
 
-_BY = " (the range of the engines)"
 _HIGHEST, _TURNS, _HARMONICS = 1e4, 1e5, 100_000
 _DAMPING, _RATE = (1e-3, 1e3), 1e4
 _VARIANCES = 1e-24, 1e8
@@ -57,18 +49,12 @@ def check(scene):
     ValueError
         A value is out of the engines' range; the message names it.
     """
+    scene.forcing.check_range()
     for name, (low, high) in _RANGES.items():
         values = scene
         for field in name.split("."):
             values = getattr(values, field, ())
-        none = low > 0.0 and name.startswith(("noise.", "start."))
-        for value in values if isinstance(values, tuple) else (values,):
-            if value is not None and not (low <= abs(value) <= high or (none and value == 0.0)):
-                accepted = f"an absolute value from {low:g} to {high:g}" + (", or 0" if none else "") + _BY
-                raise ValueError(checks.refusal(name, value, accepted))
-    if scene.forcing.kind == "record" and not scene.forcing.largest <= _RANGES["forcing.amplitude"][1]:
-        accepted = f"accelerations up to {_RANGES['forcing.amplitude'][1]:g} g θ_cr{_BY}"
-        raise ValueError(checks.refusal("forcing.scale", scene.forcing.scale, accepted))
+        checks.sizes(name, values, low, high, or_none=name.startswith(("noise.", "start.")))
     if scene.noise.kind == "band":
         _check_band(scene.noise, 2.0 * math.pi / scene.forcing.time_scale)
     if scene.noise.kind == "filtered":
@@ -81,33 +67,33 @@ def check(scene):
 def _check_band(noise, frequency):
     highest = min(_HIGHEST, _TURNS * frequency)
     if noise.band[1] > highest:
-        accepted = f"frequencies up to {highest:g}, and up to {_TURNS:g} times that of the forcing{_BY}"
+        accepted = f"frequencies up to {highest:g}, and up to {_TURNS:g} times that of the forcing{checks.ENGINES}"
         raise ValueError(checks.refusal("noise.band", noise.band, accepted))
     if noise.harmonics > _HARMONICS:
-        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"up to {_HARMONICS}{_BY}"))
+        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"up to {_HARMONICS}{checks.ENGINES}"))
 
 
 def _check_filter(noise, frequency):
     low, high = _DAMPING
     if noise.damping is not None and not low <= noise.damping <= high:
-        raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{_BY}"))
+        raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{checks.ENGINES}"))
     name, value = "noise.frequency", noise.frequency
     if isinstance(noise.filter, Filter):
         name, value, rates = "noise.filter", str(noise.filter), noise.space.rates
         slowest, highest = _RANGES["noise.frequency"]
         sizes = np.abs(rates)
         if not (slowest <= sizes.min() and sizes.max() <= highest and (-rates.real / sizes).min() >= low):
-            accepted = f"eigenvalues of sizes from {slowest:g} to {highest:g} that decay by {low:g} of their size{_BY}"
-            raise ValueError(checks.refusal(name, value, accepted))
+            accepted = f"eigenvalues of sizes from {slowest:g} to {highest:g} that decay by {low:g} of their size"
+            raise ValueError(checks.refusal(name, value, accepted + checks.ENGINES))
     if noise.space.fastest > _RATE * frequency:
-        accepted = f"a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency{_BY}"
+        accepted = f"a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency{checks.ENGINES}"
         raise ValueError(checks.refusal(name, value, accepted))
 
 
 def _check_covariance(start):
     (xx, _), (_, vv) = start.covariance or ((_VARIANCES[0], 0.0), (0.0, _VARIANCES[0]))
     if not _VARIANCES[0] <= min(xx, vv) <= max(xx, vv) <= _VARIANCES[1]:
-        accepted = f"variances from {_VARIANCES[0]:g} to {_VARIANCES[1]:g}, or none for a point{_BY}"
+        accepted = f"variances from {_VARIANCES[0]:g} to {_VARIANCES[1]:g}, or none for a point{checks.ENGINES}"
         raise ValueError(checks.refusal("start.covariance", start.covariance, accepted))
 
 

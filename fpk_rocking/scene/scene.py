@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
-from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.forcing import FORCINGS, BaseForcing, Forcing, Pulse, Record
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
@@ -34,8 +34,9 @@ class Scene:
     ----------
     block : Block
         Restitution, and the size of the block where units are wanted.
-    forcing : Forcing, Harmonics, Pulse or Record
-        Acceleration of the base that is known: periodic, a pulse, or a record. A record needs ``block.dimensions``.
+    forcing : BaseForcing
+        Acceleration of the base that is known: `Forcing`, `Harmonics`, `Pulse` or `Record`. A record needs
+        ``block.dimensions``.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Random acceleration of the base.
     start : Start
@@ -52,19 +53,18 @@ class Scene:
     """
 
     block: Block
-    forcing: Forcing | Harmonics | Pulse | Record
+    forcing: BaseForcing
     noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise
     start: Start = Start()
     overturning: Overturning = Overturning()
 
     def __post_init__(self):
         checks.instance("block", self.block, Block)
-        checks.instance("forcing", self.forcing, *FORCINGS.values())
+        checks.instance("forcing", self.forcing, BaseForcing, *FORCINGS.values())
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
-        if self.forcing.kind == "record":
-            object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
+        object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
@@ -168,7 +168,7 @@ class Scene:
         peak_acceleration: float | None = None,
         frequency_hz: float | None = None,
         *,
-        record: Forcing | Harmonics | Pulse | Record | None = None,
+        record: Record | None = None,
         pulse: str | None = None,
         pulse_cycles: int | None = None,
         restitution: float | None = None,
@@ -251,8 +251,8 @@ class Scene:
             optional. Their keys are the parameters of the classes, and the following: ``noise.kind`` is "band",
             "white", "filtered" or "none"; ``noise.filter`` is a name, or a table of the kind "linear" or
             "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
-            ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse" or "record". A record may have ``file`` in
-            place of ``interval`` and ``samples``.
+            ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
+            ``file`` in place of ``interval`` and ``samples``.
         folder : str or pathlib.Path
             Folder that the file of a record is relative to.
 

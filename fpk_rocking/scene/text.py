@@ -1,10 +1,9 @@
 """The text form of a scene's parts: readers of TOML tables, and the tables that they read back."""
 
 import dataclasses
-import pathlib
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import FORCINGS, Forcing, Record
+from fpk_rocking.physics.forcing import FORCINGS, Forcing
 from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
 from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.physics.noise.filters import LinearFilter
@@ -63,19 +62,7 @@ def _block(name, table, folder):
     return Block(**values)
 
 
-def _record(name, table, folder):
-    """Read a record from its file, or from a table that holds its samples."""
-    if "file" not in table:
-        return _read(Record)(name, table, folder)
-    keys = ("file", "units", "scale")
-    for key in table:
-        if key not in keys:
-            raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
-    values = dict(table)
-    return Record.from_file(pathlib.Path(folder, checks.path(f"{name}.file", values.pop("file"))), **values)
-
-
-def _of_kind(classes, default=None):
+def _of_kind(classes, default=None, make=lambda cls, *given: _read(cls)(*given)):
     """Return the reader of a table whose key "kind" names one of several classes."""
 
     def read(name, table, folder):
@@ -85,8 +72,7 @@ def _of_kind(classes, default=None):
             raise ValueError(f"{name}.kind: missing, accepted: {accepted}")
         if not isinstance(kind, str) or kind not in classes:
             raise ValueError(checks.refusal(f"{name}.kind", kind, accepted))
-        reader = _record if kind == Record.kind else _read(classes[kind])
-        return reader(name, values, folder)
+        return make(classes[kind], name, values, folder)
 
     return read
 
@@ -102,7 +88,7 @@ def _noise(name, table, folder):
 
 _READERS = {
     "block": _block,
-    "forcing": _of_kind(FORCINGS, Forcing.kind),
+    "forcing": _of_kind(FORCINGS, Forcing.kind, lambda cls, *given: cls.from_table(*given)),
     "noise": _noise,
     "start": _read(Start),
     "overturning": _read(Overturning),

@@ -99,6 +99,6 @@ def checked(
 
 def _asked(scene, realizations, seed):
     checks.instance("scene", scene, Scene)
-    usual = PATHS_OF_RECORDS if scene.forcing.kind == "record" else PATHS
+    usual = PATHS_OF_RECORDS if scene.forcing.dimensional else PATHS
     realizations = usual if realizations is None else checks.count("realizations", realizations)
     return realizations, checks.count("seed", seed, at_least=0)

@@ -3,13 +3,8 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import Forcing, Harmonics
 from fpk_rocking.scene.scene import Scene
-
-_HALVINGS = 50
 
 
 class Intensities(NamedTuple):
@@ -51,40 +46,10 @@ def intensities(scene: Scene) -> Intensities:
     Intensities
     """
     forcing, size = checks.instance("scene", scene, Scene).forcing, scene.block.dimensions
-    acceleration, velocity = forcing.largest, _velocity(forcing)
+    acceleration, velocity = forcing.largest, forcing.largest_velocity
     if size is None:
         return Intensities(acceleration, velocity, math.nan, math.nan, velocity)
     unit = size.gravity * size.critical_angle
     pgv = velocity * unit / size.frequency_parameter
     relative = velocity * size.critical_angle / math.tan(size.critical_angle)
     return Intensities(acceleration, velocity, acceleration * unit, pgv, relative)
-
-
-def _velocity(forcing):
-    """Largest |∫f dτ|."""
-    if forcing.period is None:
-        return _reached(forcing)
-    # The integral of each harmonic is a harmonic, of amplitude A_k/(kΩ) and a quarter cycle late.
-    omega = forcing.frequency
-    parts = [(amplitude / (k * omega), phase - 0.5 * math.pi) for k, amplitude, phase in forcing.components]
-    if not any(amplitude for amplitude, _ in parts):
-        return 0.0
-    return parts[0][0] if isinstance(forcing, Forcing) else Harmonics(omega, *zip(*parts, strict=True)).largest
-
-
-def _reached(forcing):
-    """Largest |∫f dτ| of a motion that ends, from polynomial pieces: at their ends, and where f changes its sign."""
-    spacing = forcing.spacing(forcing.longest_piece)
-    force = forcing.series(np.arange(round(forcing.duration / spacing)) * spacing)
-    order = np.arange(force.shape[1])
-    gain = (force * spacing ** (order + 1) / (order + 1)).sum(axis=1)
-    velocity = np.concatenate([[0.0], np.cumsum(gain)])
-    end = (force * spacing**order).sum(axis=1)
-    turning = np.flatnonzero(force[:, 0] * end < 0.0)
-    low, high = np.zeros(turning.size), np.full(turning.size, spacing)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        before = (force[turning] * middle[:, None] ** order).sum(axis=1) * force[turning, 0] > 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    turns = velocity[turning] + (force[turning] * low[:, None] ** (order + 1) / (order + 1)).sum(axis=1)
-    return float(np.abs(np.concatenate([velocity, turns])).max())

@@ -144,7 +144,7 @@ def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
     """
     factor = checks.number("factor", factor, above=0.0)
     shaken = scene.noise.scaled(factor, 1.0) if noise else scene.noise
-    return dataclasses.replace(scene, forcing=_forcing(scene.forcing, factor, 1.0), noise=shaken)
+    return dataclasses.replace(scene, forcing=scene.forcing.scaled(factor, 1.0), noise=shaken)
 
 
 def resized(scene: Scene, *, width: float | None = None, height: float | None = None) -> Scene:
@@ -176,12 +176,12 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
         (xx, xv), (_, vv) = start.covariance
         xv *= angle**2 * rate
         moved["covariance"] = (xx * angle**2, xv), (xv, vv * (angle * rate) ** 2)
-    # A record is in seconds, and takes the size of the scene's block by itself.
+    # What is in seconds takes the size of the scene's block by itself.
     forcing = scene.forcing
     return dataclasses.replace(
         scene,
         block=dataclasses.replace(scene.block, restitution=new.restitution if housner else own, dimensions=new),
-        forcing=forcing if forcing.kind == "record" else _forcing(forcing, angle, rate),
+        forcing=forcing if forcing.dimensional else forcing.scaled(angle, rate),
         noise=scene.noise.scaled(angle, rate),
         start=dataclasses.replace(start, **moved),
     )
@@ -194,15 +194,3 @@ def dimensions_of(scene, name):
             checks.refusal("parameter", name, "only where the scene has [block.dimensions]; this one has none")
         )
     return scene.block.dimensions
-
-
-def _forcing(forcing, strength, rate):
-    """Return a forcing of accelerations and, but for a record, frequencies multiplied by factors."""
-    if forcing.kind == "record":
-        return dataclasses.replace(forcing, scale=forcing.scale * strength)
-    changed = {"frequency": forcing.frequency * rate}
-    if forcing.kind == "harmonics":
-        changed["amplitudes"] = tuple(strength * one for one in forcing.amplitudes)
-    else:
-        changed["amplitude"] = strength * forcing.amplitude
-    return dataclasses.replace(forcing, **changed)

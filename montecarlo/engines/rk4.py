@@ -90,19 +90,10 @@ def problem_of(scene, steps_per_cycle, times=None):
         *block_of(scene),
         start_numbers(scene.start),
         *grid,
-        _forces(scene.forcing, grid),
+        scene.forcing.stages(grid.spacing, grid.count),
         _strengths(scene.noise.envelope, grid),
         *band_of(scene, grid.duration),
     )
-
-
-def _forces(forcing, grid):
-    """Return the force (n, 3) at the begin, the middle and the end of every step; a jump is between two steps."""
-    if forcing.period is not None:
-        values = forcing.values_in_cycle(np.arange(2 * grid.count + 1), 2 * round(forcing.period / grid.spacing))
-        return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
-    parts = (grid.spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
-    return forcing.series(np.arange(grid.count) * grid.spacing) @ parts.T
 
 
 def _strengths(envelope, grid):

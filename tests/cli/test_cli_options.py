@@ -10,8 +10,8 @@ import pytest
 
 from fpk_rocking import cli, solve_fpk
 from fpk_rocking.compare import compare
-from fpk_rocking.density import solver
 from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.run import FilteredRun
 from fpk_rocking.scene import BandNoise, Block, Forcing, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, curves, fragility
 from montecarlo import Ensemble, Tally, simulate
@@ -112,7 +112,7 @@ def test_the_check_of_replaced_noise_can_be_left_out(run):
 
 def test_the_closure_reaches_the_solver(monkeypatch, run):
     seen = []
-    monkeypatch.setattr(solver, "NodePropagator", lambda scene, *_: seen.append(scene.noise) or 1 / 0)
+    monkeypatch.setattr(FilteredRun, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
     with pytest.raises(AssertionError, match="division by zero"):
         run("fpk", PERIODIC, **SOLVED, closure="filtered")
     assert seen == [PERIODIC.filtered_equivalent().noise]

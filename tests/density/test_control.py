@@ -11,12 +11,11 @@ import pytest
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import refinement, solver
 from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.propagator import Propagator
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.solution import Solution
-from fpk_rocking.density.start.departure import Departure
 from fpk_rocking.scene import Forcing, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml").white_equivalent()
@@ -24,7 +23,8 @@ MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main
 
 def grid_of(scene, resolution, cycles=10):
     """The grid that `solve_fpk` uses."""
-    return resolution.of(scene, velocity_bound(scene, scene.noise.diffusion), motion_of(scene, cycles))
+    motion = motion_of(scene, scene.period * np.arange(cycles + 1))
+    return resolution.of(scene, velocity_bound(scene, scene.noise.diffusion), motion)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,8 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})
     monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
-    monkeypatch.setattr(solver, "motion_of", lambda white, _: motion_of(white, 3))  # one mesh for both
+    one = motion_of(scene, scene.period * np.arange(4))
+    monkeypatch.setattr(solver, "motion_of", lambda *_: one)  # one mesh for both
     first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
     assert last.survival[3] < 0.1
     assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
@@ -110,7 +111,8 @@ def test_meshes_and_steps_follow_what_the_block_does():
     )
     assert whole.steps == 12
     assert slow.steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
-    motion = motion_of(scene(2.8, 9.5, 0.002), 10)
+    quick = scene(2.8, 9.5, 0.002)
+    motion = motion_of(quick, quick.period * np.arange(11))
     assert motion.angle < 0.2
     for lines, usual in ((small.angle_lines, motion.angle), (small.velocity_lines, motion.velocity)):
         assert usual in lines
@@ -125,9 +127,8 @@ def test_what_is_not_covered_is_little_and_counted_as_lost():
     """A run that covers all cells from the start, against one that covers what holds something."""
     grid, found = grid_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
     for negligible in (0.0, 1e-8):
-        run = Propagator(MAIN, grid, negligible)
-        departure = Departure(run.dynamics, MAIN.start, grid.windows, MAIN.period)
-        found.append(run.evolve(2, departure))
+        run = PeriodicRun(MAIN, grid, negligible)
+        found.append(run.evolve(MAIN.period * np.arange(3)))
         covered = np.mean([step.trace.active.mean() for step in run.leg])
     whole, part = found
     assert covered < 0.6

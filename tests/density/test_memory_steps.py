@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, FilteredNoise, Forcing, Overturning, Scene, Start
-from fpk_rocking.density.memory.propagator import NodePropagator
 from fpk_rocking.density.memory.resolution import NodeGrid
 from fpk_rocking.density.memory.start import Flight
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 
 
 def plane_of(scene):
-    white = scene.white_equivalent()
-    return RESOLUTIONS[0].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, 2))
+    white, times = scene.white_equivalent(), scene.period * np.arange(3)
+    return RESOLUTIONS[0].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, times))
 
 
 @pytest.mark.parametrize("noise", [FilteredNoise("low-pass", 0.04, 1.5, 0.7), FilteredNoise("exponential", 0.04, 1.0)])
@@ -27,13 +27,10 @@ def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
     scene = Scene(Block(0.5), Forcing(0.9, 2.0, 0.4), noise)
     plane, found = plane_of(scene), []
     for legs in (2, 1):
-        rests, grid = [], NodeGrid(plane, (5, 3), 3, np.linspace(0.0, 1.0 / legs, 8 // legs + 1))
-        run = NodePropagator(scene, grid, 1e-12)
-
-        def watch(_, density, rest, turned, rests=rests):  # noqa: ARG001
-            rests.append(rest[::-1, ::-1] if turned else rest.copy())
-
-        found.append((run.evolve(1, watch=watch), np.array(rests)))
+        grid = NodeGrid(plane, (5, 3), 3, np.linspace(0.0, 1.0 / legs, 8 // legs + 1))
+        run = FilteredRun(scene, grid, 1e-12)
+        rests = [(one.mirrored() if one.turned else one).rest for _, one in run.states(1, scene.start)]
+        found.append((run.evolve(scene.period * np.arange(2)), np.array(rests)))
     (halves, rests), (wholes, wanted) = found
     assert 0.1 < wholes.at_rest[1] < 0.9
     assert np.abs(wanted - wanted[:, ::-1, ::-1]).max() > 1e-3  # a mirror image is another state
@@ -59,8 +56,8 @@ def test_held_noise_is_of_second_order_in_flight():
     errors, counts = [], np.array([24, 48])
     for steps in counts:
         part = np.linspace(0.0, 1.0, steps + 1)
-        run = NodePropagator(scene, NodeGrid(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
+        run = FilteredRun(scene, NodeGrid(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
         _, wanted = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics).at(scene.period)
-        density = Density(run.space, run.evolve(1).coefficients[1])
+        density = Density(run.space, run.evolve(scene.period * np.arange(2)).coefficients[1])
         errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)

@@ -31,7 +31,8 @@ SCENES = {
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
 def test_the_pilot_tells_the_range_of_white_noise_paths(scene):
     """Against 2,000 paths at 16 times a cycle; its own 256 scatter by some per cent."""
-    motion, paths = motion_of(scene, 10), histories(scene, cycles=10, realizations=2000, seed=2, samples_per_cycle=16)
+    motion = motion_of(scene, scene.period * np.arange(11))
+    paths = histories(scene, cycles=10, realizations=2000, seed=2, samples_per_cycle=16)
     for usual, values in ((motion.angle, paths.angle), (motion.velocity, paths.velocity)):
         assert usual == pytest.approx(np.nanquantile(np.abs(values), 0.9), rel=0.2)
     for ends, values in ((motion.angles, paths.angle), (motion.velocities, paths.velocity)):
@@ -43,8 +44,8 @@ def test_the_pilot_is_the_same_in_every_call_and_mirrored_for_the_mirror_image()
     mirror = dataclasses.replace(
         scene, forcing=scene.forcing.at_phase(math.pi), start=Start(-0.1, 0.2, scene.start.covariance)
     )
-    motion, mirrored = motion_of(scene, 4), motion_of(mirror, 4)
-    assert motion == motion_of(scene, 4)
+    motion, mirrored = motion_of(scene, scene.period * np.arange(5)), motion_of(mirror, mirror.period * np.arange(5))
+    assert motion == motion_of(scene, scene.period * np.arange(5))
     assert [*mirrored[:2], mirrored.fastest] == pytest.approx([*motion[:2], motion.fastest], rel=1e-12)
     assert motion.fastest >= max(np.abs(motion.velocities)) > 0.0
     for ends, others in zip(motion[2:4], mirrored[2:4], strict=True):
@@ -52,10 +53,11 @@ def test_the_pilot_is_the_same_in_every_call_and_mirrored_for_the_mirror_image()
 
 
 def test_a_block_at_rest_and_one_that_falls_at_once_have_a_motion():
-    rest = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6), 3)
+    times = 2.0 * math.pi / 5.0 * np.arange(4)
+    rest = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6), times)
     assert max(rest.angle, rest.velocity) < 0.01
     assert [np.ptp(ends) for ends in rest[2:4]] == pytest.approx(LEAST_RANGE)
-    fallen = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6, Start(1.55, 30.0)), 3)
+    fallen = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6, Start(1.55, 30.0)), times)
     assert 0.0 < fallen.angle <= math.pi / 2
 
 
@@ -73,7 +75,7 @@ def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
 def test_cells_beyond_the_motion_are_refined_with_the_others():
     """Weak noise, whose tails cells of one and the same growth never resolve: survival lost .001 then."""
     scene = scene_of(4.6, 2.7, 0.5, 2.5e-4, phase=math.pi)
-    bound, motion = velocity_bound(scene, 2.5e-4), motion_of(scene, 10)
+    bound, motion = velocity_bound(scene, 2.5e-4), motion_of(scene, scene.period * np.arange(11))
     assert motion.velocity < 0.8 * bound
     sizes = [np.diff(resolution.of(scene, bound, motion).velocity_lines)[-1] for resolution in RESOLUTIONS[1:]]
     assert all(fine < 0.9 * coarse for coarse, fine in itertools.pairwise(sizes))

@@ -50,7 +50,7 @@ def mean(operator):
 def stepped(operator):
     """The coarser mesh's evolution from the scene's start over 80 cycles, step by step."""
     level = operator._coarse
-    return level.leg.run.evolve(80, operator._departure(level))
+    return level.leg.run.evolve(operator.scene.period * np.arange(81))
 
 
 def inner(space, first, second):
@@ -373,7 +373,7 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
 def test_what_the_mesh_loses_is_an_error_of_the_rate():
     """With velocities up to 2.5 alone, blocks that would come back are lost: however well two meshes agree."""
     white = MAIN.white_equivalent()
-    motion = motion_of(white, 4)
+    motion = motion_of(white, white.period * np.arange(5))
     whole, cut = (level.Level(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
     off = abs(cut.rate / whole.rate - 1.0)
     assert off > 0.01

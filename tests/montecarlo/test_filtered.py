@@ -13,17 +13,8 @@ from scipy.stats import kstest
 from stepped_paths import soil, survival
 from two_samples import survival_test
 
-from fpk_rocking import (
-    CloughPenzien,
-    CycleOperator,
-    FilteredNoise,
-    LinearFilter,
-    NoNoise,
-    Start,
-    Table,
-    Trapezoid,
-    load_scene,
-)
+from fpk_rocking import CloughPenzien, CycleOperator, FilteredNoise, LinearFilter, NoNoise, Start, load_scene
+from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Forcing, Overturning, Scene
 from montecarlo import histories, simulate, split, tally

@@ -13,7 +13,6 @@ from fpk_rocking import (
     Block,
     CycleOperator,
     Dimensions,
-    Exponential,
     FilteredNoise,
     Forcing,
     NoNoise,
@@ -22,11 +21,10 @@ from fpk_rocking import (
     Record,
     Scene,
     Start,
-    Table,
-    Trapezoid,
     WhiteNoise,
 )  # fmt: skip
 from fpk_rocking.analytics import melnikov
+from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo import simulate
 from montecarlo.poincare import restarted_poincare_map

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fpk_rocking import BandNoise, Block, FilteredNoise, Pulse, Scene, Table
+from fpk_rocking import BandNoise, Block, FilteredNoise, Pulse, Scene
+from fpk_rocking.envelopes import Table
 from montecarlo import simulate
 from montecarlo.engines import enveloped, filtered
 

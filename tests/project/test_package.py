@@ -20,7 +20,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 LAYERS = [
     {"fpk_rocking.base", "fpk_rocking.console"},
     {"fpk_rocking.physics"},
-    {"fpk_rocking.scene"},
+    {"fpk_rocking.scene", "fpk_rocking.envelopes", "fpk_rocking.forcings"},
     {"fpk_rocking.results", "fpk_rocking.analytics"},
     {"fpk_rocking.compare", "fpk_rocking.density.space", "montecarlo.engines", "montecarlo.results"},
     {"fpk_rocking.density.step", "montecarlo.rare"},

@@ -29,8 +29,8 @@ from fpk_rocking import (
     Start,
     WhiteNoise,
 )
-from fpk_rocking.physics.forcing.transient import SHAPES
-from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
+from fpk_rocking.envelopes import Exponential, Table, Trapezoid
+from fpk_rocking.physics.forcing.pulse import SHAPES
 
 LONGEST = 20.0
 """Seconds of all threads together; a machine that pauses does not count."""

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
+from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.scene import (
     Block,
     FilteredNoise,

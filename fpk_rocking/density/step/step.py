@@ -11,12 +11,12 @@ from fpk_rocking.density.step.deposit import CHUNKS, Cells, Flown, Parts, deposi
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.landing import Gauss, classify, settle_in_cells, trace_cells
 from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
-from fpk_rocking.physics.forcing import PeriodicForcing
+from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered
 from fpk_rocking.physics.motion.particular import affine
 from fpk_rocking.physics.motion.slender import Slender, segment_of
-from fpk_rocking.physics.noise.envelope import Exponential, Table, Trapezoid
+from fpk_rocking.physics.noise.envelope import Envelope
 
 _NODES = np.polynomial.legendre.leggauss(16)
 
@@ -30,20 +30,20 @@ class Dynamics:
 
     Parameters
     ----------
-    forcing : Forcing or Harmonics
+    forcing : Force
     diffusion, restitution, cutoff : float
         D, e and the angle of overturning.
-    envelope : Trapezoid, Exponential or Table, optional
+    envelope : Envelope, optional
         g, where the diffusion is D g².
     faintest : float
         Least g² of a step.
     """
 
-    forcing: PeriodicForcing
+    forcing: Force
     diffusion: float
     restitution: float
     cutoff: float
-    envelope: Trapezoid | Exponential | Table | None = None
+    envelope: Envelope | None = None
     faintest: float = FAINTEST
 
     @classmethod
@@ -51,6 +51,11 @@ class Dynamics:
         """Take the dynamics of a scene with white noise."""
         noise = scene.noise
         return cls(scene.forcing, noise.diffusion, scene.block.restitution, scene.overturning.angle, noise.envelope)
+
+    def later(self, time):
+        """Return the dynamics whose times count from a time on."""
+        envelope = self.envelope and self.envelope.later(time)
+        return dataclasses.replace(self, forcing=self.forcing.later(time), envelope=envelope)
 
     def during(self, start, duration):
         """Return the dynamics with a constant diffusion, its mean over a step, and at least `faintest` of D."""

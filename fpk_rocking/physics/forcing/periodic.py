@@ -9,14 +9,16 @@ from typing import ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, PHASES, BaseForcing, keep, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import stiffness
 
 
-class PeriodicForcing:
+class PeriodicForcing(BaseForcing):
     """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
 
-    A subclass is a frozen dataclass with `frequency` and `components`.
+    A kind is a frozen dataclass with `frequency`, `components`, `largest_velocity` and `scaled`; and, for the operator
+    of a cycle and the Melnikov process, `phase`, `at_phase` and `filtered`.
     """
 
     __slots__ = ()
@@ -25,6 +27,8 @@ class PeriodicForcing:
     """Ω."""
     components: Sequence[tuple[int, float, float]]
     """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
+
+    duration = math.inf
 
     @property
     def period(self):
@@ -42,12 +46,12 @@ class PeriodicForcing:
     @property
     def shortest_period(self):
         """Period of the highest harmonic."""
-        return self.period / max((k for k, amplitude, _ in self.components if amplitude), default=1)
+        return self.period / max(1, 1, *(k for k, amplitude, _ in self.components if amplitude))
 
     @property
     def longest_piece(self):
         """Time from its instant for which a piece of `pieces` is right to 1e-14."""
-        return 0.8 * self.shortest_period / (2.0 * math.pi)
+        return longest_of(self.shortest_period)
 
     @property
     def time_scale(self):
@@ -101,6 +105,16 @@ class PeriodicForcing:
     def values_in_cycle(self, places, count):
         """Force at places (n,) of a cycle divided into equal parts, `count` of them: periodic to the last digit."""
         return -sum(a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
+
+    def stages(self, spacing, count):
+        """Force (count, 3) at the begin, the middle and the end of the intervals of a grid that divides the cycle."""
+        values = self.values_in_cycle(np.arange(2 * count + 1), 2 * round(self.period / spacing))
+        return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
+
+    def plus(self, constant):
+        """Return the forcing with a constant c added to f, which is the harmonic k = 0 and takes c from P."""
+        mean = 0, abs(constant), math.pi if constant > 0.0 else 0.0
+        return _Sum(self.frequency, (*self.components, mean))
 
     @property
     def steepest(self):
@@ -166,14 +180,15 @@ class Forcing(PeriodicForcing):
     """
 
     kind: ClassVar[str] = "harmonic"
+    ranges: ClassVar = {"amplitude": AMPLITUDES, "frequency": FREQUENCIES, "phase": PHASES}
     amplitude: float
     frequency: float
     phase: float = 0.0
 
     def __post_init__(self):
-        _set(self, "amplitude", checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
-        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
-        _set(self, "phase", checks.number("forcing.phase", self.phase))
+        keep(self, amplitude=checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
+        keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
+        keep(self, phase=checks.number("forcing.phase", self.phase))
 
     @property
     def components(self):
@@ -187,6 +202,15 @@ class Forcing(PeriodicForcing):
     def filtered(self, gain):
         """Return the forcing with its harmonic multiplied by gain(Ω)."""
         return dataclasses.replace(self, amplitude=self.amplitude * float(gain(self.frequency)))
+
+    def scaled(self, strength, rate):
+        """Return the forcing with amplitude and frequency multiplied by factors."""
+        return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
+
+    @property
+    def largest_velocity(self):
+        """Largest |∫f dτ|."""
+        return self.amplitude / self.frequency
 
     def __str__(self):
         turns = self.phase / math.pi
@@ -209,14 +233,15 @@ class Harmonics(PeriodicForcing):
     """
 
     kind: ClassVar[str] = "harmonics"
+    ranges: ClassVar = {"frequency": FREQUENCIES, "amplitudes": AMPLITUDES, "phases": PHASES}
     frequency: float
     amplitudes: tuple[float, ...]
     phases: tuple[float, ...]
 
     def __post_init__(self):
-        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
-        _set(self, "amplitudes", checks.several("forcing.amplitudes", self.amplitudes, most=_MOST, at_least=0.0))
-        _set(self, "phases", checks.several("forcing.phases", self.phases, most=_MOST))
+        keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
+        keep(self, amplitudes=checks.several("forcing.amplitudes", self.amplitudes, most=_MOST, at_least=0.0))
+        keep(self, phases=checks.several("forcing.phases", self.phases, most=_MOST))
         if len(self.phases) != len(self.amplitudes):
             accepted = f"{len(self.amplitudes)} phases, as many as forcing.amplitudes"
             raise ValueError(checks.refusal("forcing.phases", self.phases, accepted))
@@ -239,6 +264,18 @@ class Harmonics(PeriodicForcing):
         amplitudes = (amplitude * float(gain(k * self.frequency)) for k, amplitude, _ in self.components)
         return dataclasses.replace(self, amplitudes=tuple(amplitudes))
 
+    def scaled(self, strength, rate):
+        """Return the forcing with amplitudes and frequencies multiplied by factors."""
+        amplitudes = tuple(strength * one for one in self.amplitudes)
+        return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
+
+    @property
+    def largest_velocity(self):
+        """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
+        amplitudes = tuple(amplitude / (k * self.frequency) for k, amplitude, _ in self.components)
+        late = tuple(phase - 0.5 * math.pi for phase in self.phases)
+        return dataclasses.replace(self, amplitudes=amplitudes, phases=late).largest
+
     @property
     def phase(self):
         """Phase Ψ_1 of the first harmonic."""
@@ -249,13 +286,20 @@ class Harmonics(PeriodicForcing):
         return "A_k = {}, Ω = {:g}, Ψ_k = {}".format(*(next(lists), self.frequency, next(lists)))
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Sum(PeriodicForcing):
+    """A sum of harmonics, among them a mean."""
+
+    frequency: float
+    components: tuple[tuple[int, float, float], ...]
+
+    def scaled(self, strength, rate):
+        return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
+
+
 _MOST = 32
 _TINY = 1e-300
 _UNSEEN = 1e-30
-
-
-def _set(value, name, checked):
-    object.__setattr__(value, name, checked)
 
 
 def _add_cosine(row, instant, amplitude, frequency, phase):

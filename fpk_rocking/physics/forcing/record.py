@@ -4,6 +4,7 @@ import codecs
 import dataclasses
 import functools
 import math
+import pathlib
 import re
 from typing import Any, ClassVar, Self
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
+from fpk_rocking.physics.forcing.base import AMPLITUDES, TIMES, keep
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 
@@ -47,6 +49,8 @@ class Record(TransientForcing):
     """
 
     kind: ClassVar[str] = "record"
+    ranges: ClassVar = {"duration": TIMES, "unit": TIMES}
+    dimensional: ClassVar[bool] = True
     interval: float
     samples: tuple[float, ...] = dataclasses.field(repr=False)
     units: str
@@ -58,13 +62,13 @@ class Record(TransientForcing):
     shortest_period: ClassVar[float] = math.inf
 
     def __post_init__(self):
-        _set(self, "interval", checks.number("forcing.interval", self.interval, above=0.0))
-        _set(self, "samples", _samples(self.samples))
+        keep(self, interval=checks.number("forcing.interval", self.interval, above=0.0))
+        keep(self, samples=_samples(self.samples))
         if not isinstance(self.units, str) or self.units not in UNITS:
             error = ValueError if isinstance(self.units, str) else TypeError
             raise error(checks.refusal("forcing.units", self.units, " or ".join(map(repr, UNITS))))
-        _set(self, "scale", checks.number("forcing.scale", self.scale))
-        _set(self, "source", checks.sentence("forcing.source", self.source))
+        keep(self, scale=checks.number("forcing.scale", self.scale))
+        keep(self, source=checks.sentence("forcing.source", self.source))
 
     @classmethod
     def from_file(cls, path: File, *, units: str | None = None, scale: float = 1.0) -> Self:
@@ -105,6 +109,30 @@ class Record(TransientForcing):
             raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
         return cls(interval, samples, units or "g", scale, path.name)
 
+    @classmethod
+    def from_table(cls, name: str, table: dict, folder: File) -> Self:
+        """Read a record from its file, or from a table that holds its samples."""
+        if "file" not in table:
+            return super().from_table(name, table, folder)
+        keys = ("file", "units", "scale")
+        for key in table:
+            if key not in keys:
+                raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
+        path = pathlib.Path(folder, checks.path(f"{name}.file", table["file"]))
+        return cls.from_file(path, **{key: value for key, value in table.items() if key != "file"})
+
+    def scaled(self, strength: float, rate: float) -> Self:
+        """Return the record with accelerations multiplied by a factor, and times divided by one."""
+        changed = dataclasses.replace(self, scale=self.scale * strength, interval=self.interval / rate)
+        return changed if self._size is None else changed.on(self._size)
+
+    def check_range(self) -> None:
+        """Refuse sizes that the engines cannot carry, by name."""
+        super().check_range()
+        if not self.largest <= AMPLITUDES[1]:
+            accepted = f"accelerations up to {AMPLITUDES[1]:g} g θ_cr{checks.ENGINES}"
+            raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
+
     def on(self, size: Any) -> Self:
         """Return the record as the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
         if size is None:
@@ -112,7 +140,7 @@ class Record(TransientForcing):
         if size == self._size:
             return self
         bound = dataclasses.replace(self)
-        _set(bound, "_size", size)
+        keep(bound, _size=size)
         return bound
 
     @functools.cached_property
@@ -280,7 +308,3 @@ def _number(word):
         return float(word)
     except ValueError:
         return math.nan
-
-
-def _set(value, name, checked):
-    object.__setattr__(value, name, checked)

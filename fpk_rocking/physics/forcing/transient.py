@@ -1,20 +1,18 @@
-"""Forcing that ends: its particular solution from its Taylor series, and the standard pulses of the rocking literature.
+"""Forcing that ends: its particular solution from its Taylor series.
 
 The bounded particular solution is P = -½ (L + R), with P' = ½ (L - R), where L(τ) = ∫ exp(-(τ-s)) f(s) ds up to τ and
 R(τ) = ∫ exp(-(s-τ)) f(s) ds from τ on. Both are sums over the intervals of a grid that no kink of f falls into. P and
 P' are continuous whatever jumps f has, and P falls off like exp(-τ) after the end.
 """
 
-import dataclasses
 import functools
 import itertools
 import math
 from collections.abc import Callable
-from typing import ClassVar
 
 import numpy as np
 
-from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing.base import BaseForcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import added, added_by_line, continued
 
@@ -22,26 +20,21 @@ _LONGEST = 0.2
 """Longest interval of the grid on which P is held."""
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-_LOOKS = 8
+_LOOKS, _HALVINGS = 8, 50
 
 
-class TransientForcing:
+class TransientForcing(BaseForcing):
     """A forcing that is 0 from `duration` on, and does not repeat.
 
-    A subclass is a frozen dataclass, equal and hashed by its values, with `duration`, `unit`, `shortest_period`,
-    `largest`, `steepest`, `time_scale` and `series`. It has a ``__dict__``, in which what is worked out is kept.
+    A kind is a frozen dataclass with `duration`, `unit`, `shortest_period`, `largest`, `steepest`, `time_scale`,
+    `series` and `scaled`. It has a ``__dict__``, in which what is worked out is kept.
     """
 
     period = None
     half_antisymmetric = False
-    duration: float
-    """Time at which it ends."""
+    longest_rest = math.inf
     unit: float
     """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
-    shortest_period: float
-    """A time of which a sixth is a polynomial piece to 1e-13; inf where f is piecewise linear."""
-    time_scale: float
-    """Time that an engine's `steps_per_cycle` count in."""
 
     series: Callable[[np.ndarray], np.ndarray]
     """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
@@ -49,7 +42,7 @@ class TransientForcing:
     @property
     def longest_piece(self):
         """Time from its instant for which a piece of `pieces` is right to 1e-14, if no kink of f lies between."""
-        return min(0.8 * self.shortest_period / (2.0 * math.pi), 0.5)
+        return min(longest_of(self.shortest_period), 0.5)
 
     def spacing(self, longest):
         """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece."""
@@ -134,6 +127,11 @@ class TransientForcing:
         """Force f at a time."""
         return float(self.values([time])[0])
 
+    def stages(self, spacing, count):
+        """Force (count, 3) at the begin, the middle and the end of the intervals of a grid; a jump is between two."""
+        parts = (spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
+        return self.series(np.arange(count) * spacing) @ parts.T
+
     def slope(self, time):
         """Slope of the force at a time."""
         return float(self.series(np.array([time]))[0, 1])
@@ -146,6 +144,24 @@ class TransientForcing:
         p, q = self.pieces(times)[:, :2].T
         seen = float(max(np.abs(p + q).max(), np.abs(p - q).max()))
         return seen + times[1] * max(seen, self.largest)
+
+    @functools.cached_property
+    def largest_velocity(self):
+        """Largest |∫f dτ|, from polynomial pieces: at their ends, and where f changes its sign."""
+        spacing = self.spacing(self.longest_piece)
+        force = self.series(np.arange(round(self.duration / spacing)) * spacing)
+        order = np.arange(TERMS)
+        gain = (force * spacing ** (order + 1) / (order + 1)).sum(axis=1)
+        velocity = np.concatenate([[0.0], np.cumsum(gain)])
+        end = (force * spacing**order).sum(axis=1)
+        turning = np.flatnonzero(force[:, 0] * end < 0.0)
+        low, high = np.zeros(turning.size), np.full(turning.size, spacing)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            before = (force[turning] * middle[:, None] ** order).sum(axis=1) * force[turning, 0] > 0.0
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        turns = velocity[turning] + (force[turning] * low[:, None] ** (order + 1) / (order + 1)).sum(axis=1)
+        return float(np.abs(np.concatenate([velocity, turns])).max())
 
     @property
     def _looks(self):
@@ -170,11 +186,6 @@ class TransientForcing:
             (rises if above[place + 1] else falls).append(high)
         return np.array(rises), np.array(falls)
 
-    @property
-    def longest_rest(self):
-        """Longest time in which |f| stays at most 1, so that a block at rest stays there: inf, after the end."""
-        return math.inf
-
     def since_lift_off(self, time):
         """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it has not yet."""
         rises = self._lift_offs[0]
@@ -182,168 +193,3 @@ class TransientForcing:
         if not before.size:
             return math.inf, 0.0
         return max(time - float(before[-1]), 0.0), abs(self.slope(float(before[-1])))
-
-
-def refuse_transient(forcing, what):
-    """Refuse a forcing that does not repeat, where something is not defined for it."""
-    if isinstance(forcing, TransientForcing):
-        accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"
-        raise ValueError(checks.refusal("forcing.kind", forcing.kind, accepted))
-
-
-def _sine(shift):
-    """Return the series of sin(z + shift)."""
-    order = np.arange(TERMS)
-    inverse = np.array([1.0 / math.factorial(k) for k in order])
-    return lambda z: np.sin(z[:, None] + shift + 0.5 * math.pi * order) * inverse
-
-
-_REACH = 6.5
-"""Standard deviations of its bell at which a Ricker pulse is cut: what is cut is below 1e-6 of its peak."""
-
-
-def _bell(polynomial):
-    """Return the series of a polynomial times exp(-z²/2), the peak of the bell at _REACH."""
-    whole = np.polynomial.Polynomial(polynomial)
-    parts = [whole.deriv(k) / math.factorial(k) if k else whole for k in range(len(polynomial))]
-
-    def series(z):
-        z = z - _REACH
-        # exp(-(z+t)²/2) = exp(-z²/2) Σ He_k(z) (-t)^k / k!, and the polynomial about z.
-        bell = np.empty((len(z), TERMS))
-        bell[:, 0], bell[:, 1] = np.exp(-0.5 * z * z), -z * np.exp(-0.5 * z * z)
-        for k in range(1, TERMS - 1):
-            bell[:, k + 1] = -(z * bell[:, k] + bell[:, k - 1]) / (k + 1)
-        out = np.zeros((len(z), TERMS))
-        for k, part in enumerate(parts):
-            out[:, k:] += part(z)[:, None] * bell[:, : TERMS - k]
-        return out
-
-    return series
-
-
-_TURN = 2.0 * math.pi
-_ANTISYMMETRIC_PEAK = math.sqrt(3.0 - math.sqrt(6.0)) * math.sqrt(6.0) * math.exp(-0.5 * (3.0 - math.sqrt(6.0)))
-
-SHAPES = ("one-sine", "one-cosine", "n-sine", "symmetric-ricker", "antisymmetric-ricker")
-"""Pulses by their names."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Pulse(TransientForcing):
-    """Pulse A ψ(Ωτ) of base acceleration from τ = 0 on, and 0 after it.
-
-    The shapes ψ are, with z = Ωτ,
-
-    * "one-sine": sin z for 0 ≤ z ≤ 2π,
-    * "one-cosine": cos z for 0 ≤ z ≤ 2π,
-    * "n-sine": sin z for 0 ≤ z ≤ 2πn,
-    * "symmetric-ricker": (1 - y²) exp(-y²/2) with y = z/√2 - 6.5, for |y| ≤ 6.5,
-    * "antisymmetric-ricker": (y³ - 3y) exp(-y²/2)/1.3801 with y = z/√3 - 6.5, for |y| ≤ 6.5.
-
-    Parameters
-    ----------
-    shape : str
-        One of the names above.
-    amplitude : float
-        Peak A, nondimensional, at least 0. Where ψ is positive the base accelerates towards negative angles, which
-        pushes the block, as seen from its base, towards positive ones.
-    frequency : float
-        Angular frequency Ω, nondimensional, above 0.
-    cycles : int, optional
-        n, from 1 to 1000. Required for "n-sine", refused for other shapes.
-
-    References
-    ----------
-    Sine and cosine: N. Makris, Y. Roussos, Géotechnique 50, 243-262, 2000; J. Zhang, N. Makris, J. Eng. Mech. 127,
-    473-483, 2001. Ricker: M. F. Vassiliou, N. Makris, Bull. Seism. Soc. Am. 101, 596-618, 2011.
-    """
-
-    kind: ClassVar[str] = "pulse"
-    shape: str
-    amplitude: float
-    frequency: float
-    cycles: int | None = None
-
-    def __post_init__(self):
-        accepted = ", ".join(map(repr, SHAPES))
-        if not isinstance(self.shape, str):
-            raise TypeError(checks.refusal("forcing.shape", self.shape, accepted))
-        if self.shape not in SHAPES:
-            raise ValueError(checks.refusal("forcing.shape", self.shape, accepted))
-        _set(self, "amplitude", checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
-        _set(self, "frequency", checks.number("forcing.frequency", self.frequency, above=0.0))
-        if self.shape == "n-sine":
-            _set(self, "cycles", checks.count("forcing.cycles", self.cycles))
-            if self.cycles > _MOST_CYCLES:
-                raise ValueError(
-                    checks.refusal("forcing.cycles", self.cycles, f"a whole number from 1 to {_MOST_CYCLES}")
-                )
-        elif self.cycles is not None:
-            raise ValueError(
-                checks.refusal("forcing.cycles", self.cycles, "nothing; only the shape 'n-sine' has cycles")
-            )
-
-    @functools.cached_property
-    def _wave(self):
-        """Length of the pulse in z, series in a phase y, z per y, and the largest slope in y."""
-        if self.shape == "symmetric-ricker":
-            return _BELL_LENGTH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK
-        if self.shape == "antisymmetric-ricker":
-            odd = np.array([0.0, -3.0, 0.0, 1.0]) / _ANTISYMMETRIC_PEAK
-            return _BELL_LENGTH, _bell(odd), math.sqrt(3.0), 3.0 / _ANTISYMMETRIC_PEAK
-        return _TURN * (self.cycles or 1), _sine(0.5 * math.pi if self.shape == "one-cosine" else 0.0), 1.0, 1.0
-
-    @property
-    def _rate(self):
-        """Phase y per time."""
-        return self.frequency / self._wave[2]
-
-    @property
-    def duration(self):
-        """Time at which it ends."""
-        return self._wave[0] / self._rate
-
-    @property
-    def unit(self):
-        """The duration: kinks are at its ends alone."""
-        return self.duration
-
-    @property
-    def shortest_period(self):
-        """Its period; of a bell what is as smooth."""
-        return (_TURN if self._wave[2] == 1.0 else _BELL_PERIOD) / self._rate
-
-    @property
-    def time_scale(self):
-        """2π/Ω."""
-        return _TURN / self.frequency
-
-    @property
-    def largest(self):
-        """Largest |f|."""
-        return self.amplitude
-
-    @property
-    def steepest(self):
-        """Bound of the slope of the force."""
-        return self.amplitude * self._rate * self._wave[3]
-
-    def series(self, times):
-        """Return Taylor coefficients (n, TERMS) of f about times (n,)."""
-        length, series, *_ = self._wave
-        phase = self._rate * times
-        on = (phase >= 0.0) & (phase < length * (1.0 - 1e-12))
-        return np.where(on, self.amplitude, 0.0)[:, None] * series(phase) * self._rate ** np.arange(TERMS)
-
-    def __str__(self):
-        name = f"{self.cycles} cycles of sine" if self.cycles else self.shape
-        return f"{name} pulse, A = {self.amplitude:g}, Ω = {self.frequency:g}"
-
-
-_MOST_CYCLES = 1000
-_BELL_LENGTH, _BELL_PERIOD = 2.0 * _REACH, 2.0
-
-
-def _set(value, name, checked):
-    object.__setattr__(value, name, checked)

@@ -14,7 +14,29 @@ _LONGEST = 0.02
 """Part of its time of peak in which an exponential envelope is taken as linear, where an engine asks for that."""
 
 
-class _Linear:
+class Envelope:
+    """An envelope g(τ), as a time step asks for it: with `value`, and `squared`, the integral of g²."""
+
+    def later(self, time):
+        """Return the envelope whose times count from a time on."""
+        return _Later(self, time)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Later(Envelope):
+    """An envelope whose times count from an origin; the integral of g² too is from 0 on there, but for a constant."""
+
+    whole: Envelope
+    origin: float
+
+    def value(self, times):
+        return self.whole.value(times + self.origin)
+
+    def squared(self, times):
+        return self.whole.squared(times + self.origin)
+
+
+class _Linear(Envelope):
     """An envelope that is linear between `corners`, times and values of shape (n,), and constant beyond them."""
 
     spacing = math.inf
@@ -125,7 +147,7 @@ class Table(_Linear):
 
 
 @dataclasses.dataclass(frozen=True)
-class Exponential:
+class Exponential(Envelope):
     """Envelope (τ/t) exp(1 - τ/t), which is 1 at its peak at τ = t.
 
     Parameters

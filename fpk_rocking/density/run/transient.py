@@ -8,19 +8,18 @@ import numpy as np
 
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.resolution import FEWEST, cycle_of
-from fpk_rocking.density.rest import Hold, resting
-from fpk_rocking.density.space.solution import Solution
-from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Departure, first_resolved, initial_density
+from fpk_rocking.density.run.base import Run, Seen
+from fpk_rocking.density.run.rest import Hold, resting
+from fpk_rocking.density.start.departure import Departure, first_resolved
 from fpk_rocking.density.step.occupied import occupy
-from fpk_rocking.density.step.step import FAINTEST, Dynamics, Step, Trace, deposit_buffers
+from fpk_rocking.density.step.step import FAINTEST, Dynamics, Step, Trace
 from fpk_rocking.scene.parts import Start
 
 _NEAR = 0.3
 """Part of a step by which a time that is wanted, or the end of the motion, takes the place of a step's end."""
 
 FAINT = 0.1
-"""Mass over that of `Propagator` that a cell must hold to be active: here it is lost in every step anew."""
+"""Mass over that of `PeriodicRun` that a cell must hold to be active: here it is lost in every step anew."""
 
 FADED = 0.05
 """Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
@@ -36,36 +35,8 @@ _SETTLED = 0.5
 """Part of what was released that counts as being at rest again, from which on it is taken over to be held."""
 
 _SMALL = 1e4
-"""Mass over that of `Propagator` that may, in all, be held at rest while it moves, or be released as if it had the size
-of the cells about the origin: a hundredth of the tolerance."""
-
-
-class _Later:
-    """A forcing or an envelope whose times count from an origin."""
-
-    def __init__(self, whole, origin):
-        self._whole, self._origin = whole, origin
-
-    def __getattr__(self, name):
-        return getattr(self._whole, name)
-
-    def value(self, time):
-        return self._whole.value(time + self._origin)
-
-    def squared(self, times):
-        return self._whole.squared(times + self._origin)
-
-    def slope(self, time):
-        return self._whole.slope(time + self._origin)
-
-    def particular(self, time):
-        return self._whole.particular(time + self._origin)
-
-    def over(self, start, duration):
-        return self._whole.over(start + self._origin, duration)
-
-    def since_lift_off(self, time):
-        return self._whole.since_lift_off(time + self._origin)
+"""Mass over that of `PeriodicRun` that may, in all, be held at rest while it moves, or be released as if it had the
+size of the cells about the origin: a hundredth of the tolerance."""
 
 
 class _Release(NamedTuple):
@@ -125,62 +96,39 @@ class _Parts:
         return small
 
 
-class Passage:
-    """A scene with white noise, its forcing or noise a transient, at one resolution.
+class TransientRun(Run):
+    """A scene with white noise that does not repeat, at one resolution; parameters as of `Run`.
 
-    Parameters
-    ----------
-    white : Scene
-        With white noise.
-    grid : Grid
-        Mesh and steps.
-    negligible : float
-        A cell that holds less is not active: what is in it is lost, and counted.
-    end : float
-        Last time that is wanted.
-    guide : Passage, optional
-        A coarser run of the same scene. What it assumes of rest and of noise that has faded this one assumes less of.
+    What a coarser run, the guide, assumes of rest and of noise that has faded this one assumes less of.
     """
 
-    def __init__(self, white, grid, negligible, end, guide=None):
+    def __init__(self, scene, grid, negligible, guide=None):
+        super().__init__(scene, grid, grid, negligible)
         self._memory = _LONGER * guide._memory if guide else -_FIRST * math.log(_REMEMBERED * negligible)
         faintest = _FAINTER * guide.dynamics.faintest if guide else FAINTEST
-        self.scene, self.dynamics, self.grid = white, dataclasses.replace(Dynamics.of(white), faintest=faintest), grid
-        self._negligible = negligible
-        self.space = Space(grid.angle_lines, grid.velocity_lines, grid.degree)
-        self.duration = cycle_of(white) / grid.steps
-        self._buffers = deposit_buffers(self.space)
-        self._hold = Hold(self.dynamics, end, self._memory)
+        self.dynamics = dataclasses.replace(Dynamics.of(scene), faintest=faintest)
+        self.duration = cycle_of(scene) / grid.steps
 
     @property
     def memory(self):
         """Bytes that the run holds, densities of all times left out."""
-        return 2 * self._buffers.nbytes
+        return 2 * self.buffers.nbytes
 
-    def evolve(self, times, progress=None):
-        """Evolve over times from 0 on."""
-        count, edges = len(times), _edges(self.scene, self.duration, times)
-        inside, out, coefficients = np.ones(count), np.zeros((count, 3)), np.zeros((count, *self.space.shape))
-        coefficients[0], out[0, :2] = initial_density(self.scene.start, self.space, self.scene.overturning.angle)
-        inside[0] -= out[0].sum()
-        resolved = (times > 0.0) & (self._strength(times) > FADED)
-        parts, row = self._start(edges), 1
-        while True:
-            time = edges[0]
-            parts.land(time)
-            while row < count and times[row] <= time * (1.0 + 1e-12):
-                coefficients[row], out[row] = parts.seen(time)
-                inside[row] = self.space.masses(coefficients[row]).sum()
-                resolved[row] &= not parts.under_way
-                row += 1
-                if progress:
-                    progress()
-            if row == count:
-                return Solution(inside, out, coefficients, resolved=resolved, released=parts.released)
-            edges = edges[self._advance(parts, edges, times[row]) :]
+    def march(self, times, start):
+        """Show the density at times."""
+        self._hold = Hold(self.dynamics, times[-1], self._memory)
+        edges = _edges(self.scene, self.duration, times)
+        parts = self._start(start, edges)
+        for time in times[1:]:
+            while time > edges[0] * (1.0 + 1e-12):
+                edges = edges[self._advance(parts, edges, time) :]
+                parts.land(edges[0])
+            coefficients, gone = parts.seen(edges[0])
+            resolved = self._strength(time) > FADED and not parts.under_way
+            yield Seen(coefficients, gone, resolved=resolved, released=parts.released)
 
-    def _start(self, edges):
-        start, parts = self.scene.start, _Parts(self.space)
+    def _start(self, start, edges):
+        parts = _Parts(self.space)
         if start.angle or start.velocity or start.covariance:
             parts.under_way.append(self._release(0.0, 1.0, start, edges))
         else:
@@ -194,7 +142,7 @@ class Passage:
         until = self._hold.until(time)
         if until >= edges[twice] * (1.0 - 1e-12):
             self._rest(parts, time)
-        elif parts.held and parts.spend(parts.held, _SMALL * self._negligible):
+        elif parts.held and parts.spend(parts.held, _SMALL * self.negligible):
             parts.now, parts.held = parts.now + parts.held * resting(self.space), 0.0
         elif parts.held:
             parts.under_way.append(self._release(max(until, time), parts.held, Start(), edges))
@@ -208,17 +156,14 @@ class Passage:
     def _rest(self, parts, time):
         """Hold at rest what stops before the next lift-off."""
         masses, slow = self.space.masses(parts.now), self._hold.stopped(time, self.space)
-        if parts.spend(np.abs(masses[~slow]).sum(), _SMALL * self._negligible):
+        if parts.spend(np.abs(masses[~slow]).sum(), _SMALL * self.negligible):
             slow = np.ones_like(slow)
         parts.held, parts.came = parts.held + masses[slow].sum(), parts.came or bool(parts.now.any())
         parts.now = np.where(slow[..., None, None], 0.0, parts.now)
 
     def _release(self, origin, mass, start, edges):
         """Release what was at rest, or the start of the scene, at a time before the second of some edges of steps."""
-        dynamics = self.dynamics
-        if origin > 0.0:
-            envelope = dynamics.envelope and _Later(dynamics.envelope, origin)
-            dynamics = dataclasses.replace(dynamics, forcing=_Later(dynamics.forcing, origin), envelope=envelope)
+        dynamics = self.dynamics.later(origin) if origin > 0.0 else self.dynamics
         lift_off = self._hold.lift_off(origin)
         patience = lift_off - origin
         departure = Departure(dynamics, start, self.grid.windows, cycle_of(self.scene), patience)
@@ -236,25 +181,22 @@ class Passage:
         """Whether steps may be twice as long while what is slow, and asks for short steps, is held at rest."""
         return 2.0 * FEWEST * self.duration <= self.dynamics.forcing.shortest_period
 
-    def _strength(self, times):
-        """Diffusion at times over that at g = 1."""
+    def _strength(self, time):
+        """Diffusion at a time over that at g = 1."""
         envelope = self.dynamics.envelope
-        return np.ones(len(times)) if envelope is None else envelope.value(times) ** 2
+        return 1.0 if envelope is None else envelope.value(time) ** 2
 
     def _step(self, start, end, now):
         """Make the step from one time to another, for the cells that hold something."""
         occupied = np.zeros(self.space.shape[:2], dtype=bool)
-        occupy(now, self.space.areas, FAINT * self._negligible, occupied, occupied)
+        occupy(now, self.space.areas, FAINT * self.negligible, occupied, occupied)
         trace = Trace(self.space, start, end - start, self.dynamics, self.grid.quadrature, occupied)
-        return Step(trace, self.space, self._buffers)
+        return Step(trace, self.space, self.buffers)
 
 
 def _edges(scene, duration, times):
     """Edges of steps of about a duration, to the last time: among them all times and the end of the forcing."""
-    fixed = [*times[1:]]
-    if scene.period is None:
-        fixed.append(scene.forcing.duration)
-    fixed = np.unique([time for time in fixed if time <= times[-1]])
+    fixed = np.unique([time for time in (*times[1:], scene.forcing.duration) if time <= times[-1]])
     fixed = fixed[np.append(True, np.diff(fixed) > 1e-9)]
     even = np.arange(np.ceil(times[-1] / duration)) * duration
     apart = np.abs(even[:, None] - fixed).min(axis=1) if fixed.size else np.full(even.size, np.inf)

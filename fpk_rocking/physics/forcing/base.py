@@ -1,0 +1,166 @@
+"""What a forcing is: the parts that the rest of the code asks of every kind.
+
+A time step asks a `Force`. A scene holds a `BaseForcing`: a force from τ = 0 on, with what is known of it as a whole.
+"""
+
+import abc
+import dataclasses
+import math
+from typing import Any, ClassVar, Self
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, File
+
+AMPLITUDES, FREQUENCIES, PHASES, TIMES = (0.0, 1e4), (1e-3, 1e4), (0.0, 1e6), (1e-5, 1e5)
+"""Smallest and largest sizes that the engines carry."""
+
+
+class Force(abc.ABC):
+    """A force f(τ), as a time step asks for it; P is the bounded particular solution of P'' = P + f."""
+
+    __slots__ = ()
+
+    shortest_period: float
+    """A time of which a sixth is a polynomial piece to 1e-13; inf where f is piecewise linear."""
+    steepest: float
+    """Bound of the slope of f."""
+
+    @abc.abstractmethod
+    def value(self, time: float) -> float:
+        """Force f at a time, that after a jump where there is one."""
+
+    @abc.abstractmethod
+    def slope(self, time: float) -> float:
+        """Slope of the force at a time."""
+
+    @abc.abstractmethod
+    def particular(self, time: float) -> tuple[float, float]:
+        """Particular solution P and its derivative at a time."""
+
+    @abc.abstractmethod
+    def over(self, start: float, duration: float) -> Array:
+        """Coefficients (TERMS,) of P in the time since the start of a step."""
+
+    @abc.abstractmethod
+    def since_lift_off(self, time: float) -> tuple[float, float]:
+        """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it has not."""
+
+    def later(self, time: float) -> "Force":
+        """Return the force whose times count from a time on."""
+        return _Later(self, time)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Later(Force):
+    """A force whose times count from an origin."""
+
+    whole: Force
+    origin: float
+
+    @property
+    def shortest_period(self):
+        return self.whole.shortest_period
+
+    @property
+    def steepest(self):
+        return self.whole.steepest
+
+    def value(self, time):
+        return self.whole.value(time + self.origin)
+
+    def slope(self, time):
+        return self.whole.slope(time + self.origin)
+
+    def particular(self, time):
+        return self.whole.particular(time + self.origin)
+
+    def over(self, start, duration):
+        return self.whole.over(start + self.origin, duration)
+
+    def since_lift_off(self, time):
+        return self.whole.since_lift_off(time + self.origin)
+
+
+class BaseForcing(Force):
+    """Known acceleration of the base, f(τ) from τ = 0 on, nondimensional: what `Scene.forcing` is.
+
+    A kind of forcing is a frozen dataclass, equal and hashed by its values, with all that stands here; most of it comes
+    from `PeriodicForcing` or `TransientForcing`. This class itself makes no values: see `Forcing`, `Harmonics`,
+    `Pulse` and `Record`.
+    """
+
+    __slots__ = ()
+
+    kind: ClassVar[str]
+    """Its name in a scene file."""
+    ranges: ClassVar[dict[str, tuple[float, float]]]
+    """Smallest and largest size that the engines carry, of fields or other parts, by name."""
+    dimensional: ClassVar[bool] = False
+    """Whether it is in seconds and m/s², so that it needs the dimensions of the block and follows them."""
+
+    period: float | None
+    """Time of one cycle; None where it does not repeat."""
+    half_antisymmetric: bool
+    """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first."""
+    duration: float
+    """Time at which it ends; inf where it does not."""
+    longest_piece: float
+    """Time from its instant for which a piece of `pieces` is right to 1e-14, if no kink of f lies between."""
+    time_scale: float
+    """Time that an engine's `steps_per_cycle` count in."""
+    largest: float
+    """Largest |f|."""
+    largest_velocity: float
+    """Largest |∫f dτ|; the mean over a cycle, or the velocity at τ = 0, is 0."""
+    swing: float
+    """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
+    longest_rest: float
+    """Longest time in which |f| stays at most 1, so that a block at rest stays there."""
+
+    @abc.abstractmethod
+    def spacing(self, longest: float) -> float:
+        """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece."""
+
+    @abc.abstractmethod
+    def pieces(self, instants: Array) -> Array:
+        """Coefficients (n, TERMS) of P in the time since instants (n,), each of the piece of f that begins there."""
+
+    @abc.abstractmethod
+    def stages(self, spacing: float, count: int) -> Array:
+        """Force (count, 3) at the begin, the middle and the end of the intervals of a grid of a `spacing`."""
+
+    @abc.abstractmethod
+    def scaled(self, strength: float, rate: float) -> Self:
+        """Return the forcing of accelerations and frequencies multiplied by factors, above 0."""
+
+    def check_range(self) -> None:
+        """Refuse sizes that the engines cannot carry, by name."""
+        for name, (low, high) in self.ranges.items():
+            checks.sizes(f"forcing.{name}", getattr(self, name), low, high)
+
+    def on(self, size: Any) -> Self:  # noqa: ARG002  (only what is in seconds depends on it)
+        """Return the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
+        return self
+
+    @classmethod
+    def from_table(cls, name: str, table: dict, folder: File) -> Self:  # noqa: ARG003  (for those from files)
+        """Read the forcing from a TOML table without its kind; files are relative to a folder."""
+        return cls(**checks.arguments(name, table, cls))
+
+
+def keep(value: Any, **checked: Any) -> None:
+    """Set fields of a frozen value, in its `__post_init__`."""
+    for name, given in checked.items():
+        object.__setattr__(value, name, given)
+
+
+def refuse_transient(forcing, what: str) -> None:
+    """Refuse a forcing that does not repeat, where something is not defined for it."""
+    if isinstance(forcing, BaseForcing) and forcing.period is None:
+        accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"
+        raise ValueError(checks.refusal("forcing.kind", forcing.kind, accepted))
+
+
+def longest_of(period: float) -> float:
+    """Return the time for which a Taylor series of TERMS terms is right to 1e-14, where f has a shortest period."""
+    return 0.8 * period / (2.0 * math.pi)
