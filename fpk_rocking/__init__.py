@@ -9,7 +9,6 @@ import importlib
 
 __all__ = [
     "BandNoise",
-    "BaseForcing",
     "Block",
     "CloughPenzien",
     "CycleOperator",
@@ -18,6 +17,7 @@ __all__ = [
     "Filter",
     "FilteredNoise",
     "Forcing",
+    "Harmonic",
     "Harmonics",
     "LinearFilter",
     "NoNoise",

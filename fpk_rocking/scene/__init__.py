@@ -1,6 +1,6 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.forcing import BaseForcing, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.forcing import Forcing, Harmonic, Harmonics, Pulse, Record
 from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
 from fpk_rocking.physics.noise.filters import Filter, LinearFilter
 from fpk_rocking.physics.noise.state_space import StateSpace
@@ -10,13 +10,13 @@ from fpk_rocking.scene.units import Dimensions
 
 __all__ = [
     "BandNoise",
-    "BaseForcing",
     "Block",
     "CloughPenzien",
     "Dimensions",
     "Filter",
     "FilteredNoise",
     "Forcing",
+    "Harmonic",
     "Harmonics",
     "LinearFilter",
     "NoNoise",

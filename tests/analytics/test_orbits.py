@@ -8,7 +8,7 @@ import pytest
 from oracle import Block
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.slender import Slender, segment_of
 from fpk_rocking.physics.motion.transition import advance
@@ -23,7 +23,7 @@ SEGMENTS = 16
 def segments_of(orbit, phase):
     """Forcing of one cycle in `SEGMENTS` parts, from a phase on, and their duration."""
     span = 2.0 * math.pi / orbit.frequency / SEGMENTS
-    pieces = Forcing(orbit.amplitude, orbit.frequency, phase).pieces(span * np.arange(SEGMENTS))
+    pieces = Harmonic(orbit.amplitude, orbit.frequency, phase).pieces(span * np.arange(SEGMENTS))
     return [segment_of(piece, np.empty(TERMS), span) for piece in pieces], span
 
 

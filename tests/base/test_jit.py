@@ -69,11 +69,11 @@ import sys
 from fpk_rocking.base import jit
 from fpk_rocking.physics.motion.events import SPEED_FLOOR
 from fpk_rocking.physics.motion.slender import flight, segment_of
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 import numpy as np
 
-segment = segment_of(Forcing(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
+segment = segment_of(Harmonic(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
 print(jit.BORROWS, *flight(0.1, 0.2, 1, segment, 0.0, 0.2))
 """
 

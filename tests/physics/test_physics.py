@@ -10,7 +10,7 @@ from oracle import Block
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
@@ -22,7 +22,7 @@ CUTOFF = math.pi / 2
 
 def harmonic(start, amplitude, frequency, phase, duration):
     """Segment of A cos(Ω t + Ψ)/(1 + Ω²), of any sign."""
-    piece = Forcing(abs(amplitude), frequency, phase).pieces([start])[0]
+    piece = Harmonic(abs(amplitude), frequency, phase).pieces([start])[0]
     return segment_of(math.copysign(1.0, amplitude) * piece, np.empty(TERMS), duration)
 
 

@@ -10,7 +10,7 @@ import study_verbs
 
 from fpk_rocking.studies import sweep
 
-SCENES = [fuzz.scene(forcing=fuzz.Forcing(1.0 + 1e-3 * k, 2.7)) for k in range(3000)]
+SCENES = [fuzz.scene(forcing=fuzz.Harmonic(1.0 + 1e-3 * k, 2.7)) for k in range(3000)]
 
 
 def told(done, _):

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fpk_rocking.physics.forcing.base import BaseForcing, longest_of
+from fpk_rocking.physics.forcing.base import Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import added, added_by_line, continued
 
@@ -23,7 +23,7 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _LOOKS, _HALVINGS = 8, 50
 
 
-class TransientForcing(BaseForcing):
+class TransientForcing(Forcing):
     """A forcing that is 0 from `duration` on, and does not repeat.
 
     A kind is a frozen dataclass with `duration`, `unit`, `shortest_period`, `largest`, `steepest`, `time_scale`,
