@@ -20,7 +20,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
 SEED = 5771
@@ -34,7 +34,7 @@ def random_scene(rng):
         frequency, phase = rng.uniform(1.5, 4.0), rng.uniform(0.0, 2.0 * math.pi)
         amplitude = rng.uniform(1.2, 1.6 * math.hypot(1.0, frequency))
         block, noise = Block(rng.uniform(0.3, 0.9)), WhiteNoise(10.0 ** rng.uniform(-3.0, -1.7))
-        scene = Scene(block, Forcing(amplitude, frequency, phase), noise, Start(), Overturning())
+        scene = Scene(block, Harmonic(amplitude, frequency, phase), noise, Start(), Overturning())
         if abs(amplitude * math.cos(phase)) < 1.1:
             continue
         calm = dataclasses.replace(scene, noise=NoNoise())

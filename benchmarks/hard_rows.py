@@ -10,7 +10,7 @@ from report import ROOT
 from fpk_rocking import load_scene
 from fpk_rocking.results import storage
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import tally
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
@@ -49,7 +49,7 @@ def rows():
         return Row(name, dataclasses.replace(MAIN, **parts), paths, cycles, sampled or cycles, binned)
 
     def forced(amplitude=MAIN.forcing.amplitude, frequency=MAIN.forcing.frequency, phase=MAIN.forcing.phase):
-        return Forcing(amplitude, frequency, phase)
+        return Harmonic(amplitude, frequency, phase)
 
     weak, strong = WhiteNoise(2.5e-4), WhiteNoise(0.05)
     # Without noise z = 0 is the separatrix (docs/theory.md, section 7): angle and velocity add up to this on it.

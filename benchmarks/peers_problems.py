@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from fpk_rocking import load_scene
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 BAND = load_scene(ROOT / "cases" / "scenes" / "main.toml")
 MAIN = BAND.white_equivalent()
@@ -17,7 +17,7 @@ EDGES = np.linspace(-1.6, 1.6, 33), np.linspace(-3.2, 3.2, 65)
 
 KRAMERS = Scene(
     Block(1.0),
-    Forcing(1.0, 2.7, 0.0),
+    Harmonic(1.0, 2.7, 0.0),
     WhiteNoise(0.05),
     Start(0.2, 0.0, ((0.04, 0.0), (0.0, 0.09))),
     Overturning(),

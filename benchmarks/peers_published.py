@@ -7,15 +7,15 @@ import numpy as np
 from peers_problems import fitted_exponent, persistence_exponent
 from report import table
 
-from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import histories
 
 SETTLED = 1.0
-BALL = Scene(Block(0.5), Forcing(0.0, 2.0 * math.pi / 16.0), WhiteNoise(0.01))
+BALL = Scene(Block(0.5), Harmonic(0.0, 2.0 * math.pi / 16.0), WhiteNoise(0.01))
 """It bounces for a period of 16 and hardly ever overturns."""
 
 BALL_PATHS, BALL_SAMPLES = 2000, 64
-STRONG = Scene(Block(0.5), Forcing(0.0, 2.0 * math.pi), WhiteNoise(0.5))
+STRONG = Scene(Block(0.5), Harmonic(0.0, 2.0 * math.pi), WhiteNoise(0.5))
 """Noise that rules the impacts slower than 0.5, over a period of 1."""
 
 STRONG_PATHS, STRONG_STEPS, STARTED = {0.3: 20_000, 0.5: 100_000, 0.7: 200_000}, 40_000, 0.2

@@ -24,7 +24,7 @@ import numpy as np
 from report import ROOT, table, write_section
 from scipy.optimize import curve_fit
 
-from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise, load_scene
+from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise, load_scene
 from montecarlo import histories
 from montecarlo.engines import running, white
 
@@ -51,7 +51,7 @@ def shortest_steps(per_cycle, brief=white.BRIEF):
 
 def balance(restitution, diffusion, step, paths, brief, seed=1, duration=16.0):
     """Return the relative error of the energy balance and its standard error, after a time of 1 for the start."""
-    scene = Scene(Block(restitution), Forcing(0.0, 2.0 * math.pi / duration), WhiteNoise(diffusion))
+    scene = Scene(Block(restitution), Harmonic(0.0, 2.0 * math.pi / duration), WhiteNoise(diffusion))
     with shortest_steps(duration / step, brief):
         run = histories(scene, cycles=1, realizations=paths, seed=seed, samples_per_cycle=1)
     late = run.impact_time > 1.0

@@ -29,11 +29,11 @@ import sys
 
 import numpy as np
 
-from fpk_rocking import BandNoise, Forcing, NoNoise, load_scene, melnikov
+from fpk_rocking import BandNoise, Harmonic, NoNoise, load_scene, melnikov
 from fpk_rocking.output import style, summary
 
 SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
-FORCING = Forcing(4.0, 4.0)
+FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
 BANDS = (5.0, 10.0, 20.0)
 SHOWN = (0.5, 0.9)

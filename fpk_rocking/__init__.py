@@ -9,13 +9,13 @@ import importlib
 
 __all__ = [
     "BandNoise",
-    "BaseForcing",
     "Block",
     "CycleOperator",
     "Dimensions",
     "Evolution",
     "FilteredNoise",
     "Forcing",
+    "Harmonic",
     "Harmonics",
     "NoNoise",
     "Overturning",

@@ -6,11 +6,11 @@ from fpk_rocking.density import solve_fpk as solve_fpk
 from fpk_rocking.density import solve_realizations as solve_realizations
 from fpk_rocking.horizon import CycleOperator as CycleOperator
 from fpk_rocking.scene import BandNoise as BandNoise
-from fpk_rocking.scene import BaseForcing as BaseForcing
 from fpk_rocking.scene import Block as Block
 from fpk_rocking.scene import Dimensions as Dimensions
 from fpk_rocking.scene import FilteredNoise as FilteredNoise
 from fpk_rocking.scene import Forcing as Forcing
+from fpk_rocking.scene import Harmonic as Harmonic
 from fpk_rocking.scene import Harmonics as Harmonics
 from fpk_rocking.scene import NoNoise as NoNoise
 from fpk_rocking.scene import Overturning as Overturning

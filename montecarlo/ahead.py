@@ -1,11 +1,11 @@
 """Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
 
 from fpk_rocking.physics.envelope import Trapezoid
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise
 from montecarlo.simulation import simulate
 
-_MOTION = {"block": Block(0.5), "forcing": Forcing(4.6, 2.7, 0.0), "start": Start(), "overturning": Overturning()}
+_MOTION = {"block": Block(0.5), "forcing": Harmonic(4.6, 2.7, 0.0), "start": Start(), "overturning": Overturning()}
 
 
 def exact():

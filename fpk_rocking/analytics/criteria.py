@@ -14,7 +14,7 @@ from fpk_rocking.analytics.inputs import deviations, numbers
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Noise, Number
-from fpk_rocking.physics.forcing import Forcing, Harmonics
+from fpk_rocking.physics.forcing import Harmonic, Harmonics
 
 _SHARES = {"peak": 1.0, "mean square": 0.5}
 
@@ -86,13 +86,13 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Nu
 
 
 def margin(
-    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
 ) -> Number:
     """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).
 
     Parameters
     ----------
-    forcing : Forcing, Harmonics or (amplitude, frequency)
+    forcing : Harmonic, Harmonics or (amplitude, frequency)
         Periodic forcing, as for `harmonic_amplitude`.
     restitution : array_like
         Restitution e, from 0 to 1.

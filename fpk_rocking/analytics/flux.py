@@ -20,7 +20,7 @@ from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, no
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Noise, Number
-from fpk_rocking.physics.forcing import Forcing, Harmonics
+from fpk_rocking.physics.forcing import Harmonic, Harmonics
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 _REACH = 9.0
@@ -28,13 +28,13 @@ _EQUATIONS = (17, 18)
 
 
 def phase_flux(
-    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
 ) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
 
     Parameters
     ----------
-    forcing : Forcing, Harmonics or (amplitude, frequency)
+    forcing : Harmonic, Harmonics or (amplitude, frequency)
         The pair holds array_like A >= 0 and Ω > 0; the phase of a single harmonic has no influence. Where several
         harmonics make the two saddles differ, the flux is the mean over both.
     restitution : array_like
@@ -61,7 +61,7 @@ def phase_flux(
 
 
 def phase_flux_as_printed(
-    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike],
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
     equation: int = 17,
@@ -106,7 +106,7 @@ def phase_flux_as_printed(
 
 
 def phase_flux_sampled(
-    forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike],
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
     *,

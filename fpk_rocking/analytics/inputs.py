@@ -5,7 +5,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.physics.envelope import refuse_envelope
 from fpk_rocking.physics.equivalence import noise_variance
-from fpk_rocking.physics.forcing import Forcing, refuse_transient
+from fpk_rocking.physics.forcing import Harmonic, refuse_transient
 from fpk_rocking.scene.parts import NOISES
 
 
@@ -48,12 +48,12 @@ def numbers(name, value, *, at_least=None, above=None, at_most=None):
 
 
 def amplitude_and_frequency(forcing):
-    """Return A and Ω as arrays, from a harmonic Forcing or from a pair (amplitude, frequency) of arrays."""
-    if isinstance(forcing, Forcing):
+    """Return A and Ω as arrays, from a Harmonic or from a pair (amplitude, frequency) of arrays."""
+    if isinstance(forcing, Harmonic):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
     refuse_transient(forcing, "the Melnikov process")
     if not isinstance(forcing, tuple) or len(forcing) != 2:
-        raise TypeError(checks.refusal("forcing", forcing, "a harmonic Forcing, or a pair (amplitude, frequency)"))
+        raise TypeError(checks.refusal("forcing", forcing, "a Harmonic, or a pair (amplitude, frequency)"))
     amplitude, frequency = forcing
     return (
         numbers("forcing amplitude", amplitude, at_least=0.0),

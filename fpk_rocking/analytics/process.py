@@ -16,7 +16,7 @@ import numpy as np
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Noise, Number
-from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonics, refuse_transient
+from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
 from fpk_rocking.scene.parts import BandNoise
 
 
@@ -63,12 +63,12 @@ def transfer(frequency: ArrayLike) -> Number:
     return (2.0 / (1.0 + numbers("frequency", frequency) ** 2))[()]
 
 
-def harmonic_amplitude(forcing: Forcing | Harmonics | tuple[ArrayLike, ArrayLike]) -> Number:
+def harmonic_amplitude(forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike]) -> Number:
     """Amplitude D_m = 2A/(1 + Ω²) of the periodic part of the Melnikov process (paper eqs. 12 to 14).
 
     Parameters
     ----------
-    forcing : Forcing, Harmonics or (amplitude, frequency)
+    forcing : Harmonic, Harmonics or (amplitude, frequency)
         The pair holds array_like A >= 0 and Ω > 0, which broadcast. For several harmonics D_m is the largest absolute
         value of their sum, each multiplied by its `transfer`.
 
@@ -110,7 +110,7 @@ def impact_loss(restitution: ArrayLike) -> Number:
     return (0.5 * (1.0 - e) * (1.0 + e))[()]
 
 
-def process_mean(forcing: Forcing | Harmonics, restitution: ArrayLike, times: ArrayLike) -> Number:
+def process_mean(forcing: Harmonic | Harmonics, restitution: ArrayLike, times: ArrayLike) -> Number:
     """Mean of the Melnikov process over the noise, for the orbit from left to right (paper eqs. 12 to 14).
 
     It is -D_m cos(Ωτ₀ + Ψ) - M for a harmonic forcing, and -Σ D_k cos(kΩτ₀ + Ψ_k) - M with D_k = 2A_k/(1 + k²Ω²) for
@@ -118,7 +118,7 @@ def process_mean(forcing: Forcing | Harmonics, restitution: ArrayLike, times: Ar
 
     Parameters
     ----------
-    forcing : Forcing or Harmonics
+    forcing : Harmonic or Harmonics
         Periodic forcing.
     restitution : array_like
         Restitution e, from 0 to 1; it broadcasts with `times`.
@@ -146,7 +146,7 @@ def process_mean(forcing: Forcing | Harmonics, restitution: ArrayLike, times: Ar
 
 
 def sampled_process(
-    forcing: Forcing | Harmonics,
+    forcing: Harmonic | Harmonics,
     restitution: float,
     noise: Noise,
     times: ArrayLike,
@@ -157,7 +157,7 @@ def sampled_process(
 
     Parameters
     ----------
-    forcing : Forcing or Harmonics
+    forcing : Harmonic or Harmonics
         Periodic forcing.
     restitution : float
         Restitution e, from 0 to 1.

@@ -9,11 +9,11 @@ from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.step import Dynamics
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 _SCENE = Scene(
     block=Block(0.5),
-    forcing=Forcing(4.6, 2.7, 0.0),
+    forcing=Harmonic(4.6, 2.7, 0.0),
     noise=WhiteNoise(0.05),
     start=Start(),
     overturning=Overturning(),

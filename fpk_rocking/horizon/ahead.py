@@ -1,14 +1,14 @@
 """A least run that needs the kernels of the one-cycle operator; see `fpk_rocking.base.ahead`."""
 
 from fpk_rocking.horizon.operator import CycleOperator
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 
 def operator():
     """Leading mode of a scene that is easy to resolve."""
     scene = Scene(
         block=Block(0.5),
-        forcing=Forcing(4.6, 2.7, 0.0),
+        forcing=Harmonic(4.6, 2.7, 0.0),
         noise=WhiteNoise(0.05),
         start=Start(),
         overturning=Overturning(),

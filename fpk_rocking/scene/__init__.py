@@ -1,17 +1,17 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
-from fpk_rocking.physics.forcing import BaseForcing, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.physics.forcing import Forcing, Harmonic, Harmonics, Pulse, Record
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene
 from fpk_rocking.scene.units import Dimensions
 
 __all__ = [
     "BandNoise",
-    "BaseForcing",
     "Block",
     "Dimensions",
     "FilteredNoise",
     "Forcing",
+    "Harmonic",
     "Harmonics",
     "NoNoise",
     "Overturning",

@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
 from fpk_rocking.physics.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.physics.forcing import FORCINGS, BaseForcing, Forcing, Pulse, Record
+from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.text import read_part, table_of
 from fpk_rocking.scene.units import Dimensions
@@ -34,8 +34,8 @@ class Scene:
     ----------
     block : Block
         Restitution, and the size of the block where units are wanted.
-    forcing : BaseForcing
-        Acceleration of the base that is known: `Forcing`, `Harmonics`, `Pulse` or `Record`. A record needs
+    forcing : Forcing
+        Acceleration of the base that is known: `Harmonic`, `Harmonics`, `Pulse` or `Record`. A record needs
         ``block.dimensions``.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Random acceleration of the base.
@@ -53,14 +53,14 @@ class Scene:
     """
 
     block: Block
-    forcing: BaseForcing
+    forcing: Forcing
     noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise
     start: Start = Start()
     overturning: Overturning = Overturning()
 
     def __post_init__(self):
         checks.instance("block", self.block, Block)
-        checks.instance("forcing", self.forcing, BaseForcing, *FORCINGS.values())
+        checks.instance("forcing", self.forcing, Forcing, *FORCINGS.values())
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
@@ -333,4 +333,4 @@ def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
     frequency = size.frequency(checks.number("frequency_hz", hertz, above=0.0))
     if pulse is not None:
         return Pulse(pulse, amplitude, frequency, pulse_cycles)
-    return Forcing(amplitude, frequency, phase)
+    return Harmonic(amplitude, frequency, phase)

@@ -4,7 +4,7 @@ import dataclasses
 
 from fpk_rocking.base import checks
 from fpk_rocking.physics.envelope import ENVELOPES
-from fpk_rocking.physics.forcing import FORCINGS, Forcing
+from fpk_rocking.physics.forcing import FORCINGS, Harmonic
 from fpk_rocking.scene.parts import NOISES, Block, Overturning, Start
 from fpk_rocking.scene.units import Dimensions
 
@@ -23,7 +23,7 @@ def read_part(name, table, folder):
 
     Returns
     -------
-    Block, Forcing or another forcing, a noise, Start or Overturning
+    Block, Harmonic or another forcing, a noise, Start or Overturning
 
     Raises
     ------
@@ -36,7 +36,7 @@ def read_part(name, table, folder):
 def table_of(name, part):
     """Return the TOML table of a part of a scene, without the parts that have tables of their own."""
     lines = [f"[{name}]"]
-    if getattr(part, "kind", Forcing.kind) != Forcing.kind:
+    if getattr(part, "kind", Harmonic.kind) != Harmonic.kind:
         lines.append(f"kind = {_literal(part.kind)}")
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)
@@ -81,7 +81,7 @@ def _noise(name, table, folder):
 
 _READERS = {
     "block": _block,
-    "forcing": _of_kind(FORCINGS, Forcing.kind, lambda cls, *given: cls.from_table(*given)),
+    "forcing": _of_kind(FORCINGS, Harmonic.kind, lambda cls, *given: cls.from_table(*given)),
     "noise": _noise,
     "start": _read(Start),
     "overturning": _read(Overturning),

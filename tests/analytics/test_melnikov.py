@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from fpk_rocking import BandNoise, Forcing, NoNoise, WhiteNoise, melnikov
+from fpk_rocking import BandNoise, Harmonic, NoNoise, WhiteNoise, melnikov
 
-FORCING = Forcing(4.0, 4.0)
+FORCING = Harmonic(4.0, 4.0)
 NOISE = BandNoise(0.16, (0.0, 10.0), 100)
 
 
@@ -36,7 +36,7 @@ def test_transfer_by_quadrature_of_the_orbit(frequency):
 
 
 def test_mean_is_the_work_of_the_forcing_less_the_loss():
-    forcing, e = Forcing(1.7, 2.3, 0.8), 0.6
+    forcing, e = Harmonic(1.7, 2.3, 0.8), 0.6
     for offset in (0.0, 0.9, 3.1):
 
         def power(time, offset=offset):
@@ -49,7 +49,7 @@ def test_mean_is_the_work_of_the_forcing_less_the_loss():
 
 
 def test_sampled_process_is_the_work_of_its_noise():
-    noise, forcing, e = BandNoise(0.3, (0.3, 3.0), 4), Forcing(1.0, 2.0), 0.8
+    noise, forcing, e = BandNoise(0.3, (0.3, 3.0), 4), Harmonic(1.0, 2.0), 0.8
     generator = np.random.default_rng(5)
     nu, phi = generator.uniform(0.3, 3.0, 4), generator.uniform(0.0, 2.0 * math.pi, 4)
 
@@ -106,7 +106,7 @@ def test_margin_vanishes_at_the_critical_amplitude():
         amplitude = melnikov.critical_amplitude(2.7, 0.5, noise)
         assert melnikov.margin((amplitude, 2.7), 0.5, noise) == pytest.approx(0.0, abs=1e-15)
         assert melnikov.margin((1.1 * amplitude, 2.7), 0.5, noise) > 0.0
-    margins = melnikov.margin(Forcing(4.6, 2.7), 0.5, [NoNoise(), BandNoise(0.04, (0.0, 10.0), 100)])
+    margins = melnikov.margin(Harmonic(4.6, 2.7), 0.5, [NoNoise(), BandNoise(0.04, (0.0, 10.0), 100)])
     assert margins == pytest.approx([9.2 / 8.29 - 0.375, math.hypot(9.2 / 8.29, 0.112076) - 0.375], abs=1e-6)
 
 
@@ -157,7 +157,7 @@ def test_everything_broadcasts():
     noises = [NoNoise(), NOISE]
     flux = melnikov.phase_flux((amplitude, omega), 0.5, noises)
     assert flux.shape == (4, 3, 2)
-    assert flux[2, 1, 1] == melnikov.phase_flux(Forcing(amplitude[2, 0, 0], 3.0), 0.5, NOISE)
+    assert flux[2, 1, 1] == melnikov.phase_flux(Harmonic(amplitude[2, 0, 0], 3.0), 0.5, NOISE)
     assert melnikov.phase_flux_as_printed((amplitude, omega), 0.5, noises, 18).shape == (4, 3, 2)
     assert melnikov.critical_amplitude(omega, [0.3, 0.5], noises).shape == (3, 2)
     assert melnikov.exact_critical_amplitude(omega, [0.3, 0.5]).shape == (3, 2)
@@ -176,7 +176,7 @@ def test_everything_broadcasts():
         (
             lambda: melnikov.phase_flux(4.0, 0.5, NOISE),
             TypeError,
-            r"forcing: got 4\.0, accepted: a harmonic Forcing, or a pair",
+            r"forcing: got 4\.0, accepted: a Harmonic, or a pair",
         ),
         (lambda: melnikov.phase_flux((4.0, 0.0), 0.5, NOISE), ValueError, r"forcing frequency: got 0\.0, .* > 0\.0"),
         (lambda: melnikov.phase_flux((-1.0, 4.0), 0.5, NOISE), ValueError, r"forcing amplitude: got -1\.0, .* >= 0\.0"),
@@ -191,7 +191,7 @@ def test_everything_broadcasts():
         ),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, repeats=1), ValueError, r"repeats: got 1, .* >= 2"),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=0), ValueError, r"strata: got 0, .* >= 1"),
-        (lambda: melnikov.process_mean((4.0, 4.0), 0.5, 0.0), TypeError, r"forcing: got .* accepted: Forcing"),
+        (lambda: melnikov.process_mean((4.0, 4.0), 0.5, 0.0), TypeError, r"forcing: got .* accepted: Harmonic"),
         (
             lambda: melnikov.sampled_process(FORCING, 0.5, NOISE, 0.0, np.ones(99), np.ones(99)),
             ValueError,

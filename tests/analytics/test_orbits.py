@@ -9,7 +9,7 @@ from oracle import Block
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from fpk_rocking.physics.flight import segment_of
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.forcing import TERMS, Harmonic
 from fpk_rocking.physics.transition import advance
 
 CUTOFF = math.pi / 2
@@ -22,7 +22,7 @@ SEGMENTS = 16
 def segments_of(orbit, phase):
     """Forcing of one cycle in `SEGMENTS` parts, from a phase on, and their duration."""
     span = 2.0 * math.pi / orbit.frequency / SEGMENTS
-    pieces = Forcing(orbit.amplitude, orbit.frequency, phase).pieces(span * np.arange(SEGMENTS))
+    pieces = Harmonic(orbit.amplitude, orbit.frequency, phase).pieces(span * np.arange(SEGMENTS))
     return [segment_of(piece, np.empty(TERMS), span) for piece in pieces], span
 
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ndtr
 
-from fpk_rocking import BandNoise, Forcing, Harmonics, NoNoise, WhiteNoise, melnikov
+from fpk_rocking import BandNoise, Harmonic, Harmonics, NoNoise, WhiteNoise, melnikov
 from fpk_rocking.analytics.excess import mean_excess
 
-FORCING = Forcing(4.0, 4.0)
+FORCING = Harmonic(4.0, 4.0)
 NOISE = BandNoise(0.16, (0.0, 10.0), 100)
 RESTITUTIONS = [0.3, 0.5, 0.7, 0.9, 1.0]
 # (A, Ω) = (4, 4), one value a restitution, without noise and with NOISE.

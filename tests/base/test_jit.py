@@ -68,10 +68,10 @@ COUNTED = """
 import sys
 from fpk_rocking.base import jit
 from fpk_rocking.physics.flight import SPEED_FLOOR, flight, segment_of
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.forcing import TERMS, Harmonic
 import numpy as np
 
-segment = segment_of(Forcing(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
+segment = segment_of(Harmonic(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
 print(jit.BORROWS, *flight(0.1, 0.2, 1, segment, 0.0, 0.2))
 """
 

@@ -12,7 +12,7 @@ from fpk_rocking import Scene, solve_fpk
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.results import distances
-from fpk_rocking.scene import Block, Forcing, Overturning, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, WhiteNoise
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -25,7 +25,7 @@ SCHEMES = {4: eulerian_steps.GAUSS, 2: eulerian_steps.CRANK_NICOLSON}
 
 
 def scene(restitution=0.5):
-    return Scene(Block(restitution), Forcing(0.0, 2.0 * math.pi), WhiteNoise(DIFFUSION), overturning=Overturning(1.6))
+    return Scene(Block(restitution), Harmonic(0.0, 2.0 * math.pi), WhiteNoise(DIFFUSION), overturning=Overturning(1.6))
 
 
 def uneven(restitution=0.5):

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -89,7 +89,7 @@ def test_binning_seconds_give_the_distance(scene):
 
 def test_references_are_kept_and_are_of_their_scene(monkeypatch, tmp_path):
     monkeypatch.setattr(benchmark, "KEPT", tmp_path)
-    scene = Scene(Block(0.5), Forcing(4.6, 2.7), WhiteNoise(0.006))
+    scene = Scene(Block(0.5), Harmonic(4.6, 2.7), WhiteNoise(0.006))
     made = benchmark.reference_of(scene, 300)
     assert (made.counts.sum(axis=(1, 2)) == made.standing[list(benchmark.BINNED)]).all()
     monkeypatch.setattr(benchmark, "tally", None)

@@ -12,11 +12,11 @@ from fpk_rocking import cli, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.run import FilteredRun
-from fpk_rocking.scene import BandNoise, Block, Forcing, Pulse, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, curves, fragility
 from montecarlo import Ensemble, Tally, simulate
 
-PERIODIC = Scene(Block(0.5), Forcing(5.2, 2.7, math.pi), BandNoise(0.09, (0.0, 10.0), 100))
+PERIODIC = Scene(Block(0.5), Harmonic(5.2, 2.7, math.pi), BandNoise(0.09, (0.0, 10.0), 100))
 ENDING = Scene(Block(0.8), Pulse("one-sine", 2.0, 2.5), WhiteNoise(0.03))
 SAMPLED = {"cycles": 2, "realizations": 200, "seed": 1, "method": "rk4", "steps_per_cycle": 40}
 SOLVED = {"cycles": 1, "tol": 0.03, "bins_tol": math.inf}

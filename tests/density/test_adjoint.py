@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from density_operators import affine, flight_noise
 
-from fpk_rocking import Forcing, load_scene
+from fpk_rocking import Harmonic, load_scene
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
@@ -95,7 +95,7 @@ def test_what_is_worth_one_everywhere_is_worth_one_before(kind):
 @pytest.mark.parametrize("same_mesh", [True, False])
 def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form(same_mesh):
     """Where nothing happens, 1 + x - 2 v + 3 x^2 - x v + 2 v^2 has the mean of its value at the mean, plus noise."""
-    dynamics, start, duration = Dynamics(Forcing(0.5, 2.0, 0.0), 0.01, 0.5, 6.0), 0.3, 0.1
+    dynamics, start, duration = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, 0.5, 6.0), 0.3, 0.1
     source = Space(np.linspace(0.5, 3.7, 13), np.linspace(-2.3, 1.8, 13), 3)
     target = source if same_mesh else Space(np.linspace(0.2, 4.0, 9), np.linspace(-2.7, 2.2, 9), 3)
     step = Step(Trace(source, start, duration, dynamics, QUADRATURE), target)

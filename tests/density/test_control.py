@@ -16,7 +16,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.solution import Solution
-from fpk_rocking.scene import Forcing, Start, WhiteNoise
+from fpk_rocking.scene import Harmonic, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml").white_equivalent()
 
@@ -90,7 +90,7 @@ def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
     """At rest under weak forcing and weak noise: a layer far below the cells."""
     monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
     with pytest.raises(ValueError, match=r"scene: got a density .*negative mass .*diffusion 0.00628.*Monte"):
-        solve_fpk(dataclasses.replace(MAIN, forcing=Forcing(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
+        solve_fpk(dataclasses.replace(MAIN, forcing=Harmonic(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
 
 
 def test_a_gaussian_that_its_window_does_not_resolve_is_refused():

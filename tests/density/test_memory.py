@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from fpk_rocking import Block, FilteredNoise, Forcing, Scene, Start, WhiteNoise, load_scene, solve_fpk
+from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start, WhiteNoise, load_scene, solve_fpk
 from fpk_rocking.density import solver
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.memory.nodes import Nodes
@@ -33,7 +33,7 @@ NOISES = (
     FilteredNoise("kanai-tajimi", 0.05, 4.0, 0.5),
 )
 KINDS = pytest.mark.parametrize("noise", NOISES, ids=lambda noise: noise.filter)
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), FilteredNoise("exponential", 0.04, 6.25))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), FilteredNoise("exponential", 0.04, 6.25))
 EDGES = np.linspace(-1.6, 1.6, 9), np.linspace(-4.0, 4.0, 9)
 
 
@@ -145,7 +145,7 @@ def test_slow_noise_is_a_mixture_over_constant_forces():
 
 def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
     """It was solved for minutes before, wrong by .03 and more, and refused in the end for its negative mass."""
-    scene = Scene(Block(0.6), Forcing(3.0, 2.7, math.pi), FilteredNoise("exponential", 0.03, 0.1))
+    scene = Scene(Block(0.6), Harmonic(3.0, 2.7, math.pi), FilteredNoise("exponential", 0.03, 0.1))
     monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
     with pytest.raises(ValueError, match=r"noise.frequency: got 0.1, accepted: at least about 0.17 .* Monte Carlo"):
         solve_fpk(scene, cycles=1)
@@ -163,7 +163,7 @@ def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
 def test_noise_that_is_not_refused_as_slow_is_answered():
     """One false alarm in a thousand or fewer: 3.5 standard errors at two cycles, and the tolerance."""
     scene, paths = (
-        MAIN.varied(forcing=Forcing(3.0, 2.7, math.pi), noise=FilteredNoise("exponential", 0.03, 0.4)),
+        MAIN.varied(forcing=Harmonic(3.0, 2.7, math.pi), noise=FilteredNoise("exponential", 0.03, 0.4)),
         40_000,
     )
     found = solve_fpk(scene, cycles=2, tol=1e-2, bins_tol=math.inf)
@@ -176,7 +176,7 @@ def test_noise_that_is_not_refused_as_slow_is_answered():
 @pytest.fixture(scope="module")
 def resting():
     """A block that nothing lifts off."""
-    return solve_fpk(Scene(Block(0.8), Forcing(0.3, 2.0), FilteredNoise("exponential", 1e-4, 3.0)), cycles=1, tol=1e-2)
+    return solve_fpk(Scene(Block(0.8), Harmonic(0.3, 2.0), FilteredNoise("exponential", 1e-4, 3.0)), cycles=1, tol=1e-2)
 
 
 def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
@@ -200,7 +200,7 @@ def test_rest_that_is_not_resolved_is_told(resting):
         warn_unresolved(above, wanted, stacklevel=1)
 
 
-LIFTED = Scene(Block(0.5), Forcing(0.8, 1.5), FilteredNoise("exponential", 0.04, 2.0))
+LIFTED = Scene(Block(0.5), Harmonic(0.8, 1.5), FilteredNoise("exponential", 0.04, 2.0))
 """Blocks that are lifted off now and then."""
 
 
@@ -240,7 +240,7 @@ def test_rest_and_motion_add_up():
 
 
 def test_steps_shorten_to_the_end_of_a_cycle_where_blocks_may_rest():
-    resting, moving = (grid_with_rest(Forcing(amplitude, 2.7, math.pi)) for amplitude in (0.9, 3.0))
+    resting, moving = (grid_with_rest(Harmonic(amplitude, 2.7, math.pi)) for amplitude in (0.9, 3.0))
     assert moving.marks == pytest.approx(np.linspace(0.0, 0.5, len(moving.marks)), abs=1e-15)
     steps = np.diff(resting.marks)
     assert resting.marks[[0, -1]] == pytest.approx([0.0, 0.5], abs=1e-15)
@@ -258,7 +258,7 @@ def grid_with_rest(forcing):
 
 def test_blocks_come_to_rest():
     """After a push under a constant force of next to nothing every block ends at rest."""
-    scene = Scene(Block(0.3), Forcing(0.2, 1.0), FilteredNoise("exponential", 1e-4, 1.0), Start(0.0, 0.5))
+    scene = Scene(Block(0.3), Harmonic(0.2, 1.0), FilteredNoise("exponential", 1e-4, 1.0), Start(0.0, 0.5))
     run = FilteredRun(scene, grid_of(scene, 1, (3,), 32), 1e-9)
     found = run.evolve(run.scene.period * np.arange(2))
     assert found.at_rest[0] == 0.0

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import Block, FilteredNoise, Forcing, Overturning, Scene, Start
+from fpk_rocking import Block, FilteredNoise, Harmonic, Overturning, Scene, Start
 from fpk_rocking.density.memory.resolution import NodeGrid
 from fpk_rocking.density.memory.start import Flight
 from fpk_rocking.density.pilot import motion_of
@@ -24,7 +24,7 @@ def plane_of(scene):
 @pytest.mark.parametrize("noise", [FilteredNoise("low-pass", 0.04, 1.5, 0.7), FilteredNoise("exponential", 0.04, 1.0)])
 def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
     """Steps of half a cycle used twice, or of a whole one: the same to rounding, and what rests at each node too."""
-    scene = Scene(Block(0.5), Forcing(0.9, 2.0, 0.4), noise)
+    scene = Scene(Block(0.5), Harmonic(0.9, 2.0, 0.4), noise)
     plane, found = plane_of(scene), []
     for legs in (2, 1):
         grid = NodeGrid(plane, (5, 3), 3, np.linspace(0.0, 1.0 / legs, 8 // legs + 1))
@@ -47,7 +47,7 @@ def test_held_noise_is_of_second_order_in_flight():
     The mesh keeps it exactly, the step does not.
     """
     noise, start = FilteredNoise("exponential", 0.5, 3.0), Start(10.0, 0.0, ((0.25, 0.0), (0.0, 0.25)))
-    scene = Scene(Block(0.5), Forcing(0.0, 6.0), noise, start, Overturning(40.0))
+    scene = Scene(Block(0.5), Harmonic(0.0, 6.0), noise, start, Overturning(40.0))
     plane = dataclasses.replace(
         plane_of(scene),
         angle_lines=np.array([-40.0, *np.arange(-22.0, -5.0), 0.0, *np.arange(6.0, 23.0), 40.0]),

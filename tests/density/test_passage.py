@@ -11,7 +11,7 @@ from fpk_rocking import solve_fpk
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene import Forcing, Overturning
+from fpk_rocking.scene import Harmonic, Overturning
 from montecarlo import simulate
 
 MEAN, SPREAD = np.array([1.36, 0.4]), np.array([0.02, 0.1])
@@ -41,7 +41,7 @@ def test_paths_that_pass_the_cutoff_and_return_within_a_step_have_overturned(ste
     At 8 steps a cycle nearly all that overturn are back below the cut-off when the step ends.
     """
     period, paths = 2.0 * math.pi / 2.7, 100_000
-    dynamics, duration = Dynamics(Forcing(4.6, 2.7, math.pi), 0.00628, 0.5, 1.4), period / steps
+    dynamics, duration = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.00628, 0.5, 1.4), period / steps
     start = 0.5 * (period - duration)
     window = Space(np.linspace(1.2, 1.4, 17), np.linspace(-0.4, 1.2, 33), 3)
     density = window.project(Gaussian(MEAN, np.diag(SPREAD**2)), 8)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from density_operators import affine, flow
 
-from fpk_rocking import Forcing
+from fpk_rocking import Harmonic
 from fpk_rocking.density.step import noise_paths
 from fpk_rocking.density.step.step import Dynamics
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
 AMPLITUDE, FREQUENCY, PHASE = 4.6, 2.7, math.pi - 1.0
-DYNAMICS = Dynamics(Forcing(AMPLITUDE, FREQUENCY, PHASE), 0.0, 0.6, 10.0)
+DYNAMICS = Dynamics(Harmonic(AMPLITUDE, FREQUENCY, PHASE), 0.0, 0.6, 10.0)
 DIRECTIONS = ((0.7, 0.7), (-0.7, 0.7), (0.8, -0.2), (-0.4, -0.6), (0.3, 1.0))
 
 

@@ -11,13 +11,13 @@ from fpk_rocking import solve_fpk
 from fpk_rocking.density.pilot import LEAST_RANGE, Motion, motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.scene import Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Harmonic, Scene, WhiteNoise
 from fpk_rocking.scene.parts import Block, Overturning, Start
 from montecarlo import histories
 
 
 def scene_of(amplitude, frequency, restitution, diffusion, start=None, phase=0.0):
-    forcing = Forcing(amplitude, frequency, phase)
+    forcing = Harmonic(amplitude, frequency, phase)
     return Scene(Block(restitution), forcing, WhiteNoise(diffusion), start or Start(), Overturning())
 
 

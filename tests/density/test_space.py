@@ -15,7 +15,7 @@ from fpk_rocking.density.space.element import ElementQuadLegendre
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.landing import LOST, locate
-from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
 VELOCITY_LINES = np.array([-1.0, -0.2, 0.15, 1.7])
@@ -235,7 +235,7 @@ def test_window_lines_cover_and_meet_zero(low, high):
 
 
 def test_velocity_bound_covers_the_separatrix_and_the_start():
-    noise, forcing = WhiteNoise(0.0025), Forcing(4.6, 2.7, 0.3)
+    noise, forcing = WhiteNoise(0.0025), Harmonic(4.6, 2.7, 0.3)
     edge = 1.0 + 4.6 / math.sqrt(1.0 + 2.7**2) + 0.4
     assert velocity_bound(Scene(Block(0.5), forcing, noise), 0.0025) == pytest.approx(edge, abs=1e-12)
     outward = Scene(Block(0.5), forcing, noise, Start(0.5, 6.0))
@@ -246,7 +246,7 @@ def test_velocity_bound_covers_the_separatrix_and_the_start():
 @pytest.mark.parametrize("side", [1, -1])
 def test_velocity_bound_grows_by_what_an_inward_start_has_in_excess(phase, side):
     """Of the motion w = v - x, w' = -w - s + f, that has been driven for ever: there w is known by quadrature."""
-    noise, forcing = WhiteNoise(0.0025), Forcing(2.0, 2.7, phase)
+    noise, forcing = WhiteNoise(0.0025), Harmonic(2.0, 2.7, phase)
     driven = quad(lambda t: -2.0 * math.exp(-t) * math.cos(phase - 2.7 * t), 0.0, 40.0, limit=200)[0]
     plain = velocity_bound(Scene(Block(0.5), forcing, noise), 0.0025)
     for excess in (-0.1, 0.0, 0.25, 0.7):

@@ -13,7 +13,7 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved
 from fpk_rocking.density.start.windows import WindowSettings, window_of
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
 QUADRATURE = Quadrature(5, 5, 5, 2)
@@ -116,7 +116,7 @@ LIFTED_OFF_LATE = {
 )
 def test_block_at_rest_under_a_sine(amplitude, frequency, restitution, diffusion, standing):
     """It rattles until |f| = 1, and what the noise does then decides; false alarm 6e-5 each on top of the estimate."""
-    forcing = Forcing(amplitude, frequency, 0.5 * math.pi)
+    forcing = Harmonic(amplitude, frequency, 0.5 * math.pi)
     scene = Scene(Block(restitution), forcing, WhiteNoise(diffusion), REST, Overturning())
     evolution = solve_fpk(scene, cycles=1, tol=1e-3, bins_tol=math.inf)
     error = math.sqrt(standing * (1.0 - standing) / 400_000)
@@ -126,7 +126,7 @@ def test_block_at_rest_under_a_sine(amplitude, frequency, restitution, diffusion
 
 @pytest.mark.parametrize(("amplitude", "cutoff"), [(13.0, 2.0), (3.0, 0.5)])
 def test_a_start_that_overturns_before_a_mesh_takes_over(amplitude, cutoff):
-    scene = Scene(Block(0.17), Forcing(amplitude, 1.0, 0.0), WhiteNoise(0.002), Start(-0.49, 0.0), Overturning(cutoff))
+    scene = Scene(Block(0.17), Harmonic(amplitude, 1.0, 0.0), WhiteNoise(0.002), Start(-0.49, 0.0), Overturning(cutoff))
     result = solve_fpk(scene, cycles=1, tol=1e-2)
     assert result.survival[1] == pytest.approx(0.0, abs=1e-7)
     assert result.overturned[1] == pytest.approx([1.0, 0.0], abs=1e-7)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flight_moments import flight_moments
 
-from fpk_rocking import Block, Dimensions, Evolution, Forcing, Pulse, Record, Scene, Start, WhiteNoise, solve_fpk
+from fpk_rocking import Block, Dimensions, Evolution, Harmonic, Pulse, Record, Scene, Start, WhiteNoise, solve_fpk
 from fpk_rocking.density import solver
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
@@ -72,7 +72,7 @@ def test_a_flight_under_an_envelope_has_the_exact_moments():
 
 def test_dynamics_have_the_diffusion_of_a_step():
     noise = WhiteNoise(0.004, Trapezoid(1.0, 1.0, 1.0))
-    dynamics = Dynamics.of(Scene(Block(0.8), Forcing(1.0, 2.0), noise))
+    dynamics = Dynamics.of(Scene(Block(0.8), Harmonic(1.0, 2.0), noise))
     assert dynamics.during(1.2, 0.3).diffusion == pytest.approx(0.004, rel=1e-12)
     assert dynamics.during(0.0, 0.3).diffusion == pytest.approx(0.004 * 0.03, rel=1e-12)
     assert dynamics.during(5.0, 0.3).diffusion == pytest.approx(0.004 * FAINTEST)

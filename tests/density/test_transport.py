@@ -17,10 +17,10 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import landing, noise_paths
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.forcing import TERMS, Harmonic
 
 CUTOFF = 1.2
-DYNAMICS = Dynamics(Forcing(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
+DYNAMICS = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
 START, DURATION = 0.53, 0.1
 QUADRATURE = Quadrature(4, 5, 5, 2)
 SOURCE = Space(
@@ -190,7 +190,7 @@ def test_free_cells_are_those_that_no_flight_leaves():
     """
     rng, found = np.random.default_rng(12), np.zeros((2, 2), dtype=int)
     for _ in range(60):
-        forcing = Forcing(rng.uniform(0.0, 8.0), rng.uniform(1.0, 4.0), rng.uniform(0.0, 6.3))
+        forcing = Harmonic(rng.uniform(0.0, 8.0), rng.uniform(1.0, 4.0), rng.uniform(0.0, 6.3))
         dynamics = Dynamics(forcing, 0.02, 0.5, CUTOFF)
         start, duration, margin = rng.uniform(0.0, 3.0), rng.uniform(0.05, 0.3), rng.uniform(0.0, 0.1)
         angle_lines = np.sort([*rng.uniform(-CUTOFF, CUTOFF, 7), -CUTOFF, 0.0, CUTOFF])

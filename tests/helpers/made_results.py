@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking import BandNoise, Block, CycleOperator, Forcing, Pulse, Scene, WhiteNoise
+from fpk_rocking import BandNoise, Block, CycleOperator, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.realizations import RealizationAverage
@@ -24,7 +24,7 @@ from montecarlo import Ensemble, Histories, Splitting, Tally
 from montecarlo.results.counts import PARTS, Counts
 
 CYCLES, PATHS = 150, 400
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 WHITE = MAIN.varied(noise=WhiteNoise(0.006))
 PULSE = WHITE.varied(forcing=Pulse("one-sine", 1.5, 1.1))
 WHOLE = MAIN.period * np.arange(CYCLES + 1)

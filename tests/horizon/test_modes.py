@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from fpk_rocking import Forcing
+from fpk_rocking import Harmonic
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.horizon import modes
@@ -114,7 +114,7 @@ def test_spectrum_of_the_linear_saddle(transposed):
     The first three are tested, of which two coincide; the three of e^-3t are as exact as the mesh's edge lets them be.
     """
     duration, diffusion = 0.5, 0.004
-    dynamics = Dynamics(Forcing(0.0, 1.0, 0.0), diffusion, 0.5, 50.0)
+    dynamics = Dynamics(Harmonic(0.0, 1.0, 0.0), diffusion, 0.5, 50.0)
     space = Space(np.linspace(0.2, 1.8, 25), np.linspace(-0.8, 0.8, 25), 3)
     step = Step(Trace(space, 0.0, duration, dynamics, Quadrature(5, 5, 5, 2)), space)
 

@@ -16,7 +16,7 @@ from fpk_rocking.density.space.space import turn
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
 from fpk_rocking.results.remarks import UNCHECKED
-from fpk_rocking.scene import Block, Forcing, Scene
+from fpk_rocking.scene import Block, Harmonic, Scene
 from montecarlo import simulate, tally
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
@@ -277,7 +277,7 @@ def test_no_start_above_the_worst_bound_stands_for_a_cycle(restitution, amplitud
     fastest, rng = 0.0, np.random.default_rng(6)
     for k, phase in enumerate(rng.uniform(0.0, 2.0 * np.pi, 16)):
         start = Start(1.5, -20.0, ((1e-6, 0.0), (0.0, 100.0)))
-        scene = Scene(Block(restitution), Forcing(amplitude, frequency, phase), WhiteNoise(1e-4), start)
+        scene = Scene(Block(restitution), Harmonic(amplitude, frequency, phase), WhiteNoise(1e-4), start)
         ensemble = simulate(scene, cycles=1, realizations=4000, seed=k)
         fastest = max(fastest, -ensemble.velocity[np.isfinite(ensemble.angle[:, 1]), 0].min())
     assert 0.6 * worst_bound(scene) < fastest < worst_bound(scene)

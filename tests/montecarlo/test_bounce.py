@@ -8,13 +8,13 @@ import pytest
 from scipy.special import erf
 
 from fpk_rocking.physics.flight import Segment, next_event
-from fpk_rocking.scene import Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
 from montecarlo.engines.bounce import bounce, first_return
 from montecarlo.engines.random import open_stream, stream_keys
 
-RATTLING = Scene(Block(0.85), Forcing(0.8, 2.0), WhiteNoise(0.002))
+RATTLING = Scene(Block(0.85), Harmonic(0.8, 2.0), WhiteNoise(0.002))
 
 
 def law(speed, growth, latest):
@@ -59,7 +59,7 @@ def test_returns_have_the_law_of_mckean(speed, growth, latest):
 def bounce_errors(share, monkeypatch):
     """Relative errors of arrival speed and duration of bounces without noise that last about 2 share intervals."""
     monkeypatch.setattr(white, "BRIEF", 2.0)
-    problem = white.problem_of(Scene(Block(0.9), Forcing(0.9, 7.0), WhiteNoise(1e-20)), 200)
+    problem = white.problem_of(Scene(Block(0.9), Harmonic(0.9, 7.0), WhiteNoise(1e-20)), 200)
     stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * problem.span, {}
     for j in range(problem.low.size):
         for side in (-1, 1):
@@ -88,7 +88,7 @@ def test_bounces_under_a_changing_force_converge(monkeypatch):
 def test_bounces_keep_the_energy_balance(monkeypatch):
     """The unforced block at a shortest step of 0.8 D, where steps alone are off by 0.118; 2,000 paths tell 0.002."""
     errors = []
-    scene = Scene(Block(0.5), Forcing(0.0, math.pi / 8.0), WhiteNoise(0.01))
+    scene = Scene(Block(0.5), Harmonic(0.0, math.pi / 8.0), WhiteNoise(0.01))
     for brief in (white.BRIEF, 0.0):
         monkeypatch.setattr(white, "BRIEF", brief)
         run = histories(scene, cycles=1, realizations=2000, seed=1, steps_per_cycle=8, samples_per_cycle=1)
@@ -105,7 +105,7 @@ def test_a_rattling_block_has_the_speeds_of_the_quasi_steady_layer():
     to 1 %; what else is left of it is of first order in 1 - e.
     """
     restitution, diffusion, frequency = 0.95, 5e-5, 0.2
-    scene = Scene(Block(restitution), Forcing(0.5, frequency, math.pi - 6.0 * frequency), WhiteNoise(diffusion))
+    scene = Scene(Block(restitution), Harmonic(0.5, frequency, math.pi - 6.0 * frequency), WhiteNoise(diffusion))
     run = histories(scene, cycles=1, realizations=800, seed=2, samples_per_cycle=4)
     chosen = (run.impact_time > 4.0) & (run.impact_time < 8.0)
     speed, time = np.abs(run.impact_velocity[chosen]), run.impact_time[chosen]

@@ -11,12 +11,12 @@ import numba
 import pytest
 
 from fpk_rocking import cli
-from fpk_rocking.scene import BandNoise, Block, Forcing, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene, WhiteNoise
 from montecarlo import Tally, simulate, tally, tallying
 from montecarlo.engines import running
 from montecarlo.results import checkpoint
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
 SIZE = {"cycles": 6, "realizations": 3000}
 
 

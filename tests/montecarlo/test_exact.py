@@ -10,7 +10,7 @@ import pytest
 from mp_scenes import compare, follow_scene, random_scenes
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import histories, simulate
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
@@ -63,7 +63,7 @@ def test_runge_kutta_converges_to_it_with_order_4():
 def test_no_dip_between_grid_points_is_missed(frequency):
     """Strong forcing throws blocks back within an interval: with bounds that fail, some 30 would lose an impact."""
     start = Start(0.2, 0.0, ((0.09, 0.0), (0.0, 4.0)))
-    scene = Scene(Block(0.6), Forcing(15.0, frequency, 0.3), NoNoise(), start, Overturning(6.0))
+    scene = Scene(Block(0.6), Harmonic(15.0, frequency, 0.3), NoNoise(), start, Overturning(6.0))
     exact = simulate(scene, cycles=1, realizations=4000, method="exact")
     rk4 = simulate(scene, cycles=1, realizations=4000, method="rk4", steps_per_cycle=2000)
     assert exact.angle == pytest.approx(rk4.angle, abs=1e-5, nan_ok=True)
@@ -96,7 +96,7 @@ def test_strong_noise_hides_no_event():
 
 def test_late_cycles_have_their_noise():
     """Impacts up to cycle 60, past chunks and fresh anchors, are those of rk4, whose grid is another."""
-    scene = Scene(Block(0.5), Forcing(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40), Start(1e-9))
+    scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40), Start(1e-9))
     # Weak forcing: the block rests again and again and so forgets how it came to where it is.
     whole = histories(scene, cycles=60, method="exact", samples_per_cycle=1)
     rk4 = histories(scene, cycles=60, method="rk4", steps_per_cycle=2000, samples_per_cycle=1)
@@ -110,7 +110,7 @@ def orbit_scene(amplitude, frequency, restitution):
     """Scene that starts on the symmetric orbit with the fastest impact, and that orbit."""
     orbit = symmetric_orbits(amplitude, frequency, restitution)[-1]
     x, v = orbit.state(1.0)
-    return Scene(Block(restitution), Forcing(amplitude, frequency, 1.0), NoNoise(), Start(float(x), float(v))), orbit
+    return Scene(Block(restitution), Harmonic(amplitude, frequency, 1.0), NoNoise(), Start(float(x), float(v))), orbit
 
 
 @pytest.mark.parametrize("parameters", [(1.5, 2.7, 0.5), (3.0, 3.0, 0.9), (5.0, 5.0, 0.925)])
@@ -136,7 +136,7 @@ def test_unstable_orbits_are_left_at_their_rate(parameters):
 
 def test_free_rocking_has_its_peaks():
     """Peaks 0.5, 0.098612, 0.023719, 0.005877: 1 - u is largest where u'' = u - 1 has used up e times the speed."""
-    scene = Scene(Block(0.5), Forcing(0.0, 1.0), NoNoise(), Start(0.5))
+    scene = Scene(Block(0.5), Harmonic(0.0, 1.0), NoNoise(), Start(0.5))
     run = histories(scene, cycles=1, method="exact", samples_per_cycle=4000)
     angle, sign = run.angle[0][2:-1], np.sign(run.velocity[0][1:])
     turns = np.abs(angle)[np.diff(sign)[:-1] * angle < 0.0]
@@ -154,7 +154,7 @@ def test_free_rocking_has_its_peaks():
 def test_at_rest_it_stays_while_the_force_is_below_one(noise):
     """|f| <= 0.3 + sigma sqrt(2 N) = 0.3 + 0.2 sqrt(20/5) < 1 for certain."""
     bound = 0.3 + (math.sqrt(2.0 * 20 * noise.variance) if noise.kind == "band" else 0.0)
-    scene = Scene(Block(0.5), Forcing(0.3 if bound < 1.0 else 0.1, 2.7), noise)
+    scene = Scene(Block(0.5), Harmonic(0.3 if bound < 1.0 else 0.1, 2.7), noise)
     assert bound < 1.0 or 0.1 + bound - 0.3 < 1.0
     run = histories(scene, cycles=50, realizations=3, method="exact", samples_per_cycle=3)
     assert not run.angle.any()
@@ -201,7 +201,7 @@ def test_the_mirrored_scene_mirrors():
     """(x, v, Psi) -> (-x, -v, Psi + pi) without noise, to rounding as far as chaos lets it be seen."""
     scene = dataclasses.replace(MAIN, noise=NoNoise(), start=Start(0.2, -0.3))
     mirrored = dataclasses.replace(
-        scene, forcing=Forcing(4.6, 2.7, MAIN.forcing.phase + math.pi), start=Start(-0.2, 0.3)
+        scene, forcing=Harmonic(4.6, 2.7, MAIN.forcing.phase + math.pi), start=Start(-0.2, 0.3)
     )
     one, other = (simulate(s, cycles=5, realizations=1, method="exact") for s in (scene, mirrored))
     assert one.angle == pytest.approx(-other.angle, abs=1e-10)

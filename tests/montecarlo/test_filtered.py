@@ -14,7 +14,7 @@ from fpk_rocking import CycleOperator, FilteredNoise, NoNoise, Start, load_scene
 from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.physics import filters
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.scene import BandNoise, Block, Forcing, Overturning, Scene
+from fpk_rocking.scene import BandNoise, Block, Harmonic, Overturning, Scene
 from montecarlo import histories, simulate, split, tally
 from montecarlo.engines import filtered, running
 from montecarlo.engines.grid import Grid
@@ -32,12 +32,12 @@ each = pytest.mark.parametrize("noise", NOISES, ids=lambda one: f"{one.filter}-{
 
 
 def scene_of(noise, amplitude=4.6, frequency=2.7, restitution=0.5, start=None):
-    return Scene(Block(restitution), Forcing(amplitude, frequency, math.pi), noise, start or Start())
+    return Scene(Block(restitution), Harmonic(amplitude, frequency, math.pi), noise, start or Start())
 
 
 def blocks(amplitude, frequency, restitution, variance, highest):
     noise = BandNoise(variance, (0.0, highest), 100)
-    return Scene(Block(restitution), Forcing(amplitude, frequency), noise).filtered_equivalent()
+    return Scene(Block(restitution), Harmonic(amplitude, frequency), noise).filtered_equivalent()
 
 
 @each

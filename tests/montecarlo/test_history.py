@@ -10,7 +10,7 @@ import pytest
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import Impacts, advance
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import Histories, histories, simulate
 from montecarlo.engines import running
 
@@ -86,7 +86,7 @@ def test_every_impact_turns_the_side(scene, method):
 
 def test_no_impact_is_dropped_where_there_are_many():
     """A block rattles at 1e4 impacts a cycle or so: more than there is room for at first."""
-    scene = Scene(Block(0.999), Forcing(0.0, 0.05), NoNoise(), Start(1e-4))
+    scene = Scene(Block(0.999), Harmonic(0.0, 0.05), NoNoise(), Start(1e-4))
     few = next(running.batches(running.checked(scene, 1, 2, 1, None, 400), capacity=3)).impacts
     run = histories(scene, cycles=1, realizations=2, steps_per_cycle=400)
     assert few.count.tolist() == run.impacts.tolist()
@@ -116,7 +116,7 @@ def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
 @pytest.mark.parametrize("method", ["rk4", "exact"])
 def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
     """Over 50 cycles, in which the noise's rotations are begun anew; weak forcing, so that the start is forgotten."""
-    scene = Scene(Block(0.5), Forcing(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
+    scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
     whole = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
     late = next(running.batches(running.checked(scene, 50, 1, 3, method, 200), capacity=1000, cycle=7)).impacts
     one = whole.impact_time[(whole.impact_time > 20.0 * scene.period) & (np.abs(whole.impact_velocity) > 1e-3)]

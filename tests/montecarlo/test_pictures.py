@@ -7,7 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking.scene import Block, Forcing, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import (
     bin_errors,
     first_passage,
@@ -24,7 +24,7 @@ MAIN = load_scene(SCENES / "main.toml")
 WHITE = MAIN.white_equivalent()
 ORBIT = dataclasses.replace(load_scene(SCENES / "fig05.toml"), noise=NoNoise())
 # x - 1 = (x0 - 1) cosh t + v0 sinh t without forcing: linear while no block reaches x = 0 or the cut-off.
-FLIGHT = Scene(Block(0.5), Forcing(0.0, 8.0), NoNoise(), Start(0.7, 0.1, ((1e-3, 2e-4), (2e-4, 1e-3))))
+FLIGHT = Scene(Block(0.5), Harmonic(0.0, 8.0), NoNoise(), Start(0.7, 0.1, ((1e-3, 2e-4), (2e-4, 1e-3))))
 
 
 @pytest.fixture(scope="module")

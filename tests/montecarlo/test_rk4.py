@@ -13,7 +13,7 @@ from fpk_rocking.physics.contact import side_at_zero
 from fpk_rocking.physics.flight import segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.transition import advance
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start
+from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start
 from montecarlo.results.statistics import survival_test
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")
@@ -22,7 +22,7 @@ REST = Start()
 
 
 def noise_free(amplitude=0.0, restitution=0.5, frequency=2.7, phase=math.pi, start=REST, cutoff=math.pi / 2):
-    forcing = Forcing(amplitude, frequency, phase)
+    forcing = Harmonic(amplitude, frequency, phase)
     return Scene(Block(restitution), forcing, NoNoise(), start, Overturning(cutoff))
 
 

@@ -8,7 +8,7 @@ import oracle
 import pytest
 
 from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
 from montecarlo.engines.random import open_stream, stream_keys, uniform
 from montecarlo.rare.levels import climb, populate, raise_level
@@ -19,7 +19,7 @@ UP = 0.3
 
 
 def scene_of(diffusion, amplitude=4.6, restitution=0.5, frequency=2.7, start=REST):
-    return Scene(Block(restitution), Forcing(amplitude, frequency, math.pi), WhiteNoise(diffusion), start)
+    return Scene(Block(restitution), Harmonic(amplitude, frequency, math.pi), WhiteNoise(diffusion), start)
 
 
 @numba.njit
@@ -229,10 +229,10 @@ def test_refuses_parameters_by_name(error, message, options):
     ("scene", "message"),
     [
         (
-            Scene(Block(0.5), Forcing(4.6, 2.7), BandNoise(0.04, (0.0, 10.0), 100)),
+            Scene(Block(0.5), Harmonic(4.6, 2.7), BandNoise(0.04, (0.0, 10.0), 100)),
             r"noise\.kind: got 'band', accepted: 'white'.*drawn at τ = 0.*scene\.white_equivalent\(\)",
         ),
-        (Scene(Block(0.5), Forcing(4.6, 2.7), NoNoise()), r"noise\.kind: got 'none', accepted: 'white'"),
+        (Scene(Block(0.5), Harmonic(4.6, 2.7), NoNoise()), r"noise\.kind: got 'none', accepted: 'white'"),
         (scene_of(0.0), r"noise\.diffusion: got 0\.0, accepted: a number > 0"),
         (scene_of(1e-4, restitution=0.99 * CRITICAL_RESTITUTION), r"block\.restitution: got 0\.16.*impacts accumulate"),
     ],

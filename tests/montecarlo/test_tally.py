@@ -10,12 +10,12 @@ import pytest
 from fpk_rocking.compare import compare
 from fpk_rocking.results import storage
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Tally, simulate, tally
 from montecarlo.engines import running
 from montecarlo.results import counts
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
 SIZE = {"cycles": 6, "realizations": 3000}
 
 
@@ -72,7 +72,7 @@ def test_own_bins_leave_some_outside(ensemble):
 
 def test_states_on_edges_are_binned_as_numpy_does():
     """A block at rest is at the common edge of four bins; the last bins are closed on both sides."""
-    scene = Scene(Block(0.5), Forcing(0.5, 2.7), NoNoise())
+    scene = Scene(Block(0.5), Harmonic(0.5, 2.7), NoNoise())
     rest, truth = tally(scene, cycles=2, realizations=3), simulate(scene, cycles=2, realizations=3)
     edges = joint_edges(scene)
     assert np.array_equal(rest.bin_probabilities(2, *edges), truth.bin_probabilities(2, *edges))

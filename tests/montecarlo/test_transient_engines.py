@@ -102,11 +102,11 @@ def test_a_tally_counts_the_realizations_of_an_ensemble():
 
 def test_a_forcing_that_repeats_is_cut_out_of_a_pulse():
     # Ten cycles of sine as a pulse, and as harmonic forcing -A cos(Ωτ + π/2): the same paths up to its end.
-    from fpk_rocking import Forcing
+    from fpk_rocking import Harmonic
 
     noise = BandNoise(0.05, (0.0, 9.0), 40)
     pulse = Scene(Block(0.7), Pulse("n-sine", 2.5, 2.7, 10), noise)
-    harmonic = Scene(Block(0.7), Forcing(2.5, 2.7, np.pi / 2.0), noise)
+    harmonic = Scene(Block(0.7), Harmonic(2.5, 2.7, np.pi / 2.0), noise)
     ensemble = simulate(harmonic, cycles=10, realizations=200)
     found = simulate(pulse, times=ensemble.times, realizations=200)
     assert found.angle == pytest.approx(ensemble.angle, abs=1e-8, nan_ok=True)

@@ -11,7 +11,7 @@ from fpk_rocking.physics.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.flight import flight, segment_of
 from fpk_rocking.physics.forcing import TERMS
 from fpk_rocking.physics.gaussian import flight_covariance
-from fpk_rocking.scene import Block, Forcing, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
 from montecarlo.results.statistics import survival_test
@@ -20,7 +20,7 @@ REST = Start()
 
 
 def scene_of(amplitude=4.6, restitution=0.5, diffusion=0.002 * math.pi, frequency=2.7, start=REST):
-    return Scene(Block(restitution), Forcing(amplitude, frequency, math.pi), WhiteNoise(diffusion), start)
+    return Scene(Block(restitution), Harmonic(amplitude, frequency, math.pi), WhiteNoise(diffusion), start)
 
 
 @pytest.mark.parametrize("covariance", [None, ((2e-4, 1e-4), (1e-4, 3e-4))])
@@ -178,7 +178,7 @@ def test_refuses_what_white_noise_cannot_be():
 @pytest.mark.parametrize("phase", [0.0, math.pi])
 def test_a_block_at_rest_begins_on_the_side_of_the_push(phase):
     """Under |f(0)| = 4.6 and noise that is too weak to matter the first impact ends the first swing."""
-    scene = Scene(Block(0.5), Forcing(4.6, 2.7, phase), WhiteNoise(1e-9))
+    scene = Scene(Block(0.5), Harmonic(4.6, 2.7, phase), WhiteNoise(1e-9))
     run = histories(scene, cycles=1, realizations=20, samples_per_cycle=64)
     assert (np.sign(run.angle[:, 1]) == -math.cos(phase)).all()
     assert run.impact_time.min() > 1.0

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
-from fpk_rocking.scene import Block, Forcing, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 GAUSS, GAUSS_WEIGHTS = legendre.leggauss(4)
 NORMS = np.sqrt([1.0, 3.0, 5.0, 7.0])
@@ -161,5 +161,5 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
 
 def scene_of(amplitude=4.6, phase=math.pi, start=REST, diffusion=0.02, cutoff=math.pi / 2, frequency=2.7):
     """Scene with white noise: the main one but for what is named, with more noise."""
-    forcing = Forcing(amplitude, frequency, phase)
+    forcing = Harmonic(amplitude, frequency, phase)
     return Scene(Block(0.5), forcing, WhiteNoise(diffusion), start, Overturning(cutoff))

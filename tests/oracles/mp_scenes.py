@@ -12,7 +12,7 @@ from mp_oracle import follow
 from mpmath import mp, mpf
 
 from fpk_rocking.physics import noise
-from fpk_rocking.scene import BandNoise, Block, Forcing, NoNoise, Scene, Start
+from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start
 from montecarlo.engines import rk4, shinozuka
 from montecarlo.engines.random import open_stream, stream_keys
 
@@ -49,7 +49,7 @@ def random_scenes(count, seed=1):
 
 def _random_scene(rng):
     restitution = rng.choice([0.0, 1.0, rng.uniform(), rng.uniform(0.3, 0.95)], p=[0.05, 0.05, 0.45, 0.45])
-    forcing = Forcing(rng.uniform(0.5, 6.0), rng.uniform(1.0, 6.0), rng.uniform(0.0, 2.0 * math.pi))
+    forcing = Harmonic(rng.uniform(0.5, 6.0), rng.uniform(1.0, 6.0), rng.uniform(0.0, 2.0 * math.pi))
     band = np.sort(rng.uniform(0.0, 12.0, 2))
     harmonics = int(rng.integers(0, 31))
     disturbance = BandNoise(rng.uniform(0.0, 0.3), tuple(band), harmonics) if harmonics else NoNoise()

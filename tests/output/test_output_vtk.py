@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import pyvista
 
-from fpk_rocking import BandNoise, Block, Forcing, Scene, Start
+from fpk_rocking import BandNoise, Block, Harmonic, Scene, Start
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.output import vtk
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 DENSITY = fakes.FakeEvolution(MAIN)
 ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
 VIEW = "_nonnegative_view"

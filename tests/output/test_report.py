@@ -15,14 +15,14 @@ import fakes
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Forcing, Scene, cli
+from fpk_rocking import BandNoise, Block, Harmonic, Scene, cli
 from fpk_rocking.base.look import OVERTURNED
 from fpk_rocking.compare import compare
 from fpk_rocking.output import summary
 from fpk_rocking.output.report import write_report
 from fpk_rocking.results.pictures import edges_of
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 DENSITY, ENSEMBLE = fakes.FakeEvolution(MAIN), fakes.FakeEnsemble(MAIN, realizations=2000)
 SCRIPT = pathlib.Path(cli.__file__).parent / "output" / "report.js"
 

@@ -13,7 +13,7 @@ from fpk_rocking import (
     CycleOperator,
     Dimensions,
     FilteredNoise,
-    Forcing,
+    Harmonic,
     NoNoise,
     Overturning,
     Pulse,
@@ -68,7 +68,7 @@ def test_scenes_with_an_envelope_go_through_toml(noise, envelope):
     assert not scene.repeats
 
 
-@pytest.mark.parametrize("forcing", [PULSED.forcing, Forcing(2.0, 2.7, 1.0)], ids=str)
+@pytest.mark.parametrize("forcing", [PULSED.forcing, Harmonic(2.0, 2.7, 1.0)], ids=str)
 @pytest.mark.parametrize("noise", [BAND, FILTERED, WHITE], ids=["band", "filtered", "white"])
 def test_an_envelope_of_one_changes_nothing(noise, forcing):
     asked = {"realizations": 100, **(TIMES if forcing.period is None else {"cycles": 3})}
@@ -82,7 +82,7 @@ def test_an_envelope_of_one_changes_nothing(noise, forcing):
         assert found.overturn_time == pytest.approx(plain.overturn_time, abs=1e-7, nan_ok=True)
 
 
-@pytest.mark.parametrize("forcing", [PULSED.forcing, Forcing(2.0, 2.7, 1.0)], ids=str)
+@pytest.mark.parametrize("forcing", [PULSED.forcing, Harmonic(2.0, 2.7, 1.0)], ids=str)
 def test_rk4_comes_to_the_exact_engine(forcing):
     # Kinks of the envelope on steps: fourth order.
     step = forcing.time_scale / 200
@@ -145,7 +145,7 @@ def test_records_take_an_envelope_too():
 
 
 def test_what_changes_with_time_is_refused_where_it_has_no_meaning():
-    white, band = (Scene(Block(0.8), Forcing(2.0, 2.7), with_envelope(n, ENVELOPES[0])) for n in (WHITE, BAND))
+    white, band = (Scene(Block(0.8), Harmonic(2.0, 2.7), with_envelope(n, ENVELOPES[0])) for n in (WHITE, BAND))
     calls = (
         lambda: CycleOperator(white),
         lambda: split(white, cycles=1),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, Dimensions, NoNoise, Scene, WhiteNoise
-from fpk_rocking.forcings import FORCINGS, TERMS, BaseForcing, Chirp, Forcing, Harmonics, Pulse, Record
+from fpk_rocking.forcings import FORCINGS, TERMS, Chirp, Forcing, Harmonic, Harmonics, Pulse, Record
 from fpk_rocking.physics.forcing.base import AMPLITUDES
 from fpk_rocking.scene import limits
 from fpk_rocking.studies.measures import intensities
@@ -16,7 +16,7 @@ from montecarlo import simulate
 
 SIZE = Dimensions(0.5, 1.8)
 OF_KIND = {
-    "harmonic": Forcing(1.6, 2.7, 0.4),
+    "harmonic": Harmonic(1.6, 2.7, 0.4),
     "harmonics": Harmonics(1.9, (0.7, 1.1), (0.2, -1.0)),
     "pulse": Pulse("one-cosine", 2.3, 3.1),
     "chirp": Chirp(2.0, 1.5, 6.0, 7.0),
@@ -35,9 +35,9 @@ def end_of(forcing):
 
 @every
 def test_it_is_a_forcing_with_every_part(forcing):
-    assert isinstance(forcing, BaseForcing)
+    assert isinstance(forcing, Forcing)
     assert FORCINGS[forcing.kind] is type(forcing)
-    for name in BaseForcing.__annotations__:
+    for name in Forcing.__annotations__:
         assert hasattr(forcing, name), name
     assert not forcing.__abstractmethods__
     assert hash(forcing) == hash(dataclasses.replace(forcing))
@@ -140,11 +140,11 @@ def test_the_engines_take_it(forcing):
 
 def test_the_base_makes_no_value():
     with pytest.raises(TypeError, match="abstract"):
-        BaseForcing()
+        Forcing()
 
 
 def test_a_constant_is_added():
-    for forcing in (OF_KIND["harmonic"], OF_KIND["harmonics"], Forcing(0.0, 2.0)):
+    for forcing in (OF_KIND["harmonic"], OF_KIND["harmonics"], Harmonic(0.0, 2.0)):
         for constant in (0.7, -0.4, 0.0):
             more = forcing.plus(constant)
             for time in (0.0, 0.4, 1.9):

@@ -9,7 +9,7 @@ from fpk_rocking import (
     BandNoise,
     Block,
     CycleOperator,
-    Forcing,
+    Harmonic,
     Harmonics,
     NoNoise,
     Scene,
@@ -24,7 +24,7 @@ from montecarlo import histories, simulate, split, tally
 
 TWO = Harmonics(2.7, (2.4, 1.1), (0.0, 0.7))
 MANY = Harmonics(1.9, (0.4, 0.0, 1.3, 0.2), (0.3, 1.0, -2.0, 5.0))
-SINGLE = Forcing(4.6, 2.7, 0.4)
+SINGLE = Harmonic(4.6, 2.7, 0.4)
 
 
 def by_hand(forcing, time):
@@ -71,9 +71,9 @@ def test_values_agree_with_each_other(forcing):
 
 
 def test_rest_and_lift_off_at_the_bounds():
-    assert Forcing(1.0, 2.0).longest_rest == math.inf
-    assert Forcing(0.0, 2.0).since_lift_off(0.3) == (math.inf, 0.0)
-    assert Forcing(1.0 + 1e-9, 2.0).longest_rest < math.pi / 2
+    assert Harmonic(1.0, 2.0).longest_rest == math.inf
+    assert Harmonic(0.0, 2.0).since_lift_off(0.3) == (math.inf, 0.0)
+    assert Harmonic(1.0 + 1e-9, 2.0).longest_rest < math.pi / 2
     # Known in closed form: from one lift-off of |A cos| to the next crossing downwards.
     assert SINGLE.longest_rest == pytest.approx(2.0 * math.asin(1.0 / 4.6) / 2.7, rel=1e-14)
 
@@ -129,7 +129,7 @@ def test_one_harmonic_of_several_is_the_same_forcing():
     sum_of_one = Harmonics(2.7, (4.6,), (math.pi,))
     scenes = [
         Scene(Block(0.5), forcing, WhiteNoise(0.00628), overturning=Scene.from_toml(MINIMAL).overturning)
-        for forcing in (Forcing(4.6, 2.7, math.pi), sum_of_one)
+        for forcing in (Harmonic(4.6, 2.7, math.pi), sum_of_one)
     ]
     first, second = (solve_fpk(scene, cycles=2, tol=1e-2).survival for scene in scenes)
     assert first == pytest.approx(second, abs=1e-12)
@@ -255,7 +255,7 @@ def test_polynomials_move_their_origin():
 
 def test_melnikov_functions_of_several_harmonics():
     """One harmonic gives the closed form; three are held against an average over 400,000 phases, to its own error."""
-    one, single = Harmonics(4.0, (4.0,), (0.3,)), Forcing(4.0, 4.0, 0.3)
+    one, single = Harmonics(4.0, (4.0,), (0.3,)), Harmonic(4.0, 4.0, 0.3)
     noises = [NoNoise(), BandNoise(0.16, (0.0, 10.0), 100), WhiteNoise(1e-5)]
     for restitution in (0.3, 0.9):
         both = [melnikov.phase_flux(forcing, restitution, noises) for forcing in (one, single)]
@@ -276,5 +276,5 @@ def test_melnikov_functions_of_several_harmonics():
         for node, weight in zip(nodes, weights / weights.sum(), strict=True)
     )
     assert melnikov.phase_flux(several, 0.6, noises[1]) == pytest.approx(mean, rel=1e-4)
-    with pytest.raises(TypeError, match=r"forcing: got .*, accepted: a harmonic Forcing, or a pair"):
+    with pytest.raises(TypeError, match=r"forcing: got .*, accepted: a Harmonic, or a pair"):
         melnikov.phase_flux_sampled(several, 0.6, NoNoise())

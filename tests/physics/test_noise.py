@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics import noise
-from fpk_rocking.scene import BandNoise, Block, Forcing, Scene
+from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene
 from montecarlo.engines import rk4
 from montecarlo.engines.random import open_stream, stream_keys
 
@@ -15,7 +15,7 @@ VARIANCE, BAND = 0.04, (1.0, 6.0)
 
 
 def draw(realization, half=1, count=100):
-    scene = Scene(Block(0.5), Forcing(1.0, 2.7), BandNoise(VARIANCE, BAND, count))
+    scene = Scene(Block(0.5), Harmonic(1.0, 2.7), BandNoise(VARIANCE, BAND, count))
     harmonics = noise.allocate(count, half)
     rk4.draw(open_stream(stream_keys(5), realization), rk4.problem_of(scene, 8), harmonics)
     return harmonics

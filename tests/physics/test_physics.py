@@ -18,7 +18,7 @@ from fpk_rocking.physics.flight import (
     next_event,
     segment_of,
 )
-from fpk_rocking.physics.forcing import TERMS, Forcing
+from fpk_rocking.physics.forcing import TERMS, Harmonic
 from fpk_rocking.physics.gaussian import flight_covariance
 from fpk_rocking.physics.transition import advance
 
@@ -27,7 +27,7 @@ CUTOFF = math.pi / 2
 
 def harmonic(start, amplitude, frequency, phase, duration):
     """Segment of A cos(Ω t + Ψ)/(1 + Ω²), of any sign."""
-    piece = Forcing(abs(amplitude), frequency, phase).pieces([start])[0]
+    piece = Harmonic(abs(amplitude), frequency, phase).pieces([start])[0]
     return segment_of(math.copysign(1.0, amplitude) * piece, np.empty(TERMS), duration)
 
 

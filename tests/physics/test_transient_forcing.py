@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from transient_paths import SHAPES, pulse_force, random_scene, record_force
 
-from fpk_rocking import Block, CycleOperator, Dimensions, Forcing, NoNoise, Pulse, Record, Scene, WhiteNoise, load_scene
+from fpk_rocking import (
+    Block,
+    CycleOperator,
+    Dimensions,
+    Harmonic,
+    NoNoise,
+    Pulse,
+    Record,
+    Scene,
+    WhiteNoise,
+    load_scene,
+)
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.cli import main
 from fpk_rocking.physics.forcing.record import MOST
@@ -172,7 +183,7 @@ def test_the_record_of_the_project_is_what_its_script_makes(case):
 
 
 def test_times_stand_in_place_of_cycles():
-    pulsed, periodic = Scene(Block(0.8), PULSES[0], NoNoise()), Scene(Block(0.8), Forcing(2.0, 3.0), NoNoise())
+    pulsed, periodic = Scene(Block(0.8), PULSES[0], NoNoise()), Scene(Block(0.8), Harmonic(2.0, 3.0), NoNoise())
     default = simulate(pulsed, realizations=1)
     assert default.times == pytest.approx(
         [*np.linspace(0.0, pulsed.forcing.duration, 21), pulsed.forcing.duration + 10.0]

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
 from fpk_rocking.results import distances
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import label_of
 from montecarlo import histories
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 
 
 def test_distances_of_known_bins():
@@ -149,7 +149,7 @@ def test_melnikov_figures_of_each_noise():
     ("name", "change"),
     [
         ("block.restitution", {"block": Block(0.6)}),
-        ("forcing", {"forcing": Forcing(4.6, 2.7, 0.0)}),
+        ("forcing", {"forcing": Harmonic(4.6, 2.7, 0.0)}),
         ("start", {"start": Start(0.1)}),
         ("overturning", {"overturning": Overturning(1.0)}),
     ],
@@ -187,7 +187,7 @@ def test_bins_of_the_main_scene():
 
 
 def test_bins_follow_the_scene():
-    still = dataclasses.replace(MAIN, forcing=Forcing(0.0, 2.7), noise=NoNoise(), overturning=Overturning(1.0))
+    still = dataclasses.replace(MAIN, forcing=Harmonic(0.0, 2.7), noise=NoNoise(), overturning=Overturning(1.0))
     angle, velocity = joint_edges(still)
     # Without forcing and noise |v| <= max(1, c + e) = 1.5.
     assert (angle[-1], velocity[-1]) == (1.0, 1.5)
@@ -203,7 +203,7 @@ def test_bins_hold_a_strongly_driven_escape():
     """From rest at 8 phases a far cut-off is reached at up to .94 of the last edge, which the driven speed sets."""
     fastest = 0.0
     for phase in 2.0 * np.pi * np.arange(8) / 8:
-        scene = Scene(Block(0.1), Forcing(8.0, 0.6, phase), NoNoise(), Start(), Overturning(8.0))
+        scene = Scene(Block(0.1), Harmonic(8.0, 0.6, phase), NoNoise(), Start(), Overturning(8.0))
         run = histories(scene, cycles=2, method="exact", samples_per_cycle=400)
         fastest = max(fastest, np.nanmax(np.abs(run.velocity)))
     edge = joint_edges(scene)[1][-1]

@@ -7,14 +7,14 @@ import fakes
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Forcing, Pulse, Scene, WhiteNoise
+from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.output import summary, tables
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.remarks import remarks
 from fpk_rocking.studies import checking
 from montecarlo import simulate
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 
 
 @dataclasses.dataclass(frozen=True)

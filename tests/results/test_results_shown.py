@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from fpk_rocking import BandNoise, Block, Forcing, NoNoise, Scene, Start, WhiteNoise
+from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare
 from fpk_rocking.density.realizations import RealizationAverage
 from fpk_rocking.results.binning import joint_edges, shown_edges
@@ -20,7 +20,7 @@ from fpk_rocking.studies import Fragility, Sweep
 from montecarlo import Splitting, histories, simulate, tally
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "results.md"
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 WHITE = dataclasses.replace(MAIN, noise=WhiteNoise(0.006))
 
 

@@ -8,11 +8,11 @@ import pathlib
 import numpy as np
 import pytest
 
-from fpk_rocking import Block, Dimensions, Forcing, NoNoise, Scene
+from fpk_rocking import Block, Dimensions, Harmonic, NoNoise, Scene
 from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 
-SCENE = Scene(Block(1 / 3, Dimensions(0.4, 1.7)), Forcing(4.6, 2.7, math.pi), NoNoise())
+SCENE = Scene(Block(1 / 3, Dimensions(0.4, 1.7)), Harmonic(4.6, 2.7, math.pi), NoNoise())
 ARRAYS = {
     "survival": np.array([1.0, 0.1 + 0.2, math.nan, -0.0]),
     "counts": np.arange(6, dtype=np.int32).reshape(2, 3),

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 
-from fpk_rocking import BandNoise, Block, Forcing, Scene, Start, WhiteNoise, solve_fpk
+from fpk_rocking import BandNoise, Block, Harmonic, Scene, Start, WhiteNoise, solve_fpk
 from montecarlo import histories, restarted_poincare_map, simulate, split, tally
 
 
@@ -17,9 +17,9 @@ def digest(name, *arrays):
 
 
 if __name__ == "__main__":
-    band = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+    band = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
     start = Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01)))
-    white = Scene(Block(0.7), Forcing(3.0, 2.7, math.pi), WhiteNoise(0.012), start)
+    white = Scene(Block(0.7), Harmonic(3.0, 2.7, math.pi), WhiteNoise(0.012), start)
     for method, scene in (("exact", band), ("rk4", band), ("white", white)):
         made = simulate(scene, cycles=4, realizations=1000, method=method)
         digest(method, made.angle, made.velocity, made.overturn_time, made.overturn_side)

@@ -20,7 +20,7 @@ from fpk_rocking import (
     BandNoise,
     Block,
     Dimensions,
-    Forcing,
+    Harmonic,
     NoNoise,
     Overturning,
     Pulse,
@@ -135,7 +135,7 @@ TABLES = {"band": "noise", "white": "noise", "pulse": "forcing", "record": "forc
 PARTS = {
     "block": (Block, {"restitution": ANYTHING, "dimensions": st.one_of(st.none(), ANYTHING)}),
     "block.dimensions": (Dimensions, {"width": ANYTHING, "height": ANYTHING, "gravity": ANYTHING}),
-    "forcing": (Forcing, {"amplitude": ANYTHING, "frequency": ANYTHING, "phase": ANYTHING}),
+    "forcing": (Harmonic, {"amplitude": ANYTHING, "frequency": ANYTHING, "phase": ANYTHING}),
     "band": (BandNoise, {"variance": ANYTHING, "band": ANYTHING, "harmonics": ANYTHING}),
     "white": (WhiteNoise, {"diffusion": ANYTHING}),
     "start": (
@@ -181,7 +181,7 @@ def made(part):
 
 def scene(**parts):
     """Return a scene in which nothing is wrong, but for what is given."""
-    return Scene(**{"block": Block(0.5), "forcing": Forcing(4.6, 2.7, math.pi), "noise": NoNoise()} | parts)
+    return Scene(**{"block": Block(0.5), "forcing": Harmonic(4.6, 2.7, math.pi), "noise": NoNoise()} | parts)
 
 
 @st.composite
@@ -206,7 +206,7 @@ def extreme_scenes(draw, noises):
     covariance = spread and ((spread[0], 0.0), (0.0, spread[1]))
     phase = draw(st.floats(-7.0, 7.0))
     return Scene(
-        Block(restitution), Forcing(amplitude, frequency, phase), noise, Start(angle, velocity, covariance),
+        Block(restitution), Harmonic(amplitude, frequency, phase), noise, Start(angle, velocity, covariance),
         Overturning(cutoff),
     )  # fmt: skip
 

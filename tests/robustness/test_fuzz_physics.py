@@ -80,7 +80,7 @@ def test_extreme_scenes_tallied_and_in_histories(examples):
 
 
 def test_a_cycle_too_long_to_look_ahead_is_refused():
-    scene = fuzz.scene(noise=fuzz.WhiteNoise(0.006), forcing=fuzz.Forcing(4.6, 0.01))
+    scene = fuzz.scene(noise=fuzz.WhiteNoise(0.006), forcing=fuzz.Harmonic(4.6, 0.01))
     with pytest.raises(ValueError, match=r"forcing.frequency: got 0\.01, accepted: a cycle of 2000 intervals or fewer"):
         split(scene, cycles=1, walkers=10, repeats=2)
 

@@ -141,4 +141,4 @@ def test_a_number_that_python_does_not_write_is_refused_by_name():
     """Python writes no integer of more than 4300 digits, and raises where a message would show it."""
     for value in (10**5000, -(10**5000)):
         with pytest.raises(ValueError, match=r"^forcing\.amplitude: got int of very many digits, accepted: a finite"):
-            fuzz.Forcing(value, 2.7)
+            fuzz.Harmonic(value, 2.7)

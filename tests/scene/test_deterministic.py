@@ -8,13 +8,13 @@ import fakes
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, FilteredNoise, Forcing, NoNoise, Scene, Start, WhiteNoise, cli
+from fpk_rocking import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, Start, WhiteNoise, cli
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, summary, tables
 from montecarlo import histories, mean_poincare_map, overturning_rate, restarted_poincare_map, simulate, tally
 from montecarlo.engines import exact
 
-MAIN = Scene(Block(0.5), Forcing(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
+MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 QUIET = MAIN.varied(noise=NoNoise())
 FALL = Scene.from_block(0.5, 1.8, 0.0, 1.5, start=Start(-1.1))
 """Beyond the critical angle and at rest it falls freely: Θ = -1 - .1 cosh τ until the cut-off π/2."""

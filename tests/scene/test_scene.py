@@ -12,7 +12,7 @@ from fpk_rocking import (
     BandNoise,
     Block,
     Dimensions,
-    Forcing,
+    Harmonic,
     NoNoise,
     Overturning,
     Scene,
@@ -37,14 +37,14 @@ kind = "none"
 
 
 def scene(**parts):
-    values = {"block": Block(0.5), "forcing": Forcing(4.6, 2.7), "noise": NoNoise()}
+    values = {"block": Block(0.5), "forcing": Harmonic(4.6, 2.7), "noise": NoNoise()}
     return Scene(**values | parts)
 
 
 def test_main_scene_file_is_the_papers_fig_6():
     assert load_scene(SCENES / "main.toml") == Scene(
         block=Block(restitution=0.5),
-        forcing=Forcing(amplitude=4.6, frequency=2.7, phase=math.pi),
+        forcing=Harmonic(amplitude=4.6, frequency=2.7, phase=math.pi),
         noise=BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=100),
         start=Start(angle=0.0, velocity=0.0),
         overturning=Overturning(angle=math.pi / 2),
@@ -53,12 +53,12 @@ def test_main_scene_file_is_the_papers_fig_6():
 
 def test_other_scene_files():
     fig05, second = load_scene(SCENES / "fig05.toml"), load_scene(str(SCENES / "second.toml"))
-    assert fig05.forcing == Forcing(4.2, 2.7, 3.14)
+    assert fig05.forcing == Harmonic(4.2, 2.7, 3.14)
     main = load_scene(SCENES / "main.toml")
     assert fig05.noise == BandNoise(0.0025, (0.0, 10.0), 100)
     assert fig05.noise.remark == main.noise.remark
     assert "paper states no noise band" in main.noise.remark
-    assert second == Scene(Block(0.7), Forcing(3.0, 2.7, math.pi), WhiteNoise(0.012))
+    assert second == Scene(Block(0.7), Harmonic(3.0, 2.7, math.pi), WhiteNoise(0.012))
 
 
 def test_optional_tables_and_keys_have_the_documented_defaults():
@@ -75,7 +75,7 @@ def test_optional_tables_and_keys_have_the_documented_defaults():
 )
 def test_toml_form_round_trips_exactly(noise, start):
     whole = Scene(
-        Block(2 / 3, Dimensions(0.4, 1.7, 9.81)), Forcing(1e-5, 2.7, -1.1), noise, start, Overturning(1e16 / 3)
+        Block(2 / 3, Dimensions(0.4, 1.7, 9.81)), Harmonic(1e-5, 2.7, -1.1), noise, start, Overturning(1e16 / 3)
     )
     assert Scene.from_toml(whole.to_toml()) == whole
     assert pickle.loads(pickle.dumps(whole)) == whole
@@ -88,9 +88,9 @@ def test_values_are_frozen_and_hashable():
 
 
 def test_integers_and_numpy_numbers_become_floats():
-    forcing = Forcing(np.float32(4.5), 2, np.int64(1))
+    forcing = Harmonic(np.float32(4.5), 2, np.int64(1))
     assert [type(value) for value in (forcing.amplitude, forcing.frequency, forcing.phase)] == [float] * 3
-    assert forcing == Forcing(4.5, 2.0, 1.0)
+    assert forcing == Harmonic(4.5, 2.0, 1.0)
     assert Start(covariance=np.array([[2, 1], [1, 2]])).covariance == ((2.0, 1.0), (1.0, 2.0))
     assert BandNoise(1, np.array([0, 10]), np.int64(7)) == BandNoise(1.0, (0.0, 10.0), 7)
 
@@ -100,9 +100,9 @@ def test_integers_and_numpy_numbers_become_floats():
     ("make", "name"),
     [
         (Block, "block.restitution"),
-        (lambda v: Forcing(v, 1.0), "forcing.amplitude"),
-        (lambda v: Forcing(1.0, v), "forcing.frequency"),
-        (lambda v: Forcing(1.0, 1.0, v), "forcing.phase"),
+        (lambda v: Harmonic(v, 1.0), "forcing.amplitude"),
+        (lambda v: Harmonic(1.0, v), "forcing.frequency"),
+        (lambda v: Harmonic(1.0, 1.0, v), "forcing.phase"),
         (lambda v: BandNoise(v, (0, 1), 1), "noise.variance"),
         (lambda v: BandNoise(1, (0, v), 1), "noise.band[1]"),
         (WhiteNoise, "noise.diffusion"),
@@ -126,7 +126,7 @@ def test_what_is_not_finite_is_refused_by_name(make, name, value):
     ("make", "name"),
     [
         (Block, "block.restitution"),
-        (lambda v: Forcing(v, 1.0), "forcing.amplitude"),
+        (lambda v: Harmonic(v, 1.0), "forcing.amplitude"),
         (lambda v: BandNoise(1, (v, 1), 1), "noise.band[0]"),
         (lambda v: BandNoise(1, (0, 1), v), "noise.harmonics"),
         (Start, "start.angle"),
@@ -147,8 +147,8 @@ COVARIANCE = r"start\.covariance: got .*accepted: \[\[xx, xv\], \[xv, vv\]\], sy
     [
         (lambda: Block(1.01), r"^block\.restitution: got 1\.01, accepted: a finite number >= 0\.0 and <= 1\.0$"),
         (lambda: Block(-0.01), r"^block\.restitution: got -0\.01, "),
-        (lambda: Forcing(-1, 2.7), r"^forcing\.amplitude: got -1, accepted: a finite number >= 0\.0$"),
-        (lambda: Forcing(1, 0), r"^forcing\.frequency: got 0, accepted: a finite number > 0\.0$"),
+        (lambda: Harmonic(-1, 2.7), r"^forcing\.amplitude: got -1, accepted: a finite number >= 0\.0$"),
+        (lambda: Harmonic(1, 0), r"^forcing\.frequency: got 0, accepted: a finite number > 0\.0$"),
         (lambda: BandNoise(-0.1, (0, 1), 1), r"^noise\.variance: got -0\.1, "),
         (lambda: WhiteNoise(-1e-9), r"^noise\.diffusion: got -1e-09, "),
         (lambda: BandNoise(1, (3, 3), 1), r"^noise\.band: got \(3, 3\), " + BAND),

@@ -10,7 +10,7 @@ from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.scene import (
     Block,
     FilteredNoise,
-    Forcing,
+    Harmonic,
     Harmonics,
     NoNoise,
     Pulse,
@@ -142,7 +142,7 @@ def test_sizes_and_slendernesses():
     ],
 )
 def test_bad_grids_are_refused(axes, error, text):
-    scene = Scene(block=Block(0.5), forcing=Forcing(4.6, 2.7, 0.0), noise=NoNoise())
+    scene = Scene(block=Block(0.5), forcing=Harmonic(4.6, 2.7, 0.0), noise=NoNoise())
     with pytest.raises(error, match=text):
         grid(scene, axes)
 
@@ -159,8 +159,8 @@ def forced(forcing):
 @pytest.mark.parametrize(
     ("forcing", "acceleration", "velocity"),
     [
-        (Forcing(4.0, 2.5, 1.0), 4.0, 1.6),
-        (Forcing(0.0, 2.5, 1.0), 0.0, 0.0),
+        (Harmonic(4.0, 2.5, 1.0), 4.0, 1.6),
+        (Harmonic(0.0, 2.5, 1.0), 0.0, 0.0),
         (Pulse("one-sine", 4.0, 2.5), 4.0, 3.2),
         (Pulse("one-cosine", 4.0, 2.5), 4.0, 1.6),
         (Pulse("n-sine", 4.0, 2.5, 3), 4.0, 3.2),

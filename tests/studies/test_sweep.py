@@ -13,12 +13,12 @@ import study_verbs
 
 from fpk_rocking.base import ahead
 from fpk_rocking.output import progress as progress_lines
-from fpk_rocking.scene import Block, Forcing, NoNoise, Scene, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene, WhiteNoise
 from fpk_rocking.studies import grid, sweep
 from fpk_rocking.studies.execution.cells import seed_of
 from montecarlo import simulate
 
-SCENE = Scene(block=Block(0.5), forcing=Forcing(4.6, 2.7, 0.0), noise=NoNoise())
+SCENE = Scene(block=Block(0.5), forcing=Harmonic(4.6, 2.7, 0.0), noise=NoNoise())
 AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
 GRID = grid(SCENE, {"forcing.amplitude": AMPLITUDES})
 

@@ -10,9 +10,9 @@ all that ends has, and `pulse` and `record` the kinds of it.
 All quantities are nondimensional. This package makes values; it is not compiled.
 """
 
-from fpk_rocking.physics.forcing.base import TERMS, BaseForcing, Force, refuse_transient
+from fpk_rocking.physics.forcing.base import TERMS, Force, Forcing, refuse_transient
 from fpk_rocking.physics.forcing.chirp import Chirp
-from fpk_rocking.physics.forcing.periodic import Forcing, Harmonics, PeriodicForcing
+from fpk_rocking.physics.forcing.periodic import Harmonic, Harmonics, PeriodicForcing
 from fpk_rocking.physics.forcing.pulse import Pulse
 from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.physics.forcing.transient import TransientForcing
@@ -20,10 +20,10 @@ from fpk_rocking.physics.forcing.transient import TransientForcing
 __all__ = [
     "FORCINGS",
     "TERMS",
-    "BaseForcing",
     "Chirp",
     "Force",
     "Forcing",
+    "Harmonic",
     "Harmonics",
     "PeriodicForcing",
     "Pulse",
@@ -32,5 +32,5 @@ __all__ = [
     "refuse_transient",
 ]
 
-FORCINGS = {cls.kind: cls for cls in (Forcing, Harmonics, Pulse, Chirp, Record)}
+FORCINGS = {cls.kind: cls for cls in (Harmonic, Harmonics, Pulse, Chirp, Record)}
 """Forcings by their kind; the first is the default of a scene file."""

@@ -1,6 +1,6 @@
 """What a forcing is: the parts that the rest of the code asks of every kind.
 
-A time step asks a `Force`. A scene holds a `BaseForcing`: a force from τ = 0 on, with what is known of it as a whole.
+A time step asks a `Force`. A scene holds a `Forcing`: a force from τ = 0 on, with what is known of it as a whole.
 """
 
 import abc
@@ -84,11 +84,11 @@ class _Later(Force):
         return self.whole.since_lift_off(time + self.origin)
 
 
-class BaseForcing(Force):
+class Forcing(Force):
     """Known acceleration of the base, f(τ) from τ = 0 on, nondimensional: what `Scene.forcing` is.
 
     A kind of forcing is a frozen dataclass, equal and hashed by its values, with all that stands here; most of it comes
-    from `PeriodicForcing` or `TransientForcing`. This class itself makes no values: see `Forcing`, `Harmonics`,
+    from `PeriodicForcing` or `TransientForcing`. This class itself makes no values: see `Harmonic`, `Harmonics`,
     `Pulse` and `Record`.
     """
 
@@ -159,7 +159,7 @@ def keep(value: Any, **checked: Any) -> None:
 
 def refuse_transient(forcing, what: str) -> None:
     """Refuse a forcing that does not repeat, where something is not defined for it."""
-    if isinstance(forcing, BaseForcing) and forcing.period is None:
+    if isinstance(forcing, Forcing) and forcing.period is None:
         accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"
         raise ValueError(checks.refusal("forcing.kind", forcing.kind, accepted))
 

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, PHASES, TERMS, BaseForcing, keep, longest_of
+from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, PHASES, TERMS, Forcing, keep, longest_of
 
 
-class PeriodicForcing(BaseForcing):
+class PeriodicForcing(Forcing):
     """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
 
     A kind is a frozen dataclass with `frequency`, `components`, `largest_velocity` and `scaled`; and, for the operator
@@ -164,7 +164,7 @@ class PeriodicForcing(BaseForcing):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Forcing(PeriodicForcing):
+class Harmonic(PeriodicForcing):
     """Harmonic base acceleration -A cos(Ωτ + Ψ) (paper eq. 2).
 
     Parameters

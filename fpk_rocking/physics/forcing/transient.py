@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fpk_rocking.physics.forcing.base import TERMS, BaseForcing, longest_of
+from fpk_rocking.physics.forcing.base import TERMS, Forcing, longest_of
 
 _LONGEST = 0.2
 """Longest interval of the grid on which P is held."""
@@ -21,7 +21,7 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _LOOKS, _HALVINGS = 8, 50
 
 
-class TransientForcing(BaseForcing):
+class TransientForcing(Forcing):
     """A forcing that is 0 from `duration` on, and does not repeat.
 
     A kind is a frozen dataclass with `duration`, `unit`, `shortest_period`, `largest`, `steepest`, `time_scale`,
