@@ -326,7 +326,8 @@ class _Course:
 def _course(forcing):
     """Work out the `_Course` of a periodic forcing from roots of polynomials in exp(iΩτ)."""
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
-    largest = max(turning, default=0.0)
+    mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
+    largest = max(turning, default=mean)
     lift_offs, landings = [], []
     if largest > 1.0:
         for level in (1.0, -1.0):
