@@ -129,6 +129,12 @@ class PeriodicForcing(Forcing):
         """Largest |f|."""
         return _course(self).largest
 
+    @property
+    def largest_velocity(self):
+        """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
+        parts = ((k, a / (k * self.frequency), phase - 0.5 * math.pi) for k, a, phase in self.components if k)
+        return _Sum(self.frequency, tuple(parts)).largest
+
     def mean_excess(self, level):
         """Mean of max(f - level, 0) over a cycle, in closed form."""
         times = np.array([0.0, *_zeros(self, level, 0), self.period])
@@ -266,13 +272,6 @@ class Harmonics(PeriodicForcing):
         """Return the forcing with amplitudes and frequencies multiplied by factors."""
         amplitudes = tuple(strength * one for one in self.amplitudes)
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
-
-    @property
-    def largest_velocity(self):
-        """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
-        amplitudes = tuple(amplitude / (k * self.frequency) for k, amplitude, _ in self.components)
-        late = tuple(phase - 0.5 * math.pi for phase in self.phases)
-        return dataclasses.replace(self, amplitudes=amplitudes, phases=late).largest
 
     @property
     def phase(self):
