@@ -96,7 +96,7 @@ def test_survival_map_is_dual_to_the_forward_run(operator):
 def test_survival_by_modes_is_that_step_by_step(operator, stepped):
     """S(k) up to 80 cycles to 1e-6 of itself, on the coarser mesh; the modes take over after 20."""
     level, cycles = operator._coarse, np.arange(81)
-    survival, left_out = level.survival(operator._departure(level), cycles)
+    survival, left_out = level.survival(cycles, operator.scene.start)
     assert survival == pytest.approx(stepped.inside, rel=1e-6)
     assert left_out[:20].max() == 0.0 < left_out[21:].max()
     assert np.all(left_out <= 1e-6 * survival)
@@ -137,7 +137,7 @@ def test_survival_is_that_of_an_independent_program(outlook, reference):
 def test_the_error_of_survival_covers_both_of_its_reasons(operator, outlook, monkeypatch):
     """The difference of two meshes, and what the error of the rate makes of it; here that error is set."""
     level = operator._coarse
-    rough, _ = level.survival(operator._departure(level), outlook.cycles)
+    rough, _ = level.survival(outlook.cycles, operator.scene.start)
     meshes = np.abs(outlook.survival - rough)
     ruled = []
     for error in (1e-9, 0.05):

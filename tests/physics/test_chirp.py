@@ -79,7 +79,7 @@ def test_the_density_under_a_sweep_agrees_with_paths():
     ("given", "says"),
     [
         ((-1.0, 1.0, 2.0, 3.0), "forcing.amplitude: got -1.0"),
-        ((1.0, 0.0, 2.0, 3.0), "forcing.start_frequency: got 0.0, accepted: .* above 0"),
+        ((1.0, 0.0, 2.0, 3.0), "forcing.start_frequency: got 0.0, accepted: a finite number > 0"),
         ((1.0, 1.0, math.inf, 3.0), "forcing.end_frequency: got inf"),
         ((1.0, 1.0, 2.0, 0.0), "forcing.duration: got 0.0"),
         ((1.0, 10.0, 10.0, 1e4), r"forcing.duration: got 10000.0, accepted: at most 6283.19, 10,000 cycles"),

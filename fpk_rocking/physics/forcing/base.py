@@ -20,10 +20,15 @@ class Force(abc.ABC):
 
     __slots__ = ()
 
-    shortest_period: float
-    """A time of which a sixth is a polynomial piece to 1e-13; inf where f is piecewise linear."""
-    steepest: float
-    """Bound of the slope of f."""
+    @property
+    @abc.abstractmethod
+    def shortest_period(self) -> float:
+        """A time of which a sixth is a polynomial piece to 1e-13; inf where f is piecewise linear."""
+
+    @property
+    @abc.abstractmethod
+    def steepest(self) -> float:
+        """Bound of the slope of f."""
 
     @abc.abstractmethod
     def value(self, time: float) -> float:
@@ -98,24 +103,48 @@ class Forcing(Force):
     dimensional: ClassVar[bool] = False
     """Whether it is in seconds and m/s², so that it needs the dimensions of the block and follows them."""
 
-    period: float | None
-    """Time of one cycle; None where it does not repeat."""
-    half_antisymmetric: bool
-    """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first."""
+    @property
+    @abc.abstractmethod
+    def period(self) -> float | None:
+        """Time of one cycle; None where it does not repeat."""
+
+    @property
+    @abc.abstractmethod
+    def half_antisymmetric(self) -> bool:
+        """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first."""
+
     duration: float
     """Time at which it ends; inf where it does not."""
-    longest_piece: float
-    """Time from its instant for which a piece of `pieces` is right to 1e-14, if no kink of f lies between."""
-    time_scale: float
-    """Time that an engine's `steps_per_cycle` count in."""
-    largest: float
-    """Largest |f|."""
-    largest_velocity: float
-    """Largest |∫f dτ|; the mean over a cycle, or the velocity at τ = 0, is 0."""
-    swing: float
-    """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
-    longest_rest: float
-    """Longest time in which |f| stays at most 1, so that a block at rest stays there."""
+
+    @property
+    @abc.abstractmethod
+    def longest_piece(self) -> float:
+        """Time from its instant for which a piece of `pieces` is right to 1e-14, if no kink of f lies between."""
+
+    @property
+    @abc.abstractmethod
+    def time_scale(self) -> float:
+        """Time that an engine's `steps_per_cycle` count in."""
+
+    @property
+    @abc.abstractmethod
+    def largest(self) -> float:
+        """Largest |f|."""
+
+    @property
+    @abc.abstractmethod
+    def largest_velocity(self) -> float:
+        """Largest |∫f dτ|; the mean over a cycle, or the velocity at τ = 0, is 0."""
+
+    @property
+    @abc.abstractmethod
+    def swing(self) -> float:
+        """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
+
+    @property
+    @abc.abstractmethod
+    def longest_rest(self) -> float:
+        """Longest time in which |f| stays at most 1, so that a block at rest stays there."""
 
     @abc.abstractmethod
     def spacing(self, longest: float) -> float:

@@ -131,6 +131,12 @@ class PeriodicForcing(Forcing):
         """Largest |f|."""
         return _course(self).largest
 
+    @property
+    def largest_velocity(self):
+        """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
+        parts = ((k, a / (k * self.frequency), phase - 0.5 * math.pi) for k, a, phase in self.components if k)
+        return _Sum(self.frequency, tuple(parts)).largest
+
     def mean_excess(self, level):
         """Mean of max(f - level, 0) over a cycle, in closed form."""
         times = np.array([0.0, *_zeros(self, level, 0), self.period])
@@ -270,13 +276,6 @@ class Harmonics(PeriodicForcing):
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
 
     @property
-    def largest_velocity(self):
-        """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
-        amplitudes = tuple(amplitude / (k * self.frequency) for k, amplitude, _ in self.components)
-        late = tuple(phase - 0.5 * math.pi for phase in self.phases)
-        return dataclasses.replace(self, amplitudes=amplitudes, phases=late).largest
-
-    @property
     def phase(self):
         """Phase Ψ_1 of the first harmonic."""
         return self.phases[0]
@@ -328,7 +327,8 @@ class _Course:
 def _course(forcing):
     """Work out the `_Course` of a periodic forcing from roots of polynomials in exp(iΩτ)."""
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
-    largest = max(turning, default=0.0)
+    mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
+    largest = max(turning, default=mean)
     lift_offs, landings = [], []
     if largest > LIFT_OFF:
         for level in (LIFT_OFF, -LIFT_OFF):

@@ -1,5 +1,6 @@
 """Envelopes: the strength g(τ) of a noise that rises and dies away, η(τ) g(τ) in place of η(τ)."""
 
+import abc
 import dataclasses
 import functools
 import itertools
@@ -14,8 +15,16 @@ _LONGEST = 0.02
 """Part of its time of peak in which an exponential envelope is taken as linear, where an engine asks for that."""
 
 
-class Envelope:
-    """An envelope g(τ), as a time step asks for it: with `value`, and `squared`, the integral of g²."""
+class Envelope(abc.ABC):
+    """An envelope g(τ), as a time step asks for it."""
+
+    @abc.abstractmethod
+    def value(self, times):
+        """Return g at times (n,)."""
+
+    @abc.abstractmethod
+    def squared(self, times):
+        """Return the integral of g² from 0 to times (n,)."""
 
     def later(self, time):
         """Return the envelope whose times count from a time on."""
