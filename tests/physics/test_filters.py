@@ -20,10 +20,10 @@ from fpk_rocking import (
     NoNoise,
     Scene,
     StateSpace,
-    Trapezoid,
     WhiteNoise,
     melnikov,
 )
+from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.state_space import transition
 from fpk_rocking.results.remarks import noise_text
