@@ -15,9 +15,8 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_through, state_at
-from fpk_rocking.physics.motion.events import clearance
 from fpk_rocking.physics.motion.particular import ends_of
-from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, split, stiffness
+from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, pulls, split, stiffness
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from montecarlo.engines import shinozuka
@@ -98,18 +97,15 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     )
 
 
-@kernel
 def _quiet_angles(forced, grid, block, loudest):
     """Angles (m, 2) that a flight at both ends of an interval must exceed, and not reach, to have no event within."""
-    least, most = np.empty((forced.shape[0], 2)), np.empty((forced.shape[0], 2))
-    low, high = np.empty(forced.shape[0]), np.empty(forced.shape[0])
+    low, high = np.empty((2, len(forced)))
     force_bounds(forced, 0.5 * grid.spacing, low, high)
-    for i in range(low.size):
-        for s in range(2):
-            side = 2 * s - 1
-            below, above = clearance(side, low[i] - loudest, high[i] + loudest, grid.spacing, block)
-            least[i, s], most[i, s] = below, block.cutoff - above
-    return least, most
+    fall, rise = np.array([pulls.py_func(side, low - loudest, high + loudest, block) for side in (-1, 1)]).swapaxes(
+        0, 1
+    )
+    sag = 0.125 * grid.spacing * grid.spacing
+    return (sag * np.maximum(rise, 0.0)).T.copy(), (block.cutoff - sag * np.maximum(fall, 0.0)).T.copy()
 
 
 @kernel(fastmath={"contract"}, borrows=True)

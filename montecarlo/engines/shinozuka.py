@@ -41,7 +41,7 @@ def draw_band(stream, problem, harmonics):
     return angle, velocity
 
 
-@kernel(borrows=True)
+@kernel(inline="always")
 def draw(stream, problem, room):
     """Draw the start and the noise of one realization into a room with `harmonics`."""
     return draw_band(stream, problem, room.harmonics)

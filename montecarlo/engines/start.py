@@ -22,7 +22,7 @@ def draw_start(stream, numbers):
     return angle, velocity
 
 
-@kernel(borrows=True)
+@kernel(inline="always")
 def draw(stream, problem, room):  # noqa: ARG001
     """Draw the start alone."""
     return draw_start(stream, problem.start)

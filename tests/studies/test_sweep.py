@@ -6,16 +6,19 @@ import json
 import subprocess
 import sys
 import time
+import types
 
 import numpy as np
 import pytest
 import study_verbs
 
 from fpk_rocking.base import ahead
+from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import progress as progress_lines
-from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
 from fpk_rocking.studies import grid, sweep
 from fpk_rocking.studies.execution.cells import seed_of
+from fpk_rocking.studies.verbs import VERBS, tasks_of
 from montecarlo import simulate
 
 SCENE = Scene(block=Block(0.5), forcing=Harmonic(4.6, 2.7, 0.0), noise=NoNoise())
@@ -82,6 +85,25 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
     assert told == []
     assert sweep([SCENE, white], "mc", workers=2, cycles=1, realizations=1).failed == ()
     assert told == ["montecarlo.ahead:exact", "montecarlo.ahead:white"]
+
+
+def test_tasks_are_those_of_the_engines_that_will_run():
+    """Noise with an envelope has an engine of its own, and a density with filter states needs more kernels."""
+    white = SCENE.varied(noise=WhiteNoise(0.01))
+    filtered = SCENE.varied(noise=FilteredNoise("low-pass", 0.04, 9.0, 0.7))
+    faded = SCENE.varied(noise=BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)))
+
+    def tasks(verb, *scenes, **options):
+        cells = [types.SimpleNamespace(scene=scene) for scene in scenes]
+        return [task.partition(":")[2] for task in tasks_of(VERBS[verb], cells, options)]
+
+    assert tasks("mc", SCENE, white, filtered) == ["exact", "filtered", "white"]
+    assert tasks("mc", faded) == ["enveloped"]
+    assert tasks("mc", faded, SCENE, method="rk4") == ["rk4"]
+    assert tasks("mc", white, method="rk4") == []
+    assert tasks("fpk", SCENE, white) == ["solve"]
+    assert tasks("fpk", filtered) == ["filtered", "solve"]
+    assert tasks("fpk", SCENE, closure="filtered") == ["filtered", "solve"]
 
 
 def test_grid_has_its_last_axis_fastest():

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS, particular
+from fpk_rocking.physics.motion import LIFT_OFF, TERMS, particular
 from fpk_rocking.physics.motion.polynomial import polynomial
 
 stiffness = kernel(inline="always")(particular.stiffness)
@@ -109,7 +109,7 @@ def pulls(side, low, high, block):
 @kernel(inline="always")
 def can_lift_off(low, high):
     """Whether a force between two bounds may lift a block off that is at rest."""
-    return max(high, -low) >= 1.0
+    return max(high, -low) >= LIFT_OFF
 
 
 @kernel(forceinline=True, borrows=True)
