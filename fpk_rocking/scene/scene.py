@@ -168,7 +168,7 @@ class Scene:
         peak_acceleration: float | None = None,
         frequency_hz: float | None = None,
         *,
-        record: Record | None = None,
+        record: Forcing | None = None,
         pulse: str | None = None,
         pulse_cycles: int | None = None,
         restitution: float | None = None,
