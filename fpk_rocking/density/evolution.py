@@ -1,12 +1,12 @@
 """The result of the density solver: survival, overturning and the density after every cycle, with its own errors."""
 
 import dataclasses
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, File
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
@@ -15,10 +15,9 @@ from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.replacement import ARRAYS, Replacement
 from fpk_rocking.results.result import DensityResult
-from fpk_rocking.results.storage import read_result, write_result
+from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 
-_KIND = "evolution"
 _FLOATS = (
     "diffusion", "tol", "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass",
     "moving_negative_mass", "wall_s",
@@ -44,7 +43,7 @@ _CHECKED = Layout(_LAYOUT.arrays | ARRAYS, _LAYOUT.attributes | {"check": dict})
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Evolution(DensityResult):
+class Evolution(Saved, DensityResult):
     """The joint density of angle and velocity over time, as `solve_fpk` found it; all quantities are nondimensional.
 
     Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
@@ -101,6 +100,8 @@ class Evolution(DensityResult):
         What the replacement of the noise changes, as `checked` measured it; None where it did not.
     """
 
+    _kind: ClassVar = "evolution"
+    _layouts: ClassVar = (_LAYOUT, _CHECKED)
     scene: Scene
     diffusion: float
     closure: str
@@ -233,14 +234,7 @@ class Evolution(DensityResult):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
             raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {len(self.times) - 1}"))
 
-    def save(self, path: File) -> None:
-        """Save the result to a file; an interruption leaves no partial file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
-        """
+    def _stored(self):
         names = ("times", "survival", "overturned", "lost", "at_rest", "coefficients")
         arrays = {name: getattr(self, name) for name in names}
         arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
@@ -248,38 +242,15 @@ class Evolution(DensityResult):
         if self.replacement is not None:
             values, said = self.replacement.stored()
             arrays, attributes = arrays | values, attributes | said
-        write_result(path, _KIND, self.scene, arrays, attributes)
+        return self.scene, arrays, attributes
 
     @classmethod
-    def load(cls, path: File) -> Self:
-        """Load a saved result.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            A file that `save` wrote.
-
-        Returns
-        -------
-        Evolution
-
-        Raises
-        ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is damaged, or holds something else.
-        """
-        scene, arrays, attributes = read_result(path, _KIND, _LAYOUT, _CHECKED)
-        check = None
+    def _restored(cls, scene, arrays, attributes):
         if "replacement" in arrays:
-            try:
-                check = Replacement.restored(arrays.pop("replacement"), attributes.pop("check"))
-            except ValueError as error:
-                raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+            attributes["replacement"] = Replacement.restored(arrays.pop("replacement"), attributes.pop("check"))
         coefficients = arrays.pop("coefficients")
         space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
-        return cls(scene=scene, coefficients=coefficients, space=space, replacement=check, **arrays, **attributes)
+        return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)
 
 
 def near_rest(space, coefficients, start):

@@ -11,10 +11,13 @@ import os
 import pathlib
 import secrets
 import zipfile
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import File
+from fpk_rocking.results.layout import Layout
 from fpk_rocking.scene.scene import Scene
 
 KINDS = ("evolution", "ensemble", "tally", "histories", "fragility")
@@ -140,6 +143,63 @@ def read_result(path, kind, *layouts):
         return Scene.from_toml(header["scene"]), arrays, header["attributes"]
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+
+
+class Saved:
+    """A result that can be saved to a file and loaded again.
+
+    A subclass has the kind of its file and what that holds; where its fields are not that, also `_stored` and
+    `_restored`.
+    """
+
+    _kind: ClassVar[str]
+    _layouts: ClassVar[tuple[Layout, ...]]
+
+    def save(self, path: File) -> None:
+        """Save the result to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+        """
+        write_result(path, self._kind, *self._stored())
+
+    @classmethod
+    def load(cls, path: File) -> Self:
+        """Load a saved result.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Returns
+        -------
+        result
+            Of this class.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is damaged, or holds something else.
+        """
+        found = read_result(path, cls._kind, *cls._layouts)
+        try:
+            return cls._restored(*found)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+
+    def _stored(self) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+        """Return the scene, the arrays and the attributes to save."""
+        return self.scene, *self._layouts[0].of(self)
+
+    @classmethod
+    def _restored(cls, scene, arrays, attributes):
+        """Make the result from what was saved."""
+        return cls(scene=scene, **arrays, **attributes)
 
 
 def result_kind(path):

@@ -5,15 +5,15 @@ import dataclasses
 import functools
 import io
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.results import storage
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.layout import Layout, plain
 from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.storage import Saved, write_text
 from fpk_rocking.results.trust import Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.doubts import doubts_of
@@ -47,7 +47,7 @@ _LAYOUT = Layout(
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Fragility(Shown):
+class Fragility(Saved, Shown):
     """Fragility curves: the probability of overturning, or of reaching an angle, against the scale of the shaking.
 
     There are m curves, one for each scene, n scales and l levels, which are angles below that of overturning.
@@ -88,6 +88,8 @@ class Fragility(Shown):
         Whether the one curve is for a motion drawn from the scenes with equal probability (`pooled`).
     """
 
+    _kind: ClassVar = "fragility"
+    _layouts: ClassVar = (_LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list}),)
     scenes: tuple[Scene, ...]
     axis: str
     place: np.ndarray
@@ -332,7 +334,7 @@ class Fragility(Shown):
         table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
-        storage.write_text(path, text.getvalue())
+        write_text(path, text.getvalue())
 
     def summary(self) -> dict[str, Any]:
         """Return all but the scenes as plain values, for JSON."""
@@ -359,49 +361,16 @@ class Fragility(Shown):
             "wall_s": self.wall_s,
         }
 
-    def save(self, path: File) -> None:
-        """Save the result to a file; an interruption leaves no partial file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
-        """
+    def _stored(self):
         arrays, attributes = _LAYOUT.of(self)
-        scenes = [scene.to_toml() for scene in self.scenes]
-        storage.write_result(path, "fragility", self.scenes[0], arrays, attributes | {"scenes": scenes})
+        return self.scenes[0], arrays, attributes | {"scenes": [scene.to_toml() for scene in self.scenes]}
 
     @classmethod
-    def load(cls, path: File) -> Self:
-        """Load a saved result.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            A file that `save` wrote.
-
-        Returns
-        -------
-        Fragility
-
-        Raises
-        ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is damaged, or holds something else.
-        """
-        layout = _LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list})
-        _, arrays, attributes = storage.read_result(path, "fragility", layout)
+    def _restored(cls, _, arrays, attributes):
         scenes = attributes.pop("scenes")
         if len(arrays["place"]) != (1 if attributes["mixture"] else len(scenes)):
-            told = f"{len(scenes)} scenes for {len(arrays['place'])} places"
-            raise ValueError(f"{path}: not the content of a saved result: {told}")
-        try:
-            scenes = tuple(Scene.from_toml(text) for text in scenes)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
-        return cls(scenes=scenes, **arrays, **attributes)
+            raise ValueError(f"{len(scenes)} scenes for {len(arrays['place'])} places")
+        return cls(scenes=tuple(Scene.from_toml(text) for text in scenes), **arrays, **attributes)
 
 
 def _outcomes(scale, curve):

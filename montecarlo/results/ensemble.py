@@ -2,14 +2,14 @@
 
 import dataclasses
 import functools
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, ArrayLike, File
-from fpk_rocking.results import storage
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import Sample
 
@@ -20,7 +20,7 @@ _LAYOUT = Layout(
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Ensemble(Sample):
+class Ensemble(Saved, Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
     Column k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no
@@ -48,6 +48,8 @@ class Ensemble(Sample):
         -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
     """
 
+    _kind: ClassVar = "ensemble"
+    _layouts: ClassVar = (_LAYOUT,)
     scene: Scene
     method: str
     seed: int
@@ -111,36 +113,3 @@ class Ensemble(Sample):
         states = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
         ends = {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
         return variables | states | ends, coordinates
-
-    def save(self, path: File) -> None:
-        """Save the ensemble to a file; an interruption leaves no partial file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
-        """
-        storage.write_result(path, "ensemble", self.scene, *_LAYOUT.of(self))
-
-    @classmethod
-    def load(cls, path: File) -> Self:
-        """Load a saved ensemble.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            A file that `save` wrote.
-
-        Returns
-        -------
-        Ensemble
-
-        Raises
-        ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is damaged, or holds something else.
-        """
-        scene, arrays, attributes = storage.read_result(path, "ensemble", _LAYOUT)
-        return cls(scene=scene, **arrays, **attributes)

@@ -2,16 +2,16 @@
 
 import dataclasses
 import functools
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.results import storage
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import Trust, verdict
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.sample import EXACT_PATH, path_doubts
@@ -32,7 +32,7 @@ _LAYOUT = Layout(
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Histories(Shown):
+class Histories(Saved, Shown):
     """Time histories of independent realizations, with every impact; all quantities are nondimensional.
 
     There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
@@ -65,6 +65,8 @@ class Histories(Shown):
         sums up is not listed.
     """
 
+    _kind: ClassVar = "histories"
+    _layouts: ClassVar = (_LAYOUT,)
     scene: Scene
     method: str
     seed: int
@@ -167,36 +169,3 @@ class Histories(Shown):
         """
         refuse_transient(self.scene.forcing, "a Poincaré map")
         return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]
-
-    def save(self, path: File) -> None:
-        """Save the histories to a file; an interruption leaves no partial file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
-        """
-        storage.write_result(path, "histories", self.scene, *_LAYOUT.of(self))
-
-    @classmethod
-    def load(cls, path: File) -> Self:
-        """Load saved histories.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            A file that `save` wrote.
-
-        Returns
-        -------
-        Histories
-
-        Raises
-        ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is damaged, or holds something else.
-        """
-        scene, arrays, attributes = storage.read_result(path, "histories", _LAYOUT)
-        return cls(scene=scene, **arrays, **attributes)

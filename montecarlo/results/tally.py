@@ -2,15 +2,15 @@
 
 import dataclasses
 import functools
-from typing import Self
+from typing import ClassVar
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, File
-from fpk_rocking.results import storage
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import PARTS, Counts, moments
 from montecarlo.results.sample import Sample
@@ -34,7 +34,7 @@ _NEAR = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Tally(Sample):
+class Tally(Saved, Sample):
     """Counts over independent realizations of a scene; all quantities are nondimensional.
 
     Parameters
@@ -53,6 +53,8 @@ class Tally(Sample):
         The counts themselves, from which all else here follows (`montecarlo.results.counts`).
     """
 
+    _kind: ClassVar = "tally"
+    _layouts: ClassVar = (LAYOUT,)
     scene: Scene
     method: str
     seed: int
@@ -157,38 +159,11 @@ class Tally(Sample):
         inner = np.add.reduceat(inner, rows[:-1] - rows[0], axis=0, dtype=np.int64)
         return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
 
-    def save(self, path: File) -> None:
-        """Save the tally to a file; an interruption leaves no partial file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
-        """
-        attributes = {name: getattr(self, name) for name in LAYOUT.attributes}
-        storage.write_result(path, "tally", self.scene, self.counts._asdict(), attributes)
+    def _stored(self):
+        return self.scene, self.counts._asdict(), {name: getattr(self, name) for name in LAYOUT.attributes}
 
     @classmethod
-    def load(cls, path: File) -> Self:
-        """Load a saved tally, or the checkpoint of one.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            A file that `save` wrote, or a checkpoint of `tally`.
-
-        Returns
-        -------
-        Tally
-
-        Raises
-        ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is damaged, or holds something else.
-        """
-        scene, arrays, attributes = storage.read_result(path, "tally", LAYOUT)
+    def _restored(cls, scene, arrays, attributes):
         return cls(scene=scene, counts=Counts(**arrays), **attributes)
 
 
