@@ -142,3 +142,11 @@ def test_windows_have_no_thin_cells_at_the_cutoff(mean, cutoff):
     assert 0.0 in lines
     assert sizes[1:-1] == pytest.approx(sizes[1], rel=1e-12)
     assert 0.1 * sizes[1] <= sizes[[0, -1]].min() <= sizes[[0, -1]].max() <= 1.1 * sizes[1]
+
+
+def test_a_window_of_a_gaussian_below_the_rounding_of_its_mean_has_a_width():
+    settings, mean = WindowSettings(8, 2.0, 0.4, 0.01, 4), np.array([0.3, -0.7])
+    for box in (None, np.array([0.2, 0.4, -0.8, -0.6])):
+        window = window_of(settings, mean, np.diag([1e-40, 1e-36]), 1.5, box)
+        assert all((np.diff(lines) > 0.0).all() for lines in window.lines)
+        assert all(lines[0] < middle < lines[-1] for lines, middle in zip(window.lines, mean, strict=True))

@@ -62,10 +62,11 @@ def window_of(windows: WindowSettings, mean, covariance, cutoff, box=None):
     `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
     off. The window covers it with cells of the same size, up to MOST_CELLS of them.
     """
-    spread = np.sqrt(np.diag(covariance))
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), _THINNEST))
     count = math.ceil(windows.cells * max(1.0, _THIN / thin))
+    # The rounding of the mean must leave every cell a width.
+    spread = np.maximum(np.sqrt(np.diag(covariance)), count * np.spacing(np.abs(mean)))
     low, high = mean - windows.reach * spread, mean + windows.reach * spread
     sizes = (high - low) / count
     if box is not None:
