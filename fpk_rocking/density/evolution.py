@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, File
+from fpk_rocking.base.types import Array, ArrayLike, File, known
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
@@ -167,7 +167,7 @@ class Evolution(DensityResult):
         found = super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
         if (check := self.replacement) is None:
             return found
-        added = check.difference, check.sampling_error, self.total_error
+        added = check.difference, check.sampling_error, known(self.total_error)
         names = "survival_replacement", "survival_replacement_error", "survival_total_error"
         return found | {name: values[:, 0] for name, values in zip(names, added, strict=True)}
 

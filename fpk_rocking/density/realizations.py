@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.types import Array, ArrayLike, known
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.physics.forcing import refuse_transient
@@ -54,7 +54,7 @@ class RealizationAverage(DensityResult):
     @property
     def cycles(self) -> int:
         """Number of forcing cycles."""
-        return self.evolutions[0].cycles
+        return known(self.evolutions[0].cycles)
 
     @property
     def times(self) -> Array:

@@ -84,7 +84,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     tuple of str
         Empty where there is nothing to say.
     """
-    sentences = []
+    sentences: list[str] = []
     for result in results:
         sentences += filter(None, (result.scene.noise.remark, result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]

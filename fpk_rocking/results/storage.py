@@ -102,7 +102,7 @@ def write_result(path, kind, scene, arrays, attributes):
     except TypeError as error:
         raise TypeError(f"attributes: {error}, accepted: numbers, strings, None, lists, dicts") from None
     with replaced_atomically(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{_HEADER: np.array(text)}, **arrays)
+        np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
 
 
 def read_result(path, kind, *layouts):

@@ -31,7 +31,7 @@ def _unanswered(result):
 
 def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
-    kinds = {}
+    kinds: dict[str, dict[Doubt, None]] = {}
     for scene in result.scenes:
         for doubt in scene_doubts(scene, result.closure):
             kinds.setdefault(doubt.kind, {})[doubt] = None

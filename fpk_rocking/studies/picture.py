@@ -70,7 +70,7 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
             axes.legend(loc="best")
-    return path
+    return pathlib.Path(path)
 
 
 def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathlib.Path:
@@ -94,7 +94,7 @@ def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathl
         filled = draw_surface(axes, result, which)
         axes.legend(**_ABOVE)
         figure.colorbar(filled, ax=axes, label=_event(result, which))
-    return path
+    return pathlib.Path(path)
 
 
 def draw_surface(axes, result, which=0):

@@ -77,11 +77,11 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     checks.instance("scene", scene, Scene)
     if not isinstance(axes, dict) or not axes:
         raise TypeError(checks.refusal("axes", axes, 'a dict such as {"forcing.amplitude": [3.0, 4.0]}'))
-    axes = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
+    lists = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
     scenes = [scene]
-    for name, values in axes.items():
+    for name, values in lists.items():
         scenes = [varied(one, name, value) for one in scenes for value in values]
-    return Grid(tuple(scenes), axes)
+    return Grid(tuple(scenes), lists)
 
 
 def varied(scene: Scene, name: str, value: float) -> Scene:

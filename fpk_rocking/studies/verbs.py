@@ -41,7 +41,7 @@ VERBS = {"mc": mc, "fpk": fpk}
 
 def tasks_of(verb, cells, options):
     """Return the tasks of `base.ahead` that compile what a verb of `VERBS` needs for these cells."""
-    found = set()
+    found: set[str] = set()
     for cell in cells:
         if verb is mc:
             found.update(map(task_of, fitting(cell.scene, options.get("method"))[:1]))

@@ -56,8 +56,10 @@ class Run(abc.ABC):
     atom: ClassVar[bool] = False
     """Whether blocks rest at x = v = 0 exactly, with a probability that the density does not contain."""
 
-    memory: float
-    """Bytes that the run holds, or an evolution took, without the densities of all rows."""
+    @property
+    @abc.abstractmethod
+    def memory(self) -> float:
+        """Bytes that the run holds, or an evolution took, without the densities of all rows."""
 
     def __init__(self, scene: Scene, grid, plane: Grid, negligible: float) -> None:
         self.scene, self.grid, self.negligible = scene, grid, negligible

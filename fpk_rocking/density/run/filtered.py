@@ -14,6 +14,7 @@ import numpy as np
 
 from fpk_rocking.base import ahead
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import known
 from fpk_rocking.density.memory.nodes import Nodes
 from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.memory.start import Flight, deposit_points
@@ -23,6 +24,7 @@ from fpk_rocking.density.space.space import turn
 from fpk_rocking.density.step.free_flight import angle_shear_of
 from fpk_rocking.density.step.occupied import occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.transition import advance
 
 
@@ -38,7 +40,7 @@ class FilteredRun(CyclicRun):
     """
 
     atom = True
-    memory = 0
+    memory = 0.0
 
     def __init__(self, scene, grid, negligible, guide=None):
         super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks, guide)
@@ -56,7 +58,8 @@ class FilteredRun(CyclicRun):
 
     def _dynamics(self, constant):
         scene = self.scene
-        return Dynamics(scene.forcing.plus(constant), 0.0, scene.block.restitution, scene.overturning.angle)
+        forcing = periodic(scene.forcing).plus(constant)
+        return Dynamics(forcing, 0.0, known(scene.block.restitution), scene.overturning.angle)
 
     def _steps(self, k):
         """Step k of a leg at every node of the noise; they share what does not depend on the node."""
@@ -89,7 +92,7 @@ class FilteredRun(CyclicRun):
     def march(self, times, start):
         """Show the density after every cycle, once: the steps are let go of then, and `memory` tells what they took."""
         yield from super().march(times, start)
-        self.memory, self.leg, self.buffers = self._memory(), None, None
+        self.memory, self.leg, self.buffers = self._memory(), [], None
 
     def _begin(self, start):
         flight = Flight(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))

@@ -1,9 +1,9 @@
 """Periodic forcing: one harmonic or several, in polynomial pieces (see the package)."""
 
+import abc
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -18,17 +18,24 @@ class PeriodicForcing(Forcing):
     """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
 
     A kind is a frozen dataclass with `frequency`, `components`, `largest_velocity` and `scaled`; and, for the operator
-    of a cycle and the Melnikov process, `phase`, `at_phase` and `filtered`.
+    of a cycle and the Melnikov process, `at_phase` and `filtered`.
     """
 
     __slots__ = ()
 
     frequency: float
     """Ω."""
-    components: Sequence[tuple[int, float, float]]
-    """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
-
     duration = math.inf
+
+    @property
+    @abc.abstractmethod
+    def components(self) -> tuple[tuple[int, float, float], ...]:
+        """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
+
+    @property
+    def phase(self) -> float:
+        """Phase Ψ_1 of the first harmonic."""
+        return self.components[0][2]
 
     @property
     def period(self):
@@ -275,11 +282,6 @@ class Harmonics(PeriodicForcing):
         amplitudes = tuple(strength * one for one in self.amplitudes)
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
 
-    @property
-    def phase(self):
-        """Phase Ψ_1 of the first harmonic."""
-        return self.phases[0]
-
     def __str__(self):
         lists = (", ".join(f"{one:g}" for one in values) for values in (self.amplitudes, self.phases))
         return "A_k = {}, Ω = {:g}, Ψ_k = {}".format(*(next(lists), self.frequency, next(lists)))
@@ -294,6 +296,13 @@ class _Sum(PeriodicForcing):
 
     def scaled(self, strength, rate):
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
+
+
+def periodic(forcing: Forcing) -> PeriodicForcing:
+    """Return a forcing that repeats, or raise TypeError."""
+    if not isinstance(forcing, PeriodicForcing):
+        raise TypeError(checks.refusal("forcing", forcing, "a forcing that repeats"))
+    return forcing
 
 
 _MOST = 32
@@ -329,7 +338,8 @@ def _course(forcing):
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
     largest = max(turning, default=mean)
-    lift_offs, landings = [], []
+    lift_offs: list[float] = []
+    landings: list[float] = []
     if largest > LIFT_OFF:
         for level in (LIFT_OFF, -LIFT_OFF):
             for time in _zeros(forcing, level, 0):

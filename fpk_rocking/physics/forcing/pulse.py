@@ -97,8 +97,9 @@ class Pulse(TransientForcing):
         keep(self, amplitude=checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
         keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
         if self.shape == "n-sine":
-            keep(self, cycles=checks.count("forcing.cycles", self.cycles))
-            if self.cycles > _MOST_CYCLES:
+            count = checks.count("forcing.cycles", self.cycles)
+            keep(self, cycles=count)
+            if count > _MOST_CYCLES:
                 raise ValueError(
                     checks.refusal("forcing.cycles", self.cycles, f"a whole number from 1 to {_MOST_CYCLES}")
                 )

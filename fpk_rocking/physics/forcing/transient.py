@@ -5,13 +5,14 @@ R(τ) = ∫ exp(-(s-τ)) f(s) ds from τ on. Both are sums over the intervals of
 P' are continuous whatever jumps f has, and P falls off like exp(-τ) after the end.
 """
 
+import abc
 import functools
 import itertools
 import math
-from collections.abc import Callable
 
 import numpy as np
 
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.forcing.base import Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import added, added_by_line, continued
@@ -33,11 +34,15 @@ class TransientForcing(Forcing):
     period = None
     half_antisymmetric = False
     longest_rest = math.inf
-    unit: float
-    """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
 
-    series: Callable[[np.ndarray], np.ndarray]
-    """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
+    @property
+    @abc.abstractmethod
+    def unit(self) -> float:
+        """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
+
+    @abc.abstractmethod
+    def series(self, times: Array) -> Array:
+        """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
 
     @property
     def longest_piece(self):
@@ -174,7 +179,8 @@ class TransientForcing(Forcing):
         """Times (n,) at which |f| rises through 1, ascending, and those (m,) at which it falls back."""
         grid = self._looks
         above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > LIFT_OFF, [False]])
-        rises, falls = ([], [])
+        rises: list[float] = []
+        falls: list[float] = []
         for place in np.flatnonzero(above[1:] != above[:-1]):
             low, high = grid[max(place - 1, 0)], grid[place]
             for _ in range(60):
