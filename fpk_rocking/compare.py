@@ -289,7 +289,7 @@ def _joint_cycles(asked: Sequence[int] | None, cycles: int) -> list[int]:
 
 def _joint(both, sizes, cycle, edges):
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
-    common = distances.pooled(*bins, *sizes)
+    common = distances.pooled(bins[0], bins[1], *sizes)
     return (
         distances.l1(*bins),
         distances.l1_floor(common, *sizes),

@@ -16,6 +16,7 @@ from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.replacement import ARRAYS, Replacement
 from fpk_rocking.results.result import DensityResult
 from fpk_rocking.results.storage import read_result, write_result
+from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
 _KIND = "evolution"
@@ -282,7 +283,7 @@ class Evolution(DensityResult):
         return cls(scene=scene, coefficients=coefficients, space=space, replacement=check, **arrays, **attributes)
 
 
-def near_rest(space, coefficients, start):
+def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
     """Mass (cycles + 1,) within `REST`, of the densities after every cycle; of a point start 0 or 1 at first."""
     found = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
     if start.covariance is None:

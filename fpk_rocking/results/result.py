@@ -352,12 +352,12 @@ class DensityResult(SurvivalResult, _Errors):
         )
 
 
-def interval_of(result) -> Array | None:
+def interval_of(result: Any) -> Array | None:
     """Return the 95 % limits of survival that are shown; None for a density, and where nothing is random."""
     return None if result.deterministic else result.survival_interval(0.95)
 
 
-def label_of(result) -> str:
+def label_of(result: Any) -> str:
     """Return the engine of a result and the size of a sample, as in ``"Monte Carlo rk4, 1,000 realizations"``."""
     if result.deterministic:
         return f"{result.engine}, one path"

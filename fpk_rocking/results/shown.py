@@ -124,13 +124,13 @@ def _library(name):
         raise ModuleNotFoundError(needed, name=name) from None
 
 
-def trust_html(trust):
+def trust_html(trust: Trust) -> str:
     """Return a verdict as a paragraph of HTML."""
     colour, reasons = _COLOURS[trust.verdict], html.escape(" ".join(trust.reasons))
     return f"<p><strong style='color:{colour}'>trust: {html.escape(trust.verdict)}</strong>. {reasons}</p>"
 
 
-def picture_html(figure, meaning, dots=110):
+def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
     """Return a figure as an image of HTML that holds its own data.
 
     Parameters

@@ -30,7 +30,7 @@ class Block:
         nondimensional motion does not depend on it.
     """
 
-    restitution: float | None = None
+    restitution: float = None  # type: ignore[assignment]  # None until it follows from the dimensions
     dimensions: Dimensions | None = None
 
     def __post_init__(self):

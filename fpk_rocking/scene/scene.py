@@ -233,7 +233,7 @@ class Scene:
             low, high = checks.interval("noise_band_hz", noise_band_hz)
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
         return cls(
-            block=Block(restitution, size),
+            block=Block(size.restitution if restitution is None else restitution, size),
             forcing=forcing,
             noise=noise,
             start=start,

@@ -260,7 +260,15 @@ def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
     return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))
 
 
-def run(verb, cells, options, *, workers, store=None, progress=None):
+def run(
+    verb: Callable[..., Any],
+    cells: Sequence[Cell],
+    options: dict[str, Any],
+    *,
+    workers: int | concurrent.futures.Executor,
+    store: File | None = None,
+    progress: Progress | None = None,
+) -> tuple[dict[str, Any], ...]:
     """Run a verb on cells, or take their rows from a store; parameters as in `sweep`.
 
     Returns

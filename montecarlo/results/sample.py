@@ -17,7 +17,7 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 """Reason of the verdict on the one path of a deterministic scene by the method "exact"."""
 
 
-def path_doubts(method) -> list[Doubt]:
+def path_doubts(method: str) -> list[Doubt]:
     """Return what speaks against the one path of a deterministic scene, where only a method's own error is left."""
     if method == "exact":
         return []

@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable, Iterator
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Run(abc.ABC):
         self.buffers = deposit_buffers(self.space)
 
     @staticmethod
-    def adapted(scene: Scene, grid: Grid, number: int):  # noqa: ARG004  (as of other kinds)
+    def adapted(scene: Scene, grid: Grid, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
         """Return the grid of a run, from that of the mesh and the number of the resolution."""
         return grid
 

@@ -9,15 +9,17 @@ side of f, in the first step in which |f| passes 1.
 """
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
 from fpk_rocking.base import ahead
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import known
+from fpk_rocking.base.types import Array
 from fpk_rocking.density.memory.nodes import Nodes
-from fpk_rocking.density.memory.resolution import node_grid
+from fpk_rocking.density.memory.resolution import NodeGrid, node_grid
 from fpk_rocking.density.memory.start import Flight, deposit_points
+from fpk_rocking.density.resolution import Grid
 from fpk_rocking.density.run.base import Seen
 from fpk_rocking.density.run.cyclic import CyclicRun, State
 from fpk_rocking.density.space.space import turn
@@ -26,6 +28,8 @@ from fpk_rocking.density.step.occupied import occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.scene.parts import Start
+from fpk_rocking.scene.scene import Scene
 
 
 class FilteredRun(CyclicRun):
@@ -51,7 +55,7 @@ class FilteredRun(CyclicRun):
         self.leg = [self._steps(k) for k in range(len(self.durations))]
 
     @staticmethod
-    def adapted(scene, grid, number):
+    def adapted(scene: Scene, grid: Grid, number: int) -> NodeGrid:
         """Return the mesh with the nodes and steps of a resolution."""
         ahead.before("fpk_rocking.density.ahead:filtered")
         return node_grid(scene, grid, number)
@@ -59,7 +63,7 @@ class FilteredRun(CyclicRun):
     def _dynamics(self, constant):
         scene = self.scene
         forcing = periodic(scene.forcing).plus(constant)
-        return Dynamics(forcing, 0.0, known(scene.block.restitution), scene.overturning.angle)
+        return Dynamics(forcing, 0.0, scene.block.restitution, scene.overturning.angle)
 
     def _steps(self, k):
         """Step k of a leg at every node of the noise; they share what does not depend on the node."""
@@ -89,7 +93,7 @@ class FilteredRun(CyclicRun):
         before = int(np.searchsorted(self.begins, time, side="right")) - 1
         return before, before + 1
 
-    def march(self, times, start):
+    def march(self, times: Array, start: Start) -> Iterator[Seen]:
         """Show the density after every cycle, once: the steps are let go of then, and `memory` tells what they took."""
         yield from super().march(times, start)
         self.memory, self.leg, self.buffers = self._memory(), [], None

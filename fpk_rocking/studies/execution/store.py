@@ -66,13 +66,13 @@ class Store:
             self.close()
             raise
 
-    def add(self, row):
+    def add(self, row: dict[str, Any]) -> None:
         """Take a row, and append it to the file."""
         self.rows[row["cell"]] = row
         if self._file is not None:
             self._write(_text(row))
 
-    def close(self):
+    def close(self) -> None:
         """Leave the file to others."""
         if self._file is None:
             return
