@@ -58,9 +58,10 @@ bench-full: bench  ## the slow tests, and the benchmarks that take longer
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/peers.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
 
-lint: $(STAMP)  ## ruff: rules and format
+lint: $(STAMP)  ## ruff: rules and format; mypy: types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check --quiet
+	$(BIN)/mypy
 
 clean:  ## remove environments, caches and results
 	rm -rf $(VENV) $(PEERS) build dist results .mypy_cache .pytest_cache .ruff_cache

@@ -143,7 +143,9 @@ class Comparison(Shown):
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")}
+        variables: dict[str, Any] = {
+            name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")
+        }
         variables |= {"survival": (("cycle", "result"), self.survival)}
         variables |= {"interval": (("cycle", "result", "limit"), self.interval)}
         variables |= {"leakage": (("during", "result", "side"), self.leakage)}
@@ -159,9 +161,9 @@ class Comparison(Shown):
         def survival(_, axes):
             for which, name in enumerate(self.names):
                 error = self.error_estimate[which]
-                values, limits = self.survival[:, which], self.interval[:, which].T
-                limits = limits if np.isnan(error) else (values - error, values + error)
-                axes.fill_between(self.cycles, *limits, color=COLOURS[which], alpha=0.3, linewidth=0.0)
+                values = self.survival[:, which]
+                low, high = self.interval[:, which].T if np.isnan(error) else (values - error, values + error)
+                axes.fill_between(self.cycles, low, high, color=COLOURS[which], alpha=0.3, linewidth=0.0)
                 axes.plot(self.cycles, values, color=COLOURS[which], marker=".", label=name)
             axes.set(xlabel="forcing cycles" if self.periodic else "number of the time")
             axes.set(ylabel="P(not overturned)", ylim=(-0.03, 1.03))
@@ -206,7 +208,7 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     _same_times(first.times, second.times)
     joint_cycles = _joint_cycles(joint_cycles, cycles)
     both, kept = (first, second), slice(0, cycles + 1)
-    counts = tuple(None if result.deterministic else result.realizations for result in both)
+    counts = _count(first), _count(second)
     sizes = [float(count or math.inf) for count in counts]
     survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
@@ -242,7 +244,11 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     )
 
 
-def shown_cycles(cycles) -> list[int]:
+def _count(result: Result) -> int | None:
+    return None if result.deterministic else result.realizations
+
+
+def shown_cycles(cycles: int) -> list[int]:
     """Return the cycles up to a last one that tables and files show unless others are asked for."""
     return sorted({*(cycle for cycle in _SHOWN_CYCLES if cycle <= cycles), cycles})
 
@@ -269,7 +275,7 @@ def _same_times(first, second):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
 
 
-def _joint_cycles(asked, cycles) -> list[int]:
+def _joint_cycles(asked: Sequence[int] | None, cycles: int) -> list[int]:
     if asked is None:
         return shown_cycles(cycles)
     accepted = f"whole numbers from 0 to {cycles}, the cycles that both results have"
@@ -283,7 +289,7 @@ def _joint_cycles(asked, cycles) -> list[int]:
 
 def _joint(both, sizes, cycle, edges):
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
-    common = distances.pooled(*bins, *sizes)
+    common = distances.pooled(bins[0], bins[1], *sizes)
     return (
         distances.l1(*bins),
         distances.l1_floor(common, *sizes),

@@ -1,37 +1,38 @@
 """Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
 
+import dataclasses
+
 from fpk_rocking.physics.noise.envelope import Trapezoid
-from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
-from fpk_rocking.scene.parts import BandNoise, FilteredNoise
+from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
 from montecarlo.simulation import simulate
 
-_MOTION = {"block": Block(0.5), "forcing": Harmonic(4.6, 2.7, 0.0), "start": Start(), "overturning": Overturning()}
+_QUIET = Scene(Block(0.5), Harmonic(4.6, 2.7, 0.0), NoNoise())
 
 
-def exact():
+def exact() -> None:
     """Event-driven paths."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact")
 
 
-def enveloped():
+def enveloped() -> None:
     """Event-driven paths under noise with an envelope."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)), "exact")
 
 
-def rk4():
+def rk4() -> None:
     """Runge-Kutta paths."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "rk4")
 
 
-def white():
+def white() -> None:
     """Paths under white noise."""
     _simulate(WhiteNoise(0.01), "white")
 
 
-def filtered():
+def filtered() -> None:
     """Paths under filtered noise."""
     _simulate(FilteredNoise("low-pass", 0.04, 9.0, 0.7), "filtered")
 
 
 def _simulate(noise, method):
-    simulate(Scene(noise=noise, **_MOTION), cycles=1, realizations=1, seed=1, method=method)
+    simulate(dataclasses.replace(_QUIET, noise=noise), cycles=1, realizations=1, seed=1, method=method)

@@ -13,8 +13,9 @@ import numpy as np
 from fpk_rocking.analytics.inputs import deviations, numbers
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Noise, Number
+from fpk_rocking.base.types import ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
+from fpk_rocking.physics.noise.kinds import Noise
 
 _SHARES = {"peak": 1.0, "mean square": 0.5}
 

@@ -19,8 +19,9 @@ from fpk_rocking.analytics.excess import density, mean_excess, rounding
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Noise, Number
+from fpk_rocking.base.types import ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
+from fpk_rocking.physics.noise.kinds import Noise
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 _REACH = 9.0

@@ -1,15 +1,25 @@
 """Arguments of the Melnikov functions as arrays that broadcast; what is not acceptable is refused by name."""
 
+from typing import Any
+
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.physics.forcing import Harmonic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import noise_variance
 from fpk_rocking.scene.parts import NOISES
 
 
-def numbers(name, value, *, at_least=None, above=None, at_most=None):
+def numbers(
+    name: str,
+    value: ArrayLike,
+    *,
+    at_least: float | None = None,
+    above: float | None = None,
+    at_most: float | None = None,
+) -> Array:
     """Return a float array of finite numbers within bounds.
 
     Parameters
@@ -47,7 +57,7 @@ def numbers(name, value, *, at_least=None, above=None, at_most=None):
     return array
 
 
-def amplitude_and_frequency(forcing):
+def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
     """Return A and Ω as arrays, from a Harmonic or from a pair (amplitude, frequency) of arrays."""
     if isinstance(forcing, Harmonic):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
@@ -61,7 +71,7 @@ def amplitude_and_frequency(forcing):
     )
 
 
-def noises(noise):
+def noises(noise: Any) -> Array:
     """Return an object array of noises, from one noise or a nested sequence of noises."""
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
@@ -70,7 +80,7 @@ def noises(noise):
     return array
 
 
-def deviations(noise):
+def deviations(noise: Any) -> Array:
     """Return σ_M as an array, from one noise or a nested sequence of noises."""
     array = noises(noise)
     return np.sqrt([noise_variance(entry) for entry in array.flat]).reshape(array.shape)

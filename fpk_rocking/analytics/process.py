@@ -15,8 +15,9 @@ import numpy as np
 
 from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, Noise, Number
+from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
+from fpk_rocking.physics.noise.kinds import Noise
 from fpk_rocking.scene.parts import BandNoise
 
 
@@ -178,13 +179,13 @@ def sampled_process(
     TypeError, ValueError
         A parameter is refused, or the realizations have another number of harmonics than the noise.
     """
-    checks.instance("noise", noise, BandNoise)
+    banded: BandNoise = checks.instance("noise", noise, BandNoise)
     e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)
     tau = np.atleast_1d(numbers("times", times))
     nu, phi = np.broadcast_arrays(numbers("frequencies", frequencies), numbers("phases", phases))
-    if nu.shape[-1:] != (noise.harmonics,):
-        accepted = f"(..., {noise.harmonics}), the number of harmonics of the noise"
+    if nu.shape[-1:] != (banded.harmonics,):
+        accepted = f"(..., {banded.harmonics}), the number of harmonics of the noise"
         raise ValueError(checks.refusal("shape of frequencies and phases", nu.shape, accepted))
-    weights = math.sqrt(2.0 * noise.variance / noise.harmonics) * transfer(nu)
+    weights = math.sqrt(2.0 * banded.variance / banded.harmonics) * transfer(nu)
     waves = np.cos(nu[..., None, :] * tau[:, None] + phi[..., None, :])
     return np.einsum("...tn,...n->...t", waves, weights) + process_mean(forcing, e, tau)

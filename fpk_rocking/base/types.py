@@ -2,12 +2,14 @@
 
 import os
 from collections.abc import Callable
-from typing import Any, ClassVar, Protocol
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Array", "ArrayLike", "File", "Noise", "Number", "Progress"]
+__all__ = ["Array", "ArrayLike", "File", "Number", "Progress", "known"]
+
+_T = TypeVar("_T")
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -21,7 +23,8 @@ Progress = Callable[[int, int], object]
 """Called with what is done and the whole."""
 
 
-class Noise(Protocol):
-    """Noise of any kind."""
-
-    kind: ClassVar[str]
+def known(value: _T | None) -> _T:
+    """Return a value that is not None here, as something else says; it tells a type checker so."""
+    if value is None:
+        raise TypeError("got None, accepted: a value")
+    return value

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.types import Array, ArrayLike, known
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
@@ -16,6 +16,7 @@ from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.replacement import ARRAYS, Replacement
 from fpk_rocking.results.result import DensityResult
 from fpk_rocking.results.storage import Saved
+from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
 _FLOATS = (
@@ -168,7 +169,7 @@ class Evolution(Saved, DensityResult):
         found = super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
         if (check := self.replacement) is None:
             return found
-        added = check.difference, check.sampling_error, self.total_error
+        added = check.difference, check.sampling_error, known(self.total_error)
         names = "survival_replacement", "survival_replacement_error", "survival_total_error"
         return found | {name: values[:, 0] for name, values in zip(names, added, strict=True)}
 
@@ -253,7 +254,7 @@ class Evolution(Saved, DensityResult):
         return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)
 
 
-def near_rest(space, coefficients, start):
+def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
     """Mass (cycles + 1,) within `REST`, of the densities after every cycle; of a point start 0 or 1 at first."""
     found = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
     if start.covariance is None:

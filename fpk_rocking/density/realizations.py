@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.types import Array, ArrayLike, known
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.physics.forcing import refuse_transient
@@ -23,7 +23,7 @@ from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, jump_diffusion, response
 from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.results.result import DensityResult
-from fpk_rocking.scene import Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Scene, WhiteNoise
 
 _SAMPLES, _SEED = 200_000, 1
 """Realizations whose diffusions are drawn for the quadrature, and their seed."""
@@ -54,7 +54,7 @@ class RealizationAverage(DensityResult):
     @property
     def cycles(self) -> int:
         """Number of forcing cycles."""
-        return self.evolutions[0].cycles
+        return known(self.evolutions[0].cycles)
 
     @property
     def times(self) -> Array:
@@ -138,7 +138,7 @@ class RealizationAverage(DensityResult):
         return np.tensordot(self.weights, parts, 1)
 
 
-def realized_diffusions(noise, restitution, samples, seed):
+def realized_diffusions(noise: BandNoise, restitution: float, samples: int, seed: int) -> Array:
     """Draw the diffusions (samples,) that single realizations of a band noise stand for; nondimensional."""
     rng, (low, high) = np.random.default_rng(seed), noise.band
     total = np.zeros(samples)
@@ -148,7 +148,7 @@ def realized_diffusions(noise, restitution, samples, seed):
     return equivalent_diffusion(noise) * total / mean
 
 
-def gauss_quadrature(values, count):
+def gauss_quadrature(values: Array, count: int) -> tuple[Array, Array]:
     """Nodes and weights (count,) that are exact for polynomials up to degree 2 count - 1 of equally likely values.
 
     By Lanczos's recurrence on the values and the eigenvalues of its matrix (Golub and Welsch 1969); both are positive

@@ -1,13 +1,21 @@
 """Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import known
 from fpk_rocking.density.memory.start import spread_left
+from fpk_rocking.density.refinement import Refined
 from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
+from fpk_rocking.scene.scene import Scene
+
+if TYPE_CHECKING:  # it imports this module
+    from fpk_rocking.density.evolution import Evolution
+
 
 LARGEST = {"white": 8e9, "filtered": 4e9}
 """Bytes that a solution may be expected to take, by the noise that is solved for."""
@@ -23,7 +31,7 @@ _FASTER = 1.05
 """Ratio of the frequencies that are tried for one that is accepted."""
 
 
-def refuse_filtered(scene):
+def refuse_filtered(scene: Scene) -> None:
     """Refuse filtered noise: the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
         takes = f"solve_fpk() takes filters of up to {MOST_STATES} states"
@@ -34,25 +42,23 @@ def refuse_filtered(scene):
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
 
 
-def refuse_unsolvable(scene):
+def refuse_unsolvable(scene: Scene) -> None:
     """Refuse a scene out of range, without noise, of too many states of a filter, or with infinitely many impacts.
 
     Its noise is white or filtered.
     """
     limits.check(scene)
-    white = scene.noise.kind == "white"
-    if not white and scene.noise.space.order > MOST_STATES:
+    noise = scene.noise
+    if noise.kind == "filtered" and noise.space.order > MOST_STATES:
         accepted = (
             f"filters of up to {MOST_STATES} states, each of which is one more variable of the density; use Monte "
             "Carlo, simulate(), or scene.white_equivalent(), white noise of equal Melnikov variance"
         )
-        raise ValueError(
-            f"noise.filter: got {scene.noise.filter} ({scene.noise.space.order} states), accepted: {accepted}"
-        )
-    if (scene.noise.diffusion if white else scene.noise.variance) == 0.0:
+        raise ValueError(f"noise.filter: got {noise.filter} ({noise.space.order} states), accepted: {accepted}")
+    if (noise.diffusion if noise.kind == "white" else noise.variance) == 0.0:
         accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
         raise ValueError(f"noise: got none, accepted: {accepted}")
-    if white and scene.block.restitution <= CRITICAL_RESTITUTION:
+    if noise.kind == "white" and scene.block.restitution <= CRITICAL_RESTITUTION:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
             "time and the motion after them is not defined; use Monte Carlo under band noise, or the closure 'filtered'"
@@ -60,24 +66,27 @@ def refuse_unsolvable(scene):
         raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
 
 
-def refuse_slow(scene):
+def refuse_slow(scene: Scene) -> None:
     """Refuse filtered noise that is so slow that a start of small spread stays a curve at each state of the filter."""
-    noise, time = scene.noise, max(scene.period, _FLIGHT)
+    noise = scene.noise
+    if noise.kind != "filtered":
+        return
+    time = max(known(scene.period), _FLIGHT)
     wanted, faster = _SPREAD_LEFT[noise.space.order], 1.0
     while spread_left(noise.scaled(1.0, faster), scene.start.covariance, time) < wanted:
         faster *= _FASTER
     if faster > 1.0:
-        named = isinstance(noise.filter, str)
-        least = f"{noise.frequency * faster:.2g}" if named else f"{faster:.2g} times as fast"
+        frequency = noise.frequency
+        least = f"{frequency * faster:.2g}" if frequency is not None else f"{faster:.2g} times as fast"
         accepted = (
             f"at least about {least} with this filter, start and period, as under slower noise the density is too "
             "narrow for any mesh; use Monte Carlo"
         )
-        name, value = ("noise.frequency", noise.frequency) if named else ("noise.filter", noise.filter)
+        name, value = ("noise.frequency", frequency) if frequency is not None else ("noise.filter", noise.filter)
         raise ValueError(checks.refusal(name, value, accepted))
 
 
-def refuse_large(held, stored, scene, rows):
+def refuse_large(held: float, stored: float, scene: Scene, rows: int) -> None:
     """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all `rows` times."""
     largest = LARGEST[scene.noise.kind]
     if held > largest:
@@ -90,7 +99,7 @@ def refuse_large(held, stored, scene, rows):
         raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
 
 
-def refuse_broken(result):
+def refuse_broken(result: "Evolution") -> None:
     """Raise FloatingPointError where a result has something that is not a finite number."""
     parts = ("survival", "overturned", "lost", "coefficients", "error_estimate", "bins_error_estimate", "negative_mass")
     for name in parts:
@@ -100,7 +109,7 @@ def refuse_broken(result):
             )
 
 
-def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
+def warn_beyond(what: str, found: Refined, wanted: float, bins_wanted: float, instead: str, stacklevel: int) -> None:
     """Warn where an estimated error, or that of the binned density, is larger than wanted.
 
     Parameters
@@ -126,7 +135,7 @@ def warn_beyond(what, found, wanted, bins_wanted, instead, stacklevel):
         )
 
 
-def warn_unresolved(result, wanted, stacklevel):
+def warn_unresolved(result: "Evolution", wanted: float, stacklevel: int) -> None:
     """Warn where the estimated error of what is at rest is larger than wanted; inf leaves it out."""
     sentence = result.unresolved_beyond(wanted)
     if sentence:

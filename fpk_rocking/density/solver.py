@@ -181,7 +181,7 @@ class Solved:
         self._resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
 
     @functools.cached_property
-    def negative_mass(self):
+    def negative_mass(self) -> float:
         """Largest of those after a cycle or more, of blocks that are not at rest."""
         space, densities = self.run.space, self.solution.coefficients[self.solution.shown]
         moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))
@@ -189,17 +189,17 @@ class Solved:
         return max(parts, default=0.0)
 
     @property
-    def memory(self):
+    def memory(self) -> float:
         """Bytes that its run holds."""
         return self.run.memory
 
-    def differences(self, coarser):
+    def differences(self, coarser: "Solved") -> tuple[float, float]:
         """Largest differences of survival and of the binned density over the cycles; rest counts as one bin."""
         apart = (self.bins - coarser.bins)[np.intersect1d(self.solution.shown, coarser.solution.shown)]
         binned = np.abs(apart[:, ~self._resting]).sum(axis=1) + np.abs(apart[:, self._resting].sum(axis=1))
         return float(np.abs(self.solution.inside - coarser.solution.inside).max()), float(binned.max(initial=0.0))
 
-    def error(self, difference, bins):
+    def error(self, difference: float, bins: float) -> float:
         """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
         at_rest, released = self.solution.at_rest, self.solution.released
         if (released if at_rest is None else at_rest[1:].max()) > difference:
@@ -207,7 +207,7 @@ class Solved:
         return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
 
     @property
-    def rest_error(self):
+    def rest_error(self) -> float:
         """Error of what is at rest, 0 where nothing is.
 
         Of first order, the larger of what the two levels before tell: one may agree with the last by chance, for at
@@ -218,7 +218,7 @@ class Solved:
         apart = [float(np.abs(self._rests[-1] - before).max()) for before in self._rests[-2:-4:-1]]
         return max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
 
-    def release(self):
+    def release(self) -> None:
         """Let go of the densities."""
         self.solution = self.solution._replace(coefficients=None)
 
@@ -251,8 +251,7 @@ def _closed(scene, closure):
         accepted = "'white', or 'band' with the closure 'white', as this scene does not repeat; or use Monte Carlo"
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     refuse_unsolvable(scene)
-    if scene.noise.kind == "filtered":
-        refuse_slow(scene)
+    refuse_slow(scene)
     return scene
 
 

@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +16,9 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.horizon.level import Level, climb
 from fpk_rocking.horizon.plane import PlaneMap
-from fpk_rocking.physics.forcing import refuse_transient
+from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.results.remarks import closure_of, doubts
 from fpk_rocking.results.shown import Shown
@@ -107,7 +109,7 @@ class CycleOperator(Shown, LinearOperator):
         refuse_filtered(scene)
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
-        self.closure, self.diffusion = closure_of(scene, self._white), self._white.noise.diffusion
+        self.closure, self.diffusion = closure_of(scene, self._white), equivalent_diffusion(self._white.noise)
         self.tol = checks.number("tol", tol, at_least=min(USUAL))
         self._fine, self._coarse, self.escape_error, self.refinement = climb(self._white, self.tol)
         fine = self._fine
@@ -154,7 +156,9 @@ class CycleOperator(Shown, LinearOperator):
         """Eigenvalues and binned quasi-stationary density: arrays with named dimensions, and their coordinates."""
         edges = self._shown_edges()
         middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
-        variables = {name: ("mode", values) for name, values in self.columns().items() if name != "mode"}
+        variables: dict[str, Any] = {
+            name: ("mode", values) for name, values in self.columns().items() if name != "mode"
+        }
         variables |= {"leakage": ("side", self.leakage)}
         variables |= {
             "bin_probability": (("bin_angle", "bin_velocity"), self.quasi_stationary.bin_probabilities(*edges))
@@ -262,7 +266,7 @@ class CycleOperator(Shown, LinearOperator):
         shape = np.shape(cycles)
         return self.outlook(np.ravel(cycles)).survival.reshape(shape)
 
-    def outlook(self, cycles: ArrayLike) -> Outlook:
+    def outlook(self, cycles: Sequence[int] | Array) -> Outlook:
         """Compute survival from the scene's start with error estimates.
 
         The density is carried cycle by cycle until its leading modes represent it, and by these from there on.
@@ -276,12 +280,12 @@ class CycleOperator(Shown, LinearOperator):
         -------
         Outlook
         """
-        cycles = np.array([checks.count("cycles", one, at_least=0) for one in cycles], dtype=np.int64)
-        survival, left_out = self._fine.survival(cycles, self._white.start)
-        rough, _ = self._coarse.survival(cycles, self._white.start)
-        slope = np.abs(survival) * -np.expm1(-cycles * self.escape_rate * self.escape_error)
+        counts = np.array([checks.count("cycles", one, at_least=0) for one in cycles], dtype=np.int64)
+        survival, left_out = self._fine.survival(counts, self._white.start)
+        rough, _ = self._coarse.survival(counts, self._white.start)
+        slope = np.abs(survival) * -np.expm1(-counts * self.escape_rate * self.escape_error)
         error = np.maximum(np.abs(survival - rough), slope) + left_out
-        return Outlook(cycles, survival, left_out, error)
+        return Outlook(counts, survival, left_out, error)
 
     def survival_map(self, cycles: int, phase: float | None = None) -> PlaneMap:
         """Probability of not overturning within some cycles, as a function of the start.
@@ -345,9 +349,10 @@ class CycleOperator(Shown, LinearOperator):
         return self._map(Level.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
-        phase = self.scene.forcing.phase if phase is None else checks.number("phase", phase)
-        levels = self._fine, self._coarse
-        if phase != self.scene.forcing.phase:
+        own = periodic(self.scene.forcing).phase
+        phase = own if phase is None else checks.number("phase", phase)
+        levels = [self._fine, self._coarse]
+        if phase != own:
             levels = [level.at_phase(phase) for level in levels]
         fine, coarse = (level.leg.coefficients(function(level)) for level in levels)
         space = levels[0].space

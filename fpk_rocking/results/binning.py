@@ -1,10 +1,14 @@
 """The bins in which joint densities of angle and velocity are compared and drawn."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
+from fpk_rocking.scene.scene import Scene
 
 __all__ = ["ascending_edges", "joint_edges", "shown_edges"]
 
@@ -13,7 +17,7 @@ _LEFT_OUT = 5e-4
 _MOST = 96
 
 
-def ascending_edges(name, value, *, finite) -> np.ndarray:
+def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
     """Return the edges of bins as floats.
 
     Parameters
@@ -44,13 +48,13 @@ def ascending_edges(name, value, *, finite) -> np.ndarray:
     return edges.astype(float)
 
 
-def centred_edges(low, high, count):
+def centred_edges(low: float, high: float, count: int) -> Array:
     """Edges of equal bins that cover an interval, `count` of them as wide as it; 0, where blocks rest, is amid one."""
     size = (high - low) / count
     return size * (np.arange(math.floor(low / size - 0.5), math.ceil(high / size - 0.5) + 1) + 0.5)
 
 
-def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
+def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Bin edges of width 0.1 that cover the angles up to the cut-off and the velocities that can be expected there.
 
     x = 0 and v = 0 are edges. The velocity bound is derived for long flights: with s the side and B the forcing's swing
@@ -78,11 +82,11 @@ def joint_edges(scene) -> tuple[np.ndarray, np.ndarray]:
         (xx, _), (_, vv) = scene.start.covariance
         started += 4.0 * (math.sqrt(xx) + math.sqrt(vv))
     velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
-    velocity += 4.0 * math.sqrt(scene.white_equivalent().noise.diffusion)
+    velocity += 4.0 * math.sqrt(equivalent_diffusion(scene.noise))
     return _edges(cut_off), _edges(velocity)
 
 
-def shown_edges(edges, probabilities, least) -> list[np.ndarray]:
+def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> list[np.ndarray]:
     """Bin edges for pictures: where the probability is, neither too few nor too many.
 
     Parameters

@@ -8,18 +8,20 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, ArrayLike
+
 __all__ = ["hellinger", "hellinger_floor", "l1", "l1_floor", "pooled"]
 
 _SERIES_UP_TO = 30.0
 _SERIES_TERMS = 160
 
 
-def l1(first, second) -> float:
+def l1(first: ArrayLike, second: ArrayLike) -> float:
     """Sum of absolute differences of two arrays of bin probabilities, between 0 and 2."""
     return float(np.abs(np.asarray(first) - np.asarray(second)).sum())
 
 
-def hellinger(first, second) -> float:
+def hellinger(first: Array, second: Array) -> float:
     """Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of bin probabilities, between 0 and 1.
 
     A negative bin, the undershoot of a density, counts as zero here; `l1` takes it as it is.
@@ -28,7 +30,7 @@ def hellinger(first, second) -> float:
     return float(np.sqrt(0.5 * np.square(roots[0] - roots[1]).sum()))
 
 
-def pooled(first, second, first_size, second_size) -> np.ndarray:
+def pooled(first: ArrayLike, second: ArrayLike, first_size: float, second_size: float) -> np.ndarray:
     """Best estimate of a probability that two results share: the exact one, or the mean weighted by sample size.
 
     Parameters
@@ -50,7 +52,7 @@ def pooled(first, second, first_size, second_size) -> np.ndarray:
     return np.clip(weight * np.asarray(first) + (1.0 - weight) * np.asarray(second), 0.0, 1.0)
 
 
-def l1_floor(probabilities, first_size, second_size) -> float:
+def l1_floor(probabilities: ArrayLike, first_size: float, second_size: float) -> float:
     """Return the expected `l1` of two samples drawn from one law.
 
     A bin's difference is nearly normal with variance ``p (1 - p) (1/n1 + 1/n2)``, so its expected absolute value is
@@ -74,7 +76,7 @@ def l1_floor(probabilities, first_size, second_size) -> float:
     return float(np.minimum(np.sqrt(2.0 / math.pi * variance), 2.0 * p).sum())
 
 
-def hellinger_floor(probabilities, first_size, second_size) -> float:
+def hellinger_floor(probabilities: ArrayLike, first_size: float, second_size: float) -> float:
     """Return the root mean square `hellinger` of two samples drawn from one law.
 
     Of two independent samples ``E (sqrt p1 - sqrt p2)^2 = 2 p - 2 E sqrt p1 E sqrt p2``, where p1 and p2 are a bin's

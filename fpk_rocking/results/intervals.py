@@ -3,9 +3,10 @@
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
 
 
-def wilson_interval(successes, trials, level=0.95):
+def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.95) -> Array:
     """Confidence interval of a probability from a count (E. B. Wilson, J. Am. Stat. Assoc. 22, 209-212, 1927).
 
     Parameters

@@ -2,9 +2,11 @@
 
 import math
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from fpk_rocking.base.types import Array, known
 
 
 class Layout(NamedTuple):
@@ -18,11 +20,12 @@ class Layout(NamedTuple):
     arrays: dict[str, str]
     attributes: dict[str, type]
 
-    def of(self, result):
+    def of(self, result: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the arrays and the attributes of a result that has them all under these names."""
-        return tuple({name: getattr(result, name) for name in names} for names in self)
+        arrays, attributes = ({name: getattr(result, name) for name in names} for names in self)
+        return arrays, attributes
 
-    def check(self, arrays, attributes):
+    def check(self, arrays: dict[str, Array], attributes: dict[str, Any]) -> None:
         """Raise ValueError where arrays and attributes are others, or of another form."""
         for kind, found, wanted in (("arrays", arrays, self.arrays), ("attributes", attributes, self.attributes)):
             if found.keys() != wanted.keys():
@@ -31,7 +34,7 @@ class Layout(NamedTuple):
             value = attributes[name]
             if isinstance(value, bool) != (cls is bool) or not isinstance(value, (int, float) if cls is float else cls):
                 raise ValueError(f"{name}: got {value!r}, accepted: {cls.__name__}")
-        lengths = {}
+        lengths: dict[str, int] = {}
         for name, form in self.arrays.items():
             code, *dims = form.split()
             values = arrays[name]
@@ -43,14 +46,14 @@ class Layout(NamedTuple):
 
 def _fits(length, dim, lengths):
     """Whether an array's length is as stated, such as "2", "n" or "20k+1"; a letter's first length is kept."""
-    factor, letter, one = re.fullmatch(r"(\d*)([a-z]?)(\+1)?", dim).groups()
+    factor, letter, one = known(re.fullmatch(r"(\d*)([a-z]?)(\+1)?", dim)).groups()
     length, factor = length - bool(one), int(factor or 1)
     if not letter:
         return length == factor
     return length % factor == 0 and length >= 0 and lengths.setdefault(letter, length // factor) == length // factor
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """Return lists in place of arrays and tuples, and None in place of nan."""
     if isinstance(value, dict):
         return {name: plain(one) for name, one in value.items()}

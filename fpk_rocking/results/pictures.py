@@ -1,8 +1,12 @@
 """Small pictures of results, for ``plot()``: survival, and densities over the plane; matplotlib comes with them."""
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
 
 from fpk_rocking.base.look import COLOURS, SURFACE, drawing
+from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import shown_edges
 from fpk_rocking.results.times import shown_times, time_name
 
@@ -12,7 +16,7 @@ _PANEL = 4.6, 3.3
 _LATTICE = 161
 
 
-def figure_of(*panels):
+def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
     """Return a figure with panels side by side.
 
     Parameters
@@ -31,7 +35,7 @@ def figure_of(*panels):
     return figure
 
 
-def result_panels(result, what, cycle):
+def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[Any, Any], None]]:
     """Return the panels of a result with bins; see `fpk_rocking.results.result.SurvivalResult.plot`."""
 
     def survival(_, axes):
@@ -52,15 +56,15 @@ def result_panels(result, what, cycle):
     return [panels[one] for one in ([what] if what else ["survival", "bins"])]
 
 
-def edges_of(results, cycles):
+def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
     """Return the edges of the bins in which results are shown after some cycles; see `shown_edges`."""
     coarsest = min(results, key=lambda result: result.shown_bins)
     edges = coarsest.bin_edges
     found = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
-    return shown_edges(edges, found, coarsest.shown_bins)
+    return shown_edges(edges, np.asarray(found), coarsest.shown_bins)
 
 
-def survival_panel(axes, *results):
+def survival_panel(axes: Any, *results: Any) -> None:
     """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands."""
     for result, colour in zip(results, COLOURS, strict=False):
         survival, interval = np.asarray(result.survival), result.survival_interval()
@@ -76,7 +80,7 @@ def survival_panel(axes, *results):
     axes.legend(loc="best", fontsize=8)
 
 
-def plane_panel(figure, axes, edges, values, name, power=0.5):
+def plane_panel(figure: Any, axes: Any, edges: Sequence[Array], values: Array, name: str, power: float = 0.5) -> None:
     """Draw values (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
     from matplotlib.colors import PowerNorm
 
@@ -87,7 +91,14 @@ def plane_panel(figure, axes, edges, values, name, power=0.5):
     axes.grid(visible=False)
 
 
-def function_panel(figure, axes, function, edges, name, power=0.5):
+def function_panel(
+    figure: Any,
+    axes: Any,
+    function: Callable[[Array, Array], Array],
+    edges: Sequence[Array],
+    name: str,
+    power: float = 0.5,
+) -> None:
     """Draw a function of angle and velocity on a lattice between the outer edges."""
     fine = [np.linspace(line[0], line[-1], _LATTICE) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))

@@ -5,9 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
+from fpk_rocking.scene.parts import BandNoise, FilteredNoise, NoNoise, WhiteNoise
+from fpk_rocking.scene.scene import Scene
 
 __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
 
@@ -17,13 +20,13 @@ SLENDER = 0.05
 """Error of the linearized moments up to which a block counts as slender."""
 
 
-def scene_text(scene):
+def scene_text(scene: Scene) -> str:
     """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
     start = f"start at ({scene.start.angle:g}, {scene.start.velocity:g})"
     return f"{scene.forcing}, e = {scene.block.restitution:g}, {start}, {noise_text(scene.noise)}; all nondimensional."
 
 
-def noise_text(noise) -> str:
+def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
     """One line that names a noise and its parameters (nondimensional).
 
     Parameters
@@ -52,18 +55,21 @@ def noise_text(noise) -> str:
     return "no noise"
 
 
-def closure_of(scene, solved) -> str:
+def closure_of(scene: Scene, solved: Scene) -> str:
     """Say which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
-    if scene.noise == solved.noise:
+    noise = scene.noise
+    if noise == solved.noise:
         return ""
-    low, high = scene.noise.band
+    if noise.kind != "band":
+        raise ValueError(checks.refusal("noise.kind", noise.kind, "'band', the noise that is replaced"))
+    low, high = noise.band
     instead = (
         f"white noise of equal Melnikov variance, D = {solved.noise.diffusion:.6g}"
         if solved.noise.kind == "white"
         else f"{noise_text(solved.noise)}, of equal variance and Melnikov variance"
     )
     return (
-        f"Band noise (variance {scene.noise.variance:g} on [{low:g}, {high:g}]) was replaced by {instead}. This is an "
+        f"Band noise (variance {noise.variance:g} on [{low:g}, {high:g}]) was replaced by {instead}. This is an "
         "approximation."
     )
 
@@ -84,7 +90,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     tuple of str
         Empty where there is nothing to say.
     """
-    sentences = []
+    sentences: list[str] = []
     for result in results:
         sentences += filter(None, (result.scene.noise.remark, result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]
@@ -93,7 +99,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(sentences))
 
 
-def doubts(result) -> list[Doubt]:
+def doubts(result: Any) -> list[Doubt]:
     """Return what speaks against a result whatever its own errors: the model, and noise whose replacement is unchecked.
 
     A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
@@ -104,7 +110,7 @@ def doubts(result) -> list[Doubt]:
     return found + _unchecked("" if result.replacement else result.closure)
 
 
-def scene_doubts(scene, closure) -> list[Doubt]:
+def scene_doubts(scene: Scene, closure: str) -> list[Doubt]:
     """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
     return _squat(scene.block.dimensions) + _unchecked(closure)
 

@@ -85,7 +85,7 @@ class Replacement:
         return cls(values[:, 0], values[:, 1], **said)
 
 
-def measured(density, paths) -> Replacement:
+def measured(density: Any, paths: Any) -> Replacement:
     """Hold paths under the noise of a scene against a density in which other noise replaced it.
 
     Parameters

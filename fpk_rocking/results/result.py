@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import doubts
-from fpk_rocking.results.replacement import Replacement, measured
+from fpk_rocking.results.replacement import measured
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.times import cycles_of
 from fpk_rocking.results.trust import Trust, trust_of
@@ -123,14 +123,20 @@ class Result(Protocol):
         """
 
 
-class SurvivalResult(Shown):
+# For the type checker alone, as with `Shown`.
+if TYPE_CHECKING:
+    _Result = Result
+else:
+    _Result = object
+
+
+class SurvivalResult(Shown, _Result):
     """What results of all engines have in common; a subclass adds the rest of `Result`.
 
     `shown_bins` is the least number of bins along an axis in pictures, 0 where only some bins are known.
     """
 
-    deterministic = False
-    outcome = ""
+    shown_bins: int
 
     @property
     def cycles(self) -> int | None:
@@ -138,7 +144,7 @@ class SurvivalResult(Shown):
         return cycles_of(self)
 
     @property
-    def bin_edges(self) -> list[Array]:
+    def bin_edges(self) -> tuple[Array, Array]:
         """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
         return joint_edges(self.scene)
 
@@ -173,12 +179,12 @@ class SurvivalResult(Shown):
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
         edges, rows = self.bin_edges, range(len(self.times))
         bins = np.array([self.bin_probabilities(row, *edges) for row in rows])
-        variables = {
+        variables: dict[str, Any] = {
             "survival": ("time", self.survival),
             "overturned": (("time", "side"), self.overturned),
             "bin_probability": (("time", "bin_angle", "bin_velocity"), bins),
         }
-        coordinates = {"time": self.times, "side": ["left", "right"]}
+        coordinates: dict[str, Any] = {"time": self.times, "side": ["left", "right"]}
         coordinates |= {
             name: 0.5 * (line[1:] + line[:-1]) for name, line in zip(("bin_angle", "bin_velocity"), edges, strict=True)
         }
@@ -218,17 +224,44 @@ class SurvivalResult(Shown):
         return figure_of(*result_panels(self, what, cycle))
 
 
-class DensityResult(SurvivalResult):
+class Errors(Protocol):
+    """Error figures that a subclass of `DensityResult` provides."""
+
+    @property
+    def error_estimate(self) -> float:
+        """Estimated error of survival."""
+
+    @property
+    def mass_defect(self) -> float:
+        """Probability that the solver created or lost."""
+
+    @property
+    def negative_mass(self) -> float:
+        """Integral of the density where it is below 0."""
+
+    @property
+    def moving_negative_mass(self) -> float:
+        """The same without the blocks at rest."""
+
+
+if TYPE_CHECKING:
+    _Errors = Errors
+else:
+    _Errors = object
+
+
+class DensityResult(SurvivalResult, _Errors):
     """What results of density solvers have in common.
 
-    A subclass is a dataclass with ``scene``, ``times``, ``closure``, ``error_estimate`` and ``replacement``, which is
-    None until `checked` measures it.
+    A subclass is a dataclass with the rest of `Result`, `Errors` and ``replacement``, which is None until `checked`
+    measures it.
     """
 
     engine = "Fokker-Planck density"
     shown_bins = 64
     realizations = None
-    replacement: Replacement | None
+    deterministic = False
+    outcome = ""
 
     def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
         """Return None: a density is no sample. Its ``error_estimate`` is that of the solver.
@@ -260,7 +293,7 @@ class DensityResult(SurvivalResult):
         """
         if not isinstance(paths, SurvivalResult) or paths.realizations is None:
             raise TypeError(checks.refusal("paths", type(paths).__name__, "an Ensemble or a Tally"))
-        return dataclasses.replace(self, replacement=measured(self, paths))
+        return dataclasses.replace(self, replacement=measured(self, paths))  # type: ignore[type-var]  # is a dataclass
 
     @property
     def total_error(self) -> Array | None:
@@ -276,7 +309,7 @@ class DensityResult(SurvivalResult):
     @property
     def replacement_facts(self) -> dict[str, Any]:
         """The largest total error, and the measured replacement, as plain values; empty where nothing was checked."""
-        if self.replacement is None:
+        if self.replacement is None or self.total_error is None:
             return {}
         return {"total_error": float(self.total_error.max()), "replacement": self.replacement.plain}
 
@@ -291,7 +324,7 @@ class DensityResult(SurvivalResult):
     def _whole(self):
         """Probability of overturning at the last time, its numerical and its whole error, as a text."""
         text = f"P(overturned) = {1.0 - self.survival[-1]:.4f} ± {self.error_estimate:.1g} (numerics)"
-        if self.replacement is None:
+        if self.replacement is None or self.total_error is None:
             return f"{text}, replacement of the noise: not checked"
         found, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]
         return f"{text}, replacement of the noise: {found:+.4f} ± {error:#.2g}, total ± {self.total_error[-1, 0]:#.2g}"
@@ -319,12 +352,12 @@ class DensityResult(SurvivalResult):
         )
 
 
-def interval_of(result) -> Array | None:
+def interval_of(result: Any) -> Array | None:
     """Return the 95 % limits of survival that are shown; None for a density, and where nothing is random."""
     return None if result.deterministic else result.survival_interval(0.95)
 
 
-def label_of(result) -> str:
+def label_of(result: Any) -> str:
     """Return the engine of a result and the size of a sample, as in ``"Monte Carlo rk4, 1,000 realizations"``."""
     if result.deterministic:
         return f"{result.engine}, one path"

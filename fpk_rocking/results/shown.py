@@ -5,9 +5,13 @@ import html
 import importlib
 import io
 import textwrap
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+
+from fpk_rocking.base.types import Array
+from fpk_rocking.results.replacement import Replacement
+from fpk_rocking.results.trust import Trust
 
 __all__ = ["Shown", "picture_html", "trust_html"]
 
@@ -15,32 +19,54 @@ _COLOURS = {"ok": "#00704a", "caution": "#9a5b00", "do not use": "#b00020"}
 _SHORT = 100
 
 
-class Shown:
-    """How a result is shown; a subclass provides the following.
+class Provided(Protocol):
+    """What a subclass of `Shown` provides."""
 
-    Attributes
-    ----------
-    trust : Trust
-        Verdict with its reasons, see `fpk_rocking.results.trust`.
-    headline : str
-        The most important figures as a line of text.
-    facts : dict
-        Further figures, as plain values by name.
+    @property
+    def trust(self) -> Trust:
+        """Verdict with its reasons."""
 
-    Methods
-    -------
-    plot()
-        A picture, a matplotlib figure.
-    columns()
-        A table: a dict of arrays (n,) by column name.
-    grids()
-        All arrays: a dict of (dimensions, array) by name, and one of coordinates, as `xarray.Dataset` takes them.
-    """
+    @property
+    def headline(self) -> str:
+        """The most important figures as a line of text."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Further figures, as plain values by name."""
+
+    def plot(self) -> Any:
+        """Draw a picture, a matplotlib figure."""
+
+    def columns(self) -> dict[str, Array]:
+        """Return a table: arrays (n,) by column name."""
+
+    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return (dimensions, array) by name, and coordinates, as `xarray.Dataset` takes them."""
+
+
+# For the type checker alone: in fact inherited, these properties would forbid a field of the same name.
+if TYPE_CHECKING:
+    _Provided = Provided
+else:
+    _Provided = object
+
+
+class Shown(_Provided):
+    """How a result is shown; a subclass has all of `Provided`."""
 
     # What only some results have.
-    atom = False
-    check = unresolved = ""
-    replacement: Any = None
+    atom: bool = False
+    replacement: Replacement | None = None
+
+    @property
+    def check(self) -> str:
+        """How the replacement of the noise was measured, as a sentence; empty where it was not."""
+        return ""
+
+    @property
+    def unresolved(self) -> str:
+        """What is not resolved, as a sentence; empty where everything is."""
+        return ""
 
     def __repr__(self) -> str:
         reason = textwrap.shorten(self.trust.reasons[0], _SHORT, placeholder=" ...")
@@ -98,13 +124,13 @@ def _library(name):
         raise ModuleNotFoundError(needed, name=name) from None
 
 
-def trust_html(trust):
+def trust_html(trust: Trust) -> str:
     """Return a verdict as a paragraph of HTML."""
     colour, reasons = _COLOURS[trust.verdict], html.escape(" ".join(trust.reasons))
     return f"<p><strong style='color:{colour}'>trust: {html.escape(trust.verdict)}</strong>. {reasons}</p>"
 
 
-def picture_html(figure, meaning, dots=110):
+def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
     """Return a figure as an image of HTML that holds its own data.
 
     Parameters

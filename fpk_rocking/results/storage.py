@@ -11,12 +11,13 @@ import os
 import pathlib
 import secrets
 import zipfile
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import File
+from fpk_rocking.base.types import ArrayLike, File
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.scene.scene import Scene
 
@@ -28,7 +29,7 @@ _PIECE = 2**20
 
 
 @contextlib.contextmanager
-def replaced_atomically(path):
+def replaced_atomically(path: File) -> Iterator[pathlib.Path]:
     """Give a temporary path to write to; it takes the place of `path` when the block ends without an exception.
 
     Parameters
@@ -42,27 +43,29 @@ def replaced_atomically(path):
         A new name in the same folder with the same suffix. Whatever is there is removed on any exception, an
         interruption included, and `path` is then as it was.
     """
-    path = checks.path("path", path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{path.suffix}")
+    file_path = checks.path("path", path)
+    file_path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = file_path.with_name(f".{file_path.stem}-{secrets.token_hex(6)}{file_path.suffix}")
     try:
         yield temporary
         # On the disk before it has the name: a machine that stops must not leave an empty file in an old one's place.
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
-        temporary.replace(path)
+        temporary.replace(file_path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
 
 
-def write_text(path, text):
+def write_text(path: File, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all."""
     with replaced_atomically(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_result(path, kind, scene, arrays, attributes):
+def write_result(
+    path: File, kind: str, scene: Scene, arrays: Mapping[str, ArrayLike], attributes: dict[str, Any]
+) -> None:
     """Save a result.
 
     Parameters
@@ -87,8 +90,8 @@ def write_result(path, kind, scene, arrays, attributes):
     """
     if kind not in KINDS:
         raise ValueError(f"kind: got {kind!r}, accepted: {', '.join(map(repr, KINDS))}")
-    arrays = {name: np.asarray(values) for name, values in arrays.items()}
-    for name, values in arrays.items():
+    kept = {name: np.asarray(values) for name, values in arrays.items()}
+    for name, values in kept.items():
         if name == _HEADER:
             raise ValueError(f"arrays: got the name {name!r}, accepted: any other name")
         if values.dtype.hasobject:
@@ -105,10 +108,10 @@ def write_result(path, kind, scene, arrays, attributes):
     except TypeError as error:
         raise TypeError(f"attributes: {error}, accepted: numbers, strings, None, lists, dicts") from None
     with replaced_atomically(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{_HEADER: np.array(text)}, **arrays)
+        np.savez(file, **{_HEADER: np.array(text)}, **kept)  # type: ignore[arg-type]  # none is called allow_pickle
 
 
-def read_result(path, kind, *layouts):
+def read_result(path: File, kind: str, *layouts: Layout) -> tuple[Scene, dict[str, Any], dict[str, Any]]:
     """Load a result that `write_result` saved, all that is read of it held against its checksum.
 
     Parameters
@@ -194,15 +197,17 @@ class Saved:
 
     def _stored(self) -> tuple[Any, dict[str, Any], dict[str, Any]]:
         """Return the scene, the arrays and the attributes to save."""
-        return self.scene, *self._layouts[0].of(self)
+        own: Any = self
+        return own.scene, *self._layouts[0].of(self)
 
     @classmethod
-    def _restored(cls, scene, arrays, attributes):
+    def _restored(cls, scene: Scene, arrays: dict[str, Any], attributes: dict[str, Any]) -> Self:
         """Make the result from what was saved."""
-        return cls(scene=scene, **arrays, **attributes)
+        own: Any = cls
+        return own(scene=scene, **arrays, **attributes)
 
 
-def result_kind(path):
+def result_kind(path: File) -> str:
     """Return the kind of a saved result, one of `KINDS`; raises as `read_result`."""
     with _opened(path) as (header, _):
         return header["kind"]

@@ -1,8 +1,12 @@
 """The times that results are for: whole forcing cycles, or times of their own where the forcing does not repeat."""
 
+from typing import Any
+
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.scene.scene import Scene
 
 SETTLING = 10.0
 """Time for which a block is followed after a motion unless `times` tell otherwise.
@@ -17,7 +21,7 @@ PARTS = 20
 _MOST, _MOST_CYCLES = 100_000, 2**24
 
 
-def result_times(scene, cycles=None, times=None):
+def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | None = None) -> Array:
     """Return the times (n + 1,) of a result, the first 0.
 
     Parameters
@@ -42,9 +46,10 @@ def result_times(scene, cycles=None, times=None):
         if times is not None:
             accepted = "nothing, as this forcing repeats; use cycles"
             raise ValueError(checks.refusal("times", times, accepted))
-        if checks.count("cycles", cycles) > _MOST_CYCLES:
+        count = checks.count("cycles", cycles)
+        if count > _MOST_CYCLES:
             raise ValueError(checks.refusal("cycles", cycles, f"a whole number from 1 to {_MOST_CYCLES}"))
-        return scene.period * np.arange(cycles + 1)
+        return scene.period * np.arange(count + 1)
     if cycles is not None:
         raise ValueError(
             checks.refusal("cycles", cycles, f"nothing, as a {scene.forcing.kind} has no cycles; use times")
@@ -66,16 +71,16 @@ def result_times(scene, cycles=None, times=None):
     return found if found[0] == 0.0 else np.append(0.0, found)
 
 
-def cycles_of(result):
+def cycles_of(result: Any) -> int | None:
     """Return the number of forcing cycles of a result with ``scene`` and ``times``; None where there are none."""
     return None if result.scene.period is None else len(result.times) - 1
 
 
-def time_name(scene):
+def time_name(scene: Scene) -> str:
     """Return what the rows of a result are counted in, for axes and tables."""
     return "forcing cycles" if scene.period is not None else "time τ"
 
 
-def shown_times(result):
+def shown_times(result: Any) -> Array:
     """Return the rows as a reader counts them: whole cycles, or times τ."""
     return np.asarray(result.times) if result.scene.period is None else np.arange(len(result.times))

@@ -1,7 +1,8 @@
 """Whether the numbers of a result may be used: one verdict for all kinds of results, from their error figures."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Doubt(NamedTuple):
     code: str = ""
 
     @property
-    def kind(self):
+    def kind(self) -> str:
         """What doubts of one kind share: the code, or the sentence where there is none."""
         return self.code or self.sentence
 
@@ -68,19 +69,19 @@ class Trust(NamedTuple):
         return f"trust: {self.verdict}. {' '.join(self.reasons)}"
 
     @property
-    def plain(self):
+    def plain(self) -> dict[str, Any]:
         """Verdict and reasons as a dict, for JSON."""
         return {"verdict": self.verdict, "reasons": list(self.reasons)}
 
 
-def verdict(doubts, otherwise) -> Trust:
+def verdict(doubts: Iterable[Doubt], otherwise: str) -> Trust:
     """Return the verdict of all doubts, and the reason `otherwise` where there is none."""
     doubts = sorted(dict.fromkeys(doubts), key=lambda doubt: -doubt.weight)
     weight = doubts[0].weight if doubts else 0
     return Trust(VERDICTS[weight], tuple(doubt.sentence for doubt in doubts) or (otherwise,))
 
 
-def trust_of(facts, doubts=(), otherwise="") -> Trust:
+def trust_of(facts: dict[str, Any], doubts: Iterable[Doubt] = (), otherwise: str = "") -> Trust:
     """Judge a result by its own figures, each against two limits, and by doubts that are known beside them.
 
     Parameters

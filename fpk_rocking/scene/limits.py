@@ -7,11 +7,16 @@ it, and squares of 1e200 overflow. The bounds are far from anything that rocks, 
 """
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.physics.noise.filters import Filter
+
+if TYPE_CHECKING:  # it imports this module
+    from fpk_rocking.scene.scene import Scene
+
 
 _RANGES = {
     "noise.variance": (0.0, 1e6),
@@ -35,7 +40,7 @@ _VARIANCES = 1e-24, 1e8
 _ELASTIC, _SLOWEST = 1.0 - 1e-6, 1e-5
 
 
-def check(scene):
+def check(scene: "Scene") -> None:
     """Refuse a scene that the engines cannot carry.
 
     Parameters
@@ -51,7 +56,7 @@ def check(scene):
     """
     scene.forcing.check_range()
     for name, (low, high) in _RANGES.items():
-        values = scene
+        values: Any = scene
         for field in name.split("."):
             values = getattr(values, field, ())
         checks.sizes(name, values, low, high, or_none=name.startswith(("noise.", "start.")))

@@ -2,9 +2,10 @@
 
 import dataclasses
 import math
-from typing import ClassVar, Self
+from typing import ClassVar, Literal, Self
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import known
 from fpk_rocking.physics.noise.envelope import ENVELOPES, Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS, Filter
 from fpk_rocking.physics.noise.state_space import StateSpace
@@ -29,7 +30,7 @@ class Block:
         nondimensional motion does not depend on it.
     """
 
-    restitution: float | None = None
+    restitution: float = None  # type: ignore[assignment]  # None until it follows from the dimensions
     dimensions: Dimensions | None = None
 
     def __post_init__(self):
@@ -73,7 +74,7 @@ class BandNoise:
         Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
-    kind: ClassVar[str] = "band"
+    kind: ClassVar[Literal["band"]] = "band"
     variance: float
     band: tuple[float, float]
     harmonics: int
@@ -105,7 +106,7 @@ class WhiteNoise:
         Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
-    kind: ClassVar[str] = "white"
+    kind: ClassVar[Literal["white"]] = "white"
     remark: ClassVar[str] = ""
     diffusion: float
     envelope: Trapezoid | Exponential | Table | None = None
@@ -148,7 +149,7 @@ class FilteredNoise:
         Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
     """
 
-    kind: ClassVar[str] = "filtered"
+    kind: ClassVar[Literal["filtered"]] = "filtered"
     remark: ClassVar[str] = ""
     filter: str | Filter
     variance: float
@@ -166,8 +167,8 @@ class FilteredNoise:
         if isinstance(self.filter, str) and self.filter not in FILTERS:
             raise ValueError(checks.refusal("noise.filter", self.filter, accepted))
         _set(self, "variance", checks.number("noise.variance", self.variance, at_least=0.0))
-        named = isinstance(self.filter, str)
-        for name, taken in (("frequency", named), ("damping", named and FILTERS[self.filter].damped)):
+        named = FILTERS[self.filter] if isinstance(self.filter, str) else None
+        for name, taken in (("frequency", named), ("damping", named and named.damped)):
             value = getattr(self, name)
             if taken:
                 _set(self, name, checks.number(f"noise.{name}", value, above=0.0))
@@ -180,24 +181,24 @@ class FilteredNoise:
         """State space of the filter, for noise of variance 1."""
         if isinstance(self.filter, Filter):
             return self.filter.space
-        return FILTERS[self.filter].space(self.frequency, self.damping)
+        return FILTERS[self.filter].space(known(self.frequency), self.damping)
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the noise with accelerations and frequencies multiplied by factors."""
         variance = self.variance * strength**2
         if isinstance(self.filter, Filter):
             return _scaled(self, rate, variance=variance, filter=self.filter.faster(rate))
-        return _scaled(self, rate, variance=variance, frequency=self.frequency * rate)
+        return _scaled(self, rate, variance=variance, frequency=known(self.frequency) * rate)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class NoNoise:
     """No noise: the motion is deterministic."""
 
-    kind: ClassVar[str] = "none"
+    kind: ClassVar[Literal["none"]] = "none"
     remark: ClassVar[str] = ""
     variance: ClassVar[float] = 0.0
-    envelope: ClassVar = None
+    envelope: ClassVar[None] = None
 
     def scaled(self, strength: float, rate: float) -> Self:  # noqa: ARG002
         """Return the same: nothing is scaled."""

@@ -228,12 +228,12 @@ class Scene:
         if (rms > 0.0) != (noise_band_hz is not None):
             accepted = "a number > 0 together with noise_band_hz = [lowest, highest], or neither of them"
             raise ValueError(checks.refusal("noise_rms_acceleration", noise_rms_acceleration, accepted))
-        noise = NoNoise()
+        noise: BandNoise | NoNoise = NoNoise()
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", noise_band_hz)
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
         return cls(
-            block=Block(restitution, size),
+            block=Block(size.restitution if restitution is None else restitution, size),
             forcing=forcing,
             noise=noise,
             start=start,

@@ -1,8 +1,10 @@
 """The text form of a scene's parts: readers of TOML tables, and the tables that they read back."""
 
 import dataclasses
+from typing import Any
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic
 from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
 from fpk_rocking.physics.noise.envelope import ENVELOPES
@@ -14,7 +16,7 @@ FILTER_KINDS = {cls.kind: cls for cls in (LinearFilter, CloughPenzien)}
 """Classes of filters by the kind of their table; a filter with a name needs no table."""
 
 
-def read_part(name, table, folder):
+def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
     """Read a part of a scene.
 
     Parameters
@@ -38,7 +40,7 @@ def read_part(name, table, folder):
     return _READERS[name](name, table, folder)
 
 
-def table_of(name, part):
+def table_of(name: str, part: Any) -> str:
     """Return the TOML table of a part of a scene, without the parts that have tables of their own."""
     lines = [f"[{name}]"]
     if getattr(part, "kind", Harmonic.kind) != Harmonic.kind:

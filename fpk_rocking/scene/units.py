@@ -9,9 +9,12 @@ moment and up to θ_cr²/2 of the forcing: 1 % and 3 % at θ_cr = 0.25. a counts
 
 import dataclasses
 import math
+from typing import TypeVar
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Number
+from fpk_rocking.base.types import Array
+
+_Number = TypeVar("_Number", float, Array)
 
 _SMALLEST, _LARGEST = 1e-100, 1e100
 """Of a width, height or gravity: beyond, a conversion of units divides by 0 or overflows."""
@@ -88,7 +91,7 @@ class Dimensions:
         angle = self.critical_angle
         return angle / math.sin(angle) - 1.0, 1.0 / math.cos(angle) - 1.0
 
-    def seconds(self, tau: Number) -> Number:
+    def seconds(self, tau: _Number) -> _Number:
         """Convert nondimensional time to seconds.
 
         Parameters
@@ -102,7 +105,7 @@ class Dimensions:
         """
         return tau / self.frequency_parameter
 
-    def tau(self, seconds: Number) -> Number:
+    def tau(self, seconds: _Number) -> _Number:
         """Convert seconds to nondimensional time τ = pt.
 
         Parameters
@@ -115,7 +118,7 @@ class Dimensions:
         """
         return seconds * self.frequency_parameter
 
-    def radians(self, angle: Number) -> Number:
+    def radians(self, angle: _Number) -> _Number:
         """Convert a nondimensional angle to radians.
 
         Parameters
@@ -129,7 +132,7 @@ class Dimensions:
         """
         return angle * self.critical_angle
 
-    def amplitude(self, peak_acceleration: Number) -> Number:
+    def amplitude(self, peak_acceleration: _Number) -> _Number:
         """Convert a base acceleration to the nondimensional amplitude a/(g θ_cr).
 
         Parameters
@@ -143,7 +146,7 @@ class Dimensions:
         """
         return peak_acceleration / (self.gravity * self.critical_angle)
 
-    def frequency(self, frequency_hz: Number) -> Number:
+    def frequency(self, frequency_hz: _Number) -> _Number:
         """Convert a frequency to the nondimensional angular frequency 2πf/p.
 
         Parameters

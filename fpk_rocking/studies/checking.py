@@ -57,8 +57,9 @@ def solve_checked(
         As `solve_fpk` and `checked`.
     """
     realizations, seed = _asked(scene, realizations, seed)
-    asked = {"cycles": cycles, "times": times, "tol": tol, "bins_tol": bins_tol, "closure": closure}
-    density = solve_fpk(scene, **asked, progress=progress)
+    density = solve_fpk(
+        scene, cycles=cycles, times=times, tol=tol, bins_tol=bins_tol, closure=closure, progress=progress
+    )
     return checked(density, realizations=realizations, seed=seed)
 
 

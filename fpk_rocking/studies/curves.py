@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from typing import Any
 
 import numpy as np
 
@@ -104,10 +105,11 @@ def fragility(
     engine, shaken, closure = _engine(engine, scenes)
     for one in shaken:
         result_times(one, cycles, times)
-    lasting = {} if cycles is None else {"cycles": int(cycles)}
-    lasting |= {} if times is None else {"times": [float(time) for time in times]}
+    lasting: dict[str, Any] = {} if cycles is None else {"cycles": int(cycles)}
+    lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
     options, realizations = _options(engine, shaken, lasting, realizations, tol)
-    shape, cells = (len(scenes), 1 + len(levels), len(factors)), []
+    shape = len(scenes), 1 + len(levels), len(factors)
+    cells: list[Cell] = []
     for m, which, n in np.ndindex(shape):
         own = seed_of(seed, n if over else m * len(factors) + n)
         level = levels[which - 1] if which else None

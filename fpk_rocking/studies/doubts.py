@@ -1,5 +1,7 @@
 """What speaks against fragility curves: the noise, missing answers, fits that the data reject, few motions."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fpk_rocking.results.intervals import wilson_interval
@@ -8,10 +10,14 @@ from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
 from fpk_rocking.studies.lognormal import MISFIT, REJECTED
 from montecarlo.results.sample import path_doubts
 
+if TYPE_CHECKING:  # it imports this module
+    from fpk_rocking.studies.result import Fragility
+
+
 __all__ = ["doubts_of"]
 
 
-def doubts_of(result) -> list[Doubt]:
+def doubts_of(result: "Fragility") -> list[Doubt]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
     found = _unanswered(result) + _noise(result) + _rejected(result)
     if result.mixture:
@@ -31,7 +37,7 @@ def _unanswered(result):
 
 def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
-    kinds = {}
+    kinds: dict[str, dict[Doubt, None]] = {}
     for scene in result.scenes:
         for doubt in scene_doubts(scene, result.closure):
             kinds.setdefault(doubt.kind, {})[doubt] = None

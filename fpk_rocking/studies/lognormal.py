@@ -150,7 +150,7 @@ def fit_lognormal(
     return LognormalFit(median, dispersion, middles, spreads, misfit, deviance, p_value, level, "")
 
 
-def no_fit(level, reason):
+def no_fit(level: float, reason: str) -> LognormalFit:
     """Return a fit that there is not, with the reason."""
     nothing = math.nan, math.nan
     return LognormalFit(math.nan, math.nan, nothing, nothing, math.nan, math.nan, math.nan, level, reason)

@@ -1,12 +1,12 @@
 """Pictures of fragility: curves with their intervals and fits, and a surface over a parameter and the scale."""
 
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base.types import File
+from fpk_rocking.base.types import Array, File
 from fpk_rocking.output import style
 from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
@@ -70,7 +70,7 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
             axes.legend(loc="best")
-    return path
+    return pathlib.Path(path)
 
 
 def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathlib.Path:
@@ -94,10 +94,10 @@ def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathl
         filled = draw_surface(axes, result, which)
         axes.legend(**_ABOVE)
         figure.colorbar(filled, ax=axes, label=_event(result, which))
-    return path
+    return pathlib.Path(path)
 
 
-def draw_surface(axes, result, which=0):
+def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
     """Draw what `surface_figure` draws on axes, and return the filled contours."""
     filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
     medians = np.array([fits[which].median for fits in result.fits])
@@ -106,7 +106,7 @@ def draw_surface(axes, result, which=0):
     return filled
 
 
-def draw_map(axes, across, up, probability):
+def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
     """Draw probabilities (up, across) over two positive parameters as contours, and return the filled ones."""
     values = np.clip(probability, 0.0, 1.0)
     filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
@@ -119,7 +119,7 @@ def draw_map(axes, across, up, probability):
     return filled
 
 
-def small_figure(result):
+def small_figure(result: Any) -> Any:
     """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
 
     def surface(figure, axes):
@@ -163,7 +163,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
-def logarithmic(set_scale, axis):
+def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
     """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten."""
     from matplotlib.ticker import LogLocator, NullLocator
 

@@ -221,10 +221,11 @@ class Fragility(Saved, Shown):
         if self.mixture:
             return f"mean of {len(self.scenes)} scenes"
         sizes = [one.block.dimensions for one in self.scenes]
+        size = sizes[scene]
         if self.axis != "scene":
             return f"{self.axis} {self.place[scene]:.4g}"
-        if None not in sizes and len(set(sizes)) == len(sizes):
-            return f"{sizes[scene].width:.3g} m × {sizes[scene].height:.3g} m"
+        if size is not None and None not in sizes and len(set(sizes)) == len(sizes):
+            return f"{size.width:.3g} m × {size.height:.3g} m"
         return f"scene {scene}"
 
     @property
@@ -244,9 +245,9 @@ class Fragility(Saved, Shown):
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
         own = {} if self.deterministic.all() else own
-        own = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
+        most = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
         tol = {"tol": self.options["tol"]} if "tol" in self.options else {}
-        return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | own | tol
+        return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | most | tol
 
     @functools.cached_property
     def trust(self) -> Trust:
@@ -378,8 +379,8 @@ def _outcomes(scale, curve):
     over = curve == 1.0
     if not over.any():
         return f"happens at none of {over.size} scales"
-    always = np.flatnonzero(~over)
-    always = always[-1] + 1 if always.size else 0
+    not_over = np.flatnonzero(~over)
+    always = not_over[-1] + 1 if not_over.size else 0
     last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
     return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike
+from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import Dimensions
 
@@ -77,11 +78,11 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     checks.instance("scene", scene, Scene)
     if not isinstance(axes, dict) or not axes:
         raise TypeError(checks.refusal("axes", axes, 'a dict such as {"forcing.amplitude": [3.0, 4.0]}'))
-    axes = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
+    lists = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
     scenes = [scene]
-    for name, values in axes.items():
+    for name, values in lists.items():
         scenes = [varied(one, name, value) for one in scenes for value in values]
-    return Grid(tuple(scenes), axes)
+    return Grid(tuple(scenes), lists)
 
 
 def varied(scene: Scene, name: str, value: float) -> Scene:
@@ -171,11 +172,11 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     own = scene.block.restitution
     housner = old.width <= math.sqrt(2.0) * old.height and own == old.restitution
     start = scene.start
-    moved = {"angle": start.angle * angle, "velocity": start.velocity * angle * rate}
-    if start.covariance is not None:
-        (xx, xv), (_, vv) = start.covariance
+    covariance = start.covariance
+    if covariance is not None:
+        (xx, xv), (_, vv) = covariance
         xv *= angle**2 * rate
-        moved["covariance"] = (xx * angle**2, xv), (xv, vv * (angle * rate) ** 2)
+        covariance = (xx * angle**2, xv), (xv, vv * (angle * rate) ** 2)
     # What is in seconds takes the size of the scene's block by itself.
     forcing = scene.forcing
     return dataclasses.replace(
@@ -183,11 +184,11 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
         block=dataclasses.replace(scene.block, restitution=new.restitution if housner else own, dimensions=new),
         forcing=forcing if forcing.dimensional else forcing.scaled(angle, rate),
         noise=scene.noise.scaled(angle, rate),
-        start=dataclasses.replace(start, **moved),
+        start=Start(start.angle * angle, start.velocity * angle * rate, covariance),
     )
 
 
-def dimensions_of(scene, name):
+def dimensions_of(scene: Scene, name: str) -> Dimensions:
     """Return the dimensions of a scene's block, or refuse a parameter that needs them."""
     if scene.block.dimensions is None:
         raise ValueError(

@@ -142,7 +142,7 @@ class Sweep(Shown):
 
     def columns(self) -> dict[str, Array]:
         """Table of `to_csv`: arrays by column name."""
-        found = {"cell": [row["cell"] for row in self.rows]}
+        found: dict[str, Sequence[Any]] = {"cell": [row["cell"] for row in self.rows]}
         found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
         found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}
         found |= {name: [row[name] for row in self.rows] for name in ("wall_s", "reason")}
@@ -239,19 +239,19 @@ def sweep(
     RuntimeError
         The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.
     """
-    scenes, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
-    scenes = checked_scenes("scenes", scenes)
+    given, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
+    checked = checked_scenes("scenes", given)
     seed = checks.count("seed", seed, at_least=0)
     function = VERBS.get(verb, verb) if isinstance(verb, str) else verb
     if not callable(function):
         raise ValueError(checks.refusal("verb", verb, f"{', '.join(map(repr, VERBS))}, or a function"))
-    cells = [Cell(number, scene, seed_of(seed, number)) for number, scene in enumerate(scenes)]
+    cells = [Cell(number, scene, seed_of(seed, number)) for number, scene in enumerate(checked)]
     started = time.perf_counter()
     rows = run(function, cells, options, workers=workers, store=store, progress=progress)
     return Sweep(rows, axes, time.perf_counter() - started)
 
 
-def checked_scenes(name, scenes):
+def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
     """Return a tuple of scenes, at least one."""
     accepted = "one or more scenes"
     scenes = checks.sequence(name, scenes, accepted)
@@ -260,7 +260,15 @@ def checked_scenes(name, scenes):
     return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))
 
 
-def run(verb, cells, options, *, workers, store=None, progress=None):
+def run(
+    verb: Callable[..., Any],
+    cells: Sequence[Cell],
+    options: dict[str, Any],
+    *,
+    workers: int | concurrent.futures.Executor,
+    store: File | None = None,
+    progress: Progress | None = None,
+) -> tuple[dict[str, Any], ...]:
     """Run a verb on cells, or take their rows from a store; parameters as in `sweep`.
 
     Returns

@@ -1,5 +1,7 @@
 """Fragility curves as a table on standard output."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from rich import box
 from rich.table import Table
@@ -7,10 +9,14 @@ from rich.table import Table
 from fpk_rocking.output.tables import told
 from fpk_rocking.studies.lognormal import P_VALUE
 
+if TYPE_CHECKING:  # it imports this module
+    from fpk_rocking.studies.result import Fragility
+
+
 __all__ = ["fragility_table", "size_of"]
 
 
-def size_of(result):
+def size_of(result: "Fragility") -> str:
     """Return how many paths are behind each probability, as a text."""
     mean = f"{result.label(0)}, " * result.mixture
     if result.deterministic.all():
@@ -18,7 +24,7 @@ def size_of(result):
     return mean + (f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates")
 
 
-def fragility_table(result):
+def fragility_table(result: "Fragility") -> tuple[str, Table, tuple[str, ...]]:
     """Return title, table and closing sentences for the probabilities at each scale, for `output.tables.show`.
 
     Parameters

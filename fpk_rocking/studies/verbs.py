@@ -1,16 +1,20 @@
 """What a cell of a sweep does by name: the engines' verbs, with results reduced to a row."""
 
 import math
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from fpk_rocking.density import solve_fpk
 from fpk_rocking.density.ahead import tasks_of_density
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.execution.cells import Cell
 from montecarlo import simulate
 from montecarlo.engines.choice import fitting, task_of
 
 
-def mc(scene, *, seed, **options):
+def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
     """Survival after each cycle of `montecarlo.simulate`, with the count of those that stand and the verdict."""
     result = simulate(scene, seed=seed, **options)
     return {
@@ -22,7 +26,7 @@ def mc(scene, *, seed, **options):
     }
 
 
-def fpk(scene, *, seed, **options):  # noqa: ARG001  (a verb has a seed; a density has no use for it)
+def fpk(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:  # noqa: ARG001  (a verb has a seed; a density has no use for it)
     """Survival after each cycle of `fpk_rocking.solve_fpk`, its errors and the verdict; not refined for bins."""
     result = solve_fpk(scene, **{"bins_tol": math.inf} | options)
     return {
@@ -39,9 +43,9 @@ VERBS = {"mc": mc, "fpk": fpk}
 """Verbs of a sweep by name."""
 
 
-def tasks_of(verb, cells, options):
+def tasks_of(verb: Callable[..., Any], cells: Sequence[Cell], options: dict[str, Any]) -> list[str]:
     """Return the tasks of `base.ahead` that compile what a verb of `VERBS` needs for these cells."""
-    found = set()
+    found: set[str] = set()
     for cell in cells:
         if verb is mc:
             found.update(map(task_of, fitting(cell.scene, options.get("method"))[:1]))

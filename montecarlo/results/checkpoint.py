@@ -1,9 +1,11 @@
 """A long tally in parts: its state is kept in a file, and a later run goes on from there."""
 
 import time
+from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base.types import File
 from fpk_rocking.results import storage
 from montecarlo.results.counts import Counts
 from montecarlo.results.tally import LAYOUT, Tally
@@ -27,11 +29,11 @@ class Keeper:
         self._path, self._done, self._due = path, done, 0.0
 
     @property
-    def is_due(self):
+    def is_due(self) -> bool:
         """Whether enough time has passed to save again; saving takes no more than 2 % of a run."""
         return self._path is not None and time.perf_counter() >= self._due
 
-    def keep(self, tally):
+    def keep(self, tally: Tally) -> None:
         """Save a tally, unless the file holds as many realizations already."""
         if self._path is None or tally.realizations == self._done:
             return
@@ -41,7 +43,7 @@ class Keeper:
         self._done, self._due = tally.realizations, ended + max(_BETWEEN_S, (ended - began) / _SHARE)
 
 
-def resumed(path, run, empty):
+def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
     """Return the counts of a checkpoint and the seconds spent on them.
 
     Parameters

@@ -7,13 +7,15 @@ their own, the low ones to less than 2^63: nothing overflows an int64.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.scene.scene import Scene
 
 LARGEST = 2**31 - 1
 """Realizations at most."""
@@ -60,7 +62,7 @@ class Counts(NamedTuple):
     products: np.ndarray
 
 
-def empty_counts(scene, times, angle_edges, velocity_edges):
+def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:
     """Return `Counts` of no realization.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
@@ -81,7 +83,7 @@ def empty_counts(scene, times, angle_edges, velocity_edges):
     )
 
 
-def add(counts, batch):
+def add(counts: Counts, batch: Any) -> None:
     """Add a batch of realizations to the counts, whole or, with the ValueError of a wild state, not at all."""
     if not _add(counts, batch.angle, batch.velocity, _in_rows(batch.overturn_time, counts.times), batch.overturn_side):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
@@ -176,7 +178,7 @@ def _bin_of(edges, value):
     return low
 
 
-def moments(counts):
+def moments(counts: Counts) -> tuple[Array, Array]:
     """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks after each cycle, nan where none stands.
 
     They are those of the rounded states, right to the last digit whatever cancels: Python's integers have no end.

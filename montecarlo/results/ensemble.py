@@ -71,12 +71,12 @@ class Ensemble(Saved, Sample):
         return self.angle.shape[0]
 
     @functools.cached_property
-    def _gone(self):
+    def _gone(self) -> Array:
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
         return np.stack(sides, axis=-1)
 
     @property
-    def _overturning(self):
+    def _overturning(self) -> tuple[float, float, int] | None:
         time, side = float(self.overturn_time[0]), int(self.overturn_side[0])
         return (time, time, side) if side else None
 

@@ -133,7 +133,9 @@ class Histories(Saved, Shown):
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
+        variables: dict[str, Any] = {
+            name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")
+        }
         variables |= {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
         variables |= {name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")}
         return variables, {"time": self.time}

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import known
 from fpk_rocking.physics.forcing import refuse_transient
 from montecarlo.results.ensemble import Ensemble
 
@@ -25,7 +26,7 @@ class Rate(NamedTuple):
 
     rate: float
     interval: np.ndarray
-    count: int
+    count: int  # type: ignore[assignment]  # a field, in place of the method of a tuple
 
 
 def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: int | None = None) -> Rate:
@@ -64,11 +65,12 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
         raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
     if isinstance(side, bool) or not (side is None or (isinstance(side, numbers.Integral) and abs(side) == 1)):
         raise ValueError(checks.refusal("side", side, "None, or -1 (left) or 1 (right)"))
-    if after >= ensemble.cycles or ensemble.survivors[after] == 0:
-        accepted = f"a number below {ensemble.cycles}, of cycles after which a block still stands"
+    cycles, period = known(ensemble.cycles), known(ensemble.scene.period)
+    if after >= cycles or ensemble.survivors[after] == 0:
+        accepted = f"a number below {cycles}, of cycles after which a block still stands"
         raise ValueError(checks.refusal("after", after, accepted))
-    ends = ensemble.overturn_time / ensemble.scene.period
-    lived = np.where(ensemble.overturn_side == 0, ensemble.cycles, ends) - after
+    ends = ensemble.overturn_time / period
+    lived = np.where(ensemble.overturn_side == 0, cycles, ends) - after
     exposure = lived[lived > 0.0].sum()
     standing = np.isfinite(ensemble.angle[:, after])
     counted = (ensemble.overturn_side != 0) if side is None else (ensemble.overturn_side == side)

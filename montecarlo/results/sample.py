@@ -1,7 +1,8 @@
 """Survival and leakage of a sample of realizations, from counts."""
 
+import abc
 import functools
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 """Reason of the verdict on the one path of a deterministic scene by the method "exact"."""
 
 
-def path_doubts(method) -> list[Doubt]:
+def path_doubts(method: str) -> list[Doubt]:
     """Return what speaks against the one path of a deterministic scene, where only a method's own error is left."""
     if method == "exact":
         return []
@@ -30,10 +31,28 @@ def path_doubts(method) -> list[Doubt]:
 class Sample(SurvivalResult):
     """What an ensemble and a tally have in common.
 
-    A subclass has ``realizations``, ``times``, ``method``, ``seed``, ``steps_per_cycle``, ``wall_s`` and ``_gone``,
-    the count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2); and
-    ``_overturning``: earliest and latest time of overturning of its first realization and the side, None if it stands.
+    A subclass has the rest of `Result`, and what follows here for the type checker.
     """
+
+    if TYPE_CHECKING:  # properties here would forbid fields of these names
+        method: str
+        seed: int
+        steps_per_cycle: int
+
+        @property
+        @abc.abstractmethod
+        def realizations(self) -> int:
+            """Number of realizations."""
+
+        @property
+        @abc.abstractmethod
+        def _gone(self) -> Array:
+            """Count of the overturned after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
+
+        @property
+        @abc.abstractmethod
+        def _overturning(self) -> tuple[float, float, int] | None:
+            """Earliest and latest time of overturning of the first realization, and the side; None if it stands."""
 
     closure = ""
     shown_bins = 24
@@ -47,7 +66,7 @@ class Sample(SurvivalResult):
     def facts(self) -> dict[str, Any]:
         """Confidence intervals or what the one path does, method, seed and sizes, as plain values by name."""
         if self.deterministic:
-            spread = {"outcome": self.outcome}
+            spread: dict[str, Any] = {"outcome": self.outcome}
         else:
             interval = self.survival_interval()
             spread = {"half_width": float(0.5 * np.diff(interval).max()), "interval": interval.tolist()}

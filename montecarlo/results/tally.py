@@ -80,17 +80,17 @@ class Tally(Saved, Sample):
         return self.counts.times
 
     @property
-    def bin_edges(self) -> list[Array]:
+    def bin_edges(self) -> tuple[Array, Array]:
         """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
         usual, kept = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, kept, strict=True)) else kept
 
     @functools.cached_property
-    def _gone(self):
+    def _gone(self) -> Array:
         return np.cumsum(self.counts.passages, axis=0)[::PARTS]
 
     @property
-    def _overturning(self):
+    def _overturning(self) -> tuple[float, float, int] | None:
         rows, sides = np.nonzero(self.counts.passages)
         if not rows.size:
             return None

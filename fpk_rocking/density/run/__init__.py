@@ -9,7 +9,7 @@ from fpk_rocking.scene.scene import Scene
 __all__ = ["FilteredRun", "PeriodicRun", "Run", "TransientRun", "kind_of"]
 
 
-def kind_of(scene: Scene) -> type[Run]:
+def kind_of(scene: Scene) -> type[PeriodicRun | TransientRun | FilteredRun]:
     """Return the kind of run that a scene needs, whose noise is white or filtered."""
     if scene.noise.kind == "filtered":
         return FilteredRun

@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable, Iterator
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -56,8 +56,10 @@ class Run(abc.ABC):
     atom: ClassVar[bool] = False
     """Whether blocks rest at x = v = 0 exactly, with a probability that the density does not contain."""
 
-    memory: float
-    """Bytes that the run holds, or an evolution took, without the densities of all rows."""
+    @property
+    @abc.abstractmethod
+    def memory(self) -> float:
+        """Bytes that the run holds, or an evolution took, without the densities of all rows."""
 
     def __init__(self, scene: Scene, grid, plane: Grid, negligible: float) -> None:
         self.scene, self.grid, self.negligible = scene, grid, negligible
@@ -65,7 +67,7 @@ class Run(abc.ABC):
         self.buffers = deposit_buffers(self.space)
 
     @staticmethod
-    def adapted(scene: Scene, grid: Grid, number: int):  # noqa: ARG004  (as of other kinds)
+    def adapted(scene: Scene, grid: Grid, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
         """Return the grid of a run, from that of the mesh and the number of the resolution."""
         return grid
 

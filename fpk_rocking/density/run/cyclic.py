@@ -12,7 +12,7 @@ import numpy as np
 
 from fpk_rocking.base.types import Array
 from fpk_rocking.density.run.base import Run, Seen
-from fpk_rocking.density.space.space import turn
+from fpk_rocking.density.space.space import Space, turn
 from fpk_rocking.density.step.occupied import meeting
 from fpk_rocking.scene.parts import Start
 
@@ -44,7 +44,7 @@ class State(NamedTuple):
             density, rest = density[::-1, ::-1], rest[::-1, ::-1]
         return State(density, self.gone, not self.turned, rest)
 
-    def after(self, density, sinks, rest=None) -> "State":
+    def after(self, density: Array, sinks: Array, rest: Array | None = None) -> "State":
         """Return the state after a step, in which the masses (3,) of `sinks` went."""
         return State(density, self.gone + (sinks[[1, 0, 2]] if self.turned else sinks), self.turned, rest)
 
@@ -71,7 +71,7 @@ class CyclicRun(Run):
         if guide:
             self.occupied[:] = [guide.occupied_near(begin, self.space) for begin in begins[:-1]]
 
-    def occupied_near(self, time, space):
+    def occupied_near(self, time: float, space: Space) -> Array:
         """Cells of another space that meet one which was occupied about a time, within the first leg."""
         before, after = self._around(time)
         return meeting(self.space, self.occupied[before] | self.occupied[min(after, len(self.occupied) - 1)], space)

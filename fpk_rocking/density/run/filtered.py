@@ -9,21 +9,27 @@ side of f, in the first step in which |f| passes 1.
 """
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
 from fpk_rocking.base import ahead
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import Array
 from fpk_rocking.density.memory.nodes import Nodes
-from fpk_rocking.density.memory.resolution import node_grid
+from fpk_rocking.density.memory.resolution import NodeGrid, node_grid
 from fpk_rocking.density.memory.start import Flight, deposit_points
+from fpk_rocking.density.resolution import Grid
 from fpk_rocking.density.run.base import Seen
 from fpk_rocking.density.run.cyclic import CyclicRun, State
 from fpk_rocking.density.space.space import turn
 from fpk_rocking.density.step.free_flight import angle_shear_of
 from fpk_rocking.density.step.occupied import occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.scene.parts import Start
+from fpk_rocking.scene.scene import Scene
 
 
 class FilteredRun(CyclicRun):
@@ -38,7 +44,7 @@ class FilteredRun(CyclicRun):
     """
 
     atom = True
-    memory = 0
+    memory = 0.0
 
     def __init__(self, scene, grid, negligible, guide=None):
         super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks, guide)
@@ -49,14 +55,15 @@ class FilteredRun(CyclicRun):
         self.leg = [self._steps(k) for k in range(len(self.durations))]
 
     @staticmethod
-    def adapted(scene, grid, number):
+    def adapted(scene: Scene, grid: Grid, number: int) -> NodeGrid:
         """Return the mesh with the nodes and steps of a resolution."""
         ahead.before("fpk_rocking.density.ahead:filtered")
         return node_grid(scene, grid, number)
 
     def _dynamics(self, constant):
         scene = self.scene
-        return Dynamics(scene.forcing.plus(constant), 0.0, scene.block.restitution, scene.overturning.angle)
+        forcing = periodic(scene.forcing).plus(constant)
+        return Dynamics(forcing, 0.0, scene.block.restitution, scene.overturning.angle)
 
     def _steps(self, k):
         """Step k of a leg at every node of the noise; they share what does not depend on the node."""
@@ -86,10 +93,10 @@ class FilteredRun(CyclicRun):
         before = int(np.searchsorted(self.begins, time, side="right")) - 1
         return before, before + 1
 
-    def march(self, times, start):
+    def march(self, times: Array, start: Start) -> Iterator[Seen]:
         """Show the density after every cycle, once: the steps are let go of then, and `memory` tells what they took."""
         yield from super().march(times, start)
-        self.memory, self.leg, self.buffers = self._memory(), None, None
+        self.memory, self.leg, self.buffers = self._memory(), [], None
 
     def _begin(self, start):
         flight = Flight(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))

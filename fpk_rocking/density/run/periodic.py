@@ -37,7 +37,7 @@ class PeriodicRun(CyclicRun):
         self._departures = guide._departures if guide and guide.grid.windows == grid.windows else {}
 
     @property
-    def memory(self):
+    def memory(self) -> float:
         """Bytes that the run holds, densities of all cycles left out."""
         return self.buffers.nbytes + sum(step.memory for step in self.leg)
 

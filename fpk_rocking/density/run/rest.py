@@ -14,7 +14,9 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base.types import Array
 from fpk_rocking.density.pilot import REST, in_rest
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Dynamics
 
 _LOOK = 0.02
@@ -100,19 +102,19 @@ class Hold:
             max(int(np.searchsorted(self._edges, time * (1.0 + 1e-12), side="right")) - 1, 0), len(self._held) - 1
         )
 
-    def until(self, time):
+    def until(self, time: float) -> float:
         """Time until which a block at rest may be held from a time on; the time itself where it may not."""
         first = self._interval(time)
         later = self._held[first:]
         return math.inf if later.all() else max(float(self._edges[first + np.argmin(later)]), time)
 
-    def lift_off(self, time):
+    def lift_off(self, time: float) -> float:
         """Time at which the forcing next lifts a block off, the time itself where it never does."""
         later = self._edges[:-1][self._lifting]
         later = later[later >= time]
         return float(later[0]) if later.size else time
 
-    def stopped(self, time, space):
+    def stopped(self, time: float, space: Space) -> Array:
         """Cells (angle cells, velocity cells) from which a block comes to rest before the next lift-off without noise.
 
         Under a constant force a block of the speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both
@@ -124,13 +126,13 @@ class Hold:
         return slow | around_origin(space)
 
 
-def around_origin(space):
+def around_origin(space: Space) -> Array:
     """Mark the cells (angle cells, velocity cells) that touch the origin."""
     angle, velocity = ((lines[:-1] <= 0.0) & (lines[1:] >= 0.0) for lines in space.lines)
     return np.outer(angle, velocity)
 
 
-def resting(space):
+def resting(space: Space) -> Array:
     """Coefficients of a block at rest: its mass is spread evenly over the cells around the origin."""
     cells, coefficients = around_origin(space), np.zeros(space.shape)
     coefficients[cells, 0, 0] = 1.0 / (cells.sum() * space.areas[cells])

@@ -2,14 +2,17 @@
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.types import Array
 from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.resolution import FEWEST, cycle_of
 from fpk_rocking.density.run.base import Run, Seen
 from fpk_rocking.density.run.rest import Hold, resting
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved
 from fpk_rocking.density.step.occupied import occupy
 from fpk_rocking.density.step.step import FAINTEST, Dynamics, Step, Trace
@@ -57,7 +60,7 @@ class _Release(NamedTuple):
     landing: float
     mass: float
 
-    def at(self, time, space):
+    def at(self, time: float, space: Space) -> tuple[Array, Array]:
         """Coefficients and masses gone (3,) at a time since the release."""
         if time <= self.origin:
             return self.mass * resting(space), np.zeros(3)
@@ -110,11 +113,11 @@ class TransientRun(Run):
         self.duration = cycle_of(scene) / grid.steps
 
     @property
-    def memory(self):
+    def memory(self) -> float:
         """Bytes that the run holds, densities of all times left out."""
         return 2 * self.buffers.nbytes
 
-    def march(self, times, start):
+    def march(self, times: Array, start: Start) -> Iterator[Seen]:
         """Show the density at times."""
         self._hold = Hold(self.dynamics, times[-1], self._memory)
         edges = _edges(self.scene, self.duration, times)

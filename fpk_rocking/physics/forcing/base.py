@@ -6,13 +6,23 @@ A time step asks a `Force`. A scene holds a `Forcing`: a force from τ = 0 on, w
 import abc
 import dataclasses
 import math
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
 
 AMPLITUDES, FREQUENCIES, PHASES, TIMES = (0.0, 1e4), (1e-3, 1e4), (0.0, 1e6), (1e-5, 1e5)
 """Smallest and largest sizes that the engines carry."""
+
+
+class Size(Protocol):
+    """What a forcing in seconds and m/s² asks of the size of a block, see `fpk_rocking.scene.units`."""
+
+    def amplitude(self, peak_acceleration: Array) -> Array:
+        """Convert an acceleration, m/s², to a nondimensional one."""
+
+    def tau(self, seconds: float) -> float:
+        """Convert seconds to nondimensional time."""
 
 
 class Force(abc.ABC):
@@ -113,8 +123,12 @@ class Forcing(Force):
     def half_antisymmetric(self) -> bool:
         """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first."""
 
-    duration: float
-    """Time at which it ends; inf where it does not."""
+    if TYPE_CHECKING:  # a property here would forbid a field of this name
+
+        @property
+        @abc.abstractmethod
+        def duration(self) -> float:
+            """Time at which it ends; inf where it does not."""
 
     @property
     @abc.abstractmethod
@@ -167,7 +181,7 @@ class Forcing(Force):
         for name, (low, high) in self.ranges.items():
             checks.sizes(f"forcing.{name}", getattr(self, name), low, high)
 
-    def on(self, size: Any) -> Self:  # noqa: ARG002  (only what is in seconds depends on it)
+    def on(self, size: Size | None) -> Self:  # noqa: ARG002  (only what is in seconds depends on it)
         """Return the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
         return self
 
@@ -183,7 +197,7 @@ def keep(value: Any, **checked: Any) -> None:
         object.__setattr__(value, name, given)
 
 
-def refuse_transient(forcing, what: str) -> None:
+def refuse_transient(forcing: Any, what: str) -> None:
     """Refuse a forcing that does not repeat, where something is not defined for it."""
     if isinstance(forcing, Forcing) and forcing.period is None:
         accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"

@@ -2,11 +2,12 @@
 
 import dataclasses
 import math
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, TIMES, keep
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
@@ -72,31 +73,31 @@ class Chirp(TransientForcing):
         return max(self.start_frequency, self.end_frequency)
 
     @property
-    def unit(self):
+    def unit(self) -> float:
         """The duration: kinks are at its ends alone."""
         return self.duration
 
     @property
-    def shortest_period(self):
+    def shortest_period(self) -> float:
         """Period of the sine that is no smoother."""
         return 2.0 * math.pi / (self._fastest + _SWEPT * math.sqrt(abs(self._rate)))
 
     @property
-    def time_scale(self):
+    def time_scale(self) -> float:
         """Shortest period of the sweep."""
         return 2.0 * math.pi / self._fastest
 
     @property
-    def largest(self):
+    def largest(self) -> float:
         """Largest |f|: that at the end where the phase does not reach π/2."""
         return self.amplitude * math.sin(min(self._phase_at_end, 0.5 * math.pi))
 
     @property
-    def steepest(self):
+    def steepest(self) -> float:
         """Bound of the slope of the force."""
         return self.amplitude * self._fastest
 
-    def series(self, times):
+    def series(self, times: Array) -> Array:
         """Return Taylor coefficients (n, TERMS) of f about times (n,), from (sin φ)' = φ' cos φ and its like."""
         times = np.asarray(times, dtype=float)
         frequency, rate = self.start_frequency + self._rate * times, self._rate
@@ -110,10 +111,10 @@ class Chirp(TransientForcing):
         on = (times >= 0.0) & (times < self.duration * (1.0 - 1e-12))
         return np.where(on, self.amplitude, 0.0)[:, None] * sine.T
 
-    def scaled(self, strength, rate):
+    def scaled(self, strength: float, rate: float) -> Self:
         """Return the sweep with amplitude and frequencies multiplied by factors."""
         frequencies = self.start_frequency * rate, self.end_frequency * rate
-        return Chirp(strength * self.amplitude, *frequencies, self.duration / rate)
+        return type(self)(strength * self.amplitude, *frequencies, self.duration / rate)
 
     def __str__(self):
         sweep = f"Ω = {self.start_frequency:g} to {self.end_frequency:g}"

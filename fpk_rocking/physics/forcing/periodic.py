@@ -1,14 +1,16 @@
 """Periodic forcing: one harmonic or several, in polynomial pieces (see the package)."""
 
+import abc
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, Number
 from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, PHASES, Forcing, keep, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import stiffness
@@ -18,25 +20,32 @@ class PeriodicForcing(Forcing):
     """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
 
     A kind is a frozen dataclass with `frequency`, `components`, `largest_velocity` and `scaled`; and, for the operator
-    of a cycle and the Melnikov process, `phase`, `at_phase` and `filtered`.
+    of a cycle and the Melnikov process, `at_phase` and `filtered`.
     """
 
     __slots__ = ()
 
     frequency: float
     """Ω."""
-    components: Sequence[tuple[int, float, float]]
-    """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
-
     duration = math.inf
 
     @property
-    def period(self):
+    @abc.abstractmethod
+    def components(self) -> tuple[tuple[int, float, float], ...]:
+        """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
+
+    @property
+    def phase(self) -> float:
+        """Phase Ψ_1 of the first harmonic."""
+        return self.components[0][2]
+
+    @property
+    def period(self) -> float:
         """T = 2π/Ω in nondimensional time: one cycle."""
         return 2.0 * math.pi / self.frequency
 
     @property
-    def half_antisymmetric(self):
+    def half_antisymmetric(self) -> bool:
         """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first.
 
         That is so without even harmonics.
@@ -44,28 +53,28 @@ class PeriodicForcing(Forcing):
         return all(k % 2 == 1 or amplitude == 0.0 for k, amplitude, _ in self.components)
 
     @property
-    def shortest_period(self):
+    def shortest_period(self) -> float:
         """Period of the highest harmonic."""
         return self.period / max(1, 1, *(k for k, amplitude, _ in self.components if amplitude))
 
     @property
-    def longest_piece(self):
+    def longest_piece(self) -> float:
         """Time from its instant for which a piece of `pieces` is right to 1e-14."""
         return longest_of(self.shortest_period)
 
     @property
-    def time_scale(self):
+    def time_scale(self) -> float:
         """Time that an engine's `steps_per_cycle` count in: a cycle."""
         return self.period
 
-    def spacing(self, longest):
+    def spacing(self, longest: float) -> float:
         """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece.
 
         The grid divides the cycle.
         """
         return self.period / math.ceil(self.period / longest - 1e-9)
 
-    def pieces(self, instants):
+    def pieces(self, instants: Sequence[float] | Array) -> Array:
         """Coefficients of the particular solution P in the time since given instants.
 
         Parameters
@@ -84,60 +93,61 @@ class PeriodicForcing(Forcing):
                 _add_cosine(row, instant, amplitude, k * self.frequency, phase)
         return out
 
-    def particular(self, time):
+    def particular(self, time: float) -> tuple[float, float]:
         """Particular solution P and its derivative at a time."""
         ((value, slope, *_),) = self.pieces([time])
         return float(value), float(slope)
 
-    def over(self, start, duration):  # noqa: ARG002  (a step is short against the shortest period)
+    def over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
         """Coefficients (TERMS,) of P in the time since the start of a step."""
         return self.pieces([start])[0]
 
-    def value(self, time):
+    def value(self, time: float) -> float:
         """Force f at a time."""
         return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)
 
-    def slope(self, time):
+    def slope(self, time: float) -> float:
         """Slope of the force at a time."""
         omega = self.frequency
         return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
 
-    def values_in_cycle(self, places, count):
+    def values_in_cycle(self, places: Array, count: int) -> Array:
         """Force at places (n,) of a cycle divided into equal parts, `count` of them: periodic to the last digit."""
-        return -sum(a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
+        waves = (a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
+        return np.asarray(-sum(waves))
 
-    def stages(self, spacing, count):
+    def stages(self, spacing: float, count: int) -> Array:
         """Force (count, 3) at the begin, the middle and the end of the intervals of a grid that divides the cycle."""
         values = self.values_in_cycle(np.arange(2 * count + 1), 2 * round(self.period / spacing))
         return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
 
-    def plus(self, constant):
+    def plus(self, constant: float) -> "PeriodicForcing":
         """Return the forcing with a constant c added to f, which is the harmonic k = 0 and takes c from P."""
         mean = 0, abs(constant), math.pi if constant > 0.0 else 0.0
         return _Sum(self.frequency, (*self.components, mean))
 
     @property
-    def steepest(self):
+    def steepest(self) -> float:
         """Bound of the slope of the force."""
         return sum(k * self.frequency * a for k, a, _ in self.components)
 
     @property
-    def swing(self):
+    def swing(self) -> float:
         """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
         return sum(a / math.hypot(1.0, k * self.frequency) for k, a, _ in self.components)
 
     @property
-    def largest(self):
+    def largest(self) -> float:
         """Largest |f|."""
         return _course(self).largest
 
     @property
-    def largest_velocity(self):
+    def largest_velocity(self) -> float:
         """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
         parts = ((k, a / (k * self.frequency), phase - 0.5 * math.pi) for k, a, phase in self.components if k)
         return _Sum(self.frequency, tuple(parts)).largest
 
-    def mean_excess(self, level):
+    def mean_excess(self, level: float) -> float:
         """Mean of max(f - level, 0) over a cycle, in closed form."""
         times = np.array([0.0, *_zeros(self, level, 0), self.period])
         middles, total = 0.5 * (times[1:] + times[:-1]), 0.0
@@ -151,7 +161,7 @@ class PeriodicForcing(Forcing):
         return -sum(a * math.sin(k * omega * time + phase) / (k * omega) for k, a, phase in self.components)
 
     @property
-    def longest_rest(self):
+    def longest_rest(self) -> float:
         """Longest time in which |f| stays at most 1, so that a block at rest stays there; inf if it always does."""
         course = _course(self)
         if not course.lift_offs.size:
@@ -160,7 +170,7 @@ class PeriodicForcing(Forcing):
         waits = course.lift_offs - course.landings[:, None]
         return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
 
-    def since_lift_off(self, time):
+    def since_lift_off(self, time: float) -> tuple[float, float]:
         """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it never does."""
         course = _course(self)
         if not course.lift_offs.size:
@@ -197,24 +207,24 @@ class Harmonic(PeriodicForcing):
         keep(self, phase=checks.number("forcing.phase", self.phase))
 
     @property
-    def components(self):
+    def components(self) -> tuple[tuple[int, float, float], ...]:
         """Multiple, amplitude and phase of the only harmonic."""
         return ((1, self.amplitude, self.phase),)
 
-    def at_phase(self, phase):
+    def at_phase(self, phase: float) -> Self:
         """Return the forcing with another phase Ψ: begun at another time of its cycle."""
         return dataclasses.replace(self, phase=phase)
 
-    def filtered(self, gain):
+    def filtered(self, gain: Callable[[float], Number]) -> Self:
         """Return the forcing with its harmonic multiplied by gain(Ω)."""
         return dataclasses.replace(self, amplitude=self.amplitude * float(gain(self.frequency)))
 
-    def scaled(self, strength, rate):
+    def scaled(self, strength: float, rate: float) -> Self:
         """Return the forcing with amplitude and frequency multiplied by factors."""
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
 
     @property
-    def largest_velocity(self):
+    def largest_velocity(self) -> float:
         """Largest |∫f dτ|."""
         return self.amplitude / self.frequency
 
@@ -255,30 +265,25 @@ class Harmonics(PeriodicForcing):
             raise ValueError(checks.refusal("forcing.amplitudes", self.amplitudes, "at least one above 0"))
 
     @property
-    def components(self):
+    def components(self) -> tuple[tuple[int, float, float], ...]:
         """Multiple, amplitude and phase of every harmonic."""
         pairs = zip(self.amplitudes, self.phases, strict=True)
         return tuple((k, amplitude, phase) for k, (amplitude, phase) in enumerate(pairs, 1))
 
-    def at_phase(self, phase):
+    def at_phase(self, phase: float) -> Self:
         """Return the forcing begun at another time of its cycle: that at which its first harmonic has a phase Ψ_1."""
         ahead = phase - self.phases[0]
         return dataclasses.replace(self, phases=tuple(psi + k * ahead for k, psi in enumerate(self.phases, 1)))
 
-    def filtered(self, gain):
+    def filtered(self, gain: Callable[[float], Number]) -> Self:
         """Return the forcing with every harmonic multiplied by gain(kΩ)."""
         amplitudes = (amplitude * float(gain(k * self.frequency)) for k, amplitude, _ in self.components)
         return dataclasses.replace(self, amplitudes=tuple(amplitudes))
 
-    def scaled(self, strength, rate):
+    def scaled(self, strength: float, rate: float) -> Self:
         """Return the forcing with amplitudes and frequencies multiplied by factors."""
         amplitudes = tuple(strength * one for one in self.amplitudes)
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
-
-    @property
-    def phase(self):
-        """Phase Ψ_1 of the first harmonic."""
-        return self.phases[0]
 
     def __str__(self):
         lists = (", ".join(f"{one:g}" for one in values) for values in (self.amplitudes, self.phases))
@@ -294,6 +299,13 @@ class _Sum(PeriodicForcing):
 
     def scaled(self, strength, rate):
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
+
+
+def periodic(forcing: Forcing) -> PeriodicForcing:
+    """Return a forcing that repeats, or raise TypeError."""
+    if not isinstance(forcing, PeriodicForcing):
+        raise TypeError(checks.refusal("forcing", forcing, "a forcing that repeats"))
+    return forcing
 
 
 _MOST = 32
@@ -329,7 +341,8 @@ def _course(forcing):
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
     largest = max(turning, default=mean)
-    lift_offs, landings = [], []
+    lift_offs: list[float] = []
+    landings: list[float] = []
     if largest > LIFT_OFF:
         for level in (LIFT_OFF, -LIFT_OFF):
             for time in _zeros(forcing, level, 0):

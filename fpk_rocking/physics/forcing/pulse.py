@@ -3,11 +3,12 @@
 import dataclasses
 import functools
 import math
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, TIMES, keep
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
@@ -97,8 +98,9 @@ class Pulse(TransientForcing):
         keep(self, amplitude=checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
         keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
         if self.shape == "n-sine":
-            keep(self, cycles=checks.count("forcing.cycles", self.cycles))
-            if self.cycles > _MOST_CYCLES:
+            count = checks.count("forcing.cycles", self.cycles)
+            keep(self, cycles=count)
+            if count > _MOST_CYCLES:
                 raise ValueError(
                     checks.refusal("forcing.cycles", self.cycles, f"a whole number from 1 to {_MOST_CYCLES}")
                 )
@@ -123,43 +125,43 @@ class Pulse(TransientForcing):
         return self.frequency / self._wave[2]
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """Time at which it ends."""
         return self._wave[0] / self._rate
 
     @property
-    def unit(self):
+    def unit(self) -> float:
         """The duration: kinks are at its ends alone."""
         return self.duration
 
     @property
-    def shortest_period(self):
+    def shortest_period(self) -> float:
         """Its period; of a bell what is as smooth."""
         return (_TURN if self._wave[2] == 1.0 else _BELL_PERIOD) / self._rate
 
     @property
-    def time_scale(self):
+    def time_scale(self) -> float:
         """2π/Ω."""
         return _TURN / self.frequency
 
     @property
-    def largest(self):
+    def largest(self) -> float:
         """Largest |f|."""
         return self.amplitude
 
     @property
-    def steepest(self):
+    def steepest(self) -> float:
         """Bound of the slope of the force."""
         return self.amplitude * self._rate * self._wave[3]
 
-    def series(self, times):
+    def series(self, times: Array) -> Array:
         """Return Taylor coefficients (n, TERMS) of f about times (n,)."""
         length, series, *_ = self._wave
         phase = self._rate * times
         on = (phase >= 0.0) & (phase < length * (1.0 - 1e-12))
         return np.where(on, self.amplitude, 0.0)[:, None] * series(phase) * self._rate ** np.arange(TERMS)
 
-    def scaled(self, strength, rate):
+    def scaled(self, strength: float, rate: float) -> Self:
         """Return the pulse with amplitude and frequency multiplied by factors."""
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
 

@@ -6,13 +6,13 @@ import functools
 import math
 import pathlib
 import re
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.physics.forcing.base import AMPLITUDES, TIMES, keep
+from fpk_rocking.physics.forcing.base import AMPLITUDES, TIMES, Size, keep
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 
@@ -57,7 +57,7 @@ class Record(TransientForcing):
     scale: float = 1.0
     source: str = dataclasses.field(default="", compare=False)
 
-    _size: ClassVar = None
+    _size: ClassVar[Size | None] = None
     time_scale: ClassVar[float] = 2.0
     shortest_period: ClassVar[float] = math.inf
 
@@ -96,18 +96,18 @@ class Record(TransientForcing):
             A parameter is refused, or the file has another format, is truncated, or has values that are not finite or
             times that are not equally spaced; the message says what and where.
         """
-        path = checks.path("forcing.file", path)
-        peer = path.suffix.lower() == ".at2"
+        file = checks.path("forcing.file", path)
+        peer = file.suffix.lower() == ".at2"
         if peer and units not in (None, "g"):
             raise ValueError(checks.refusal("forcing.units", units, "'g', the unit of an .AT2 file, or nothing"))
         if not peer and units is None:
             raise ValueError(f"forcing.units: missing, required for a file of two columns: {', '.join(UNITS)}")
-        text = _text(path)
+        text = _text(file)
         try:
             interval, samples = (_peer if peer else _columns)(text)
         except ValueError as error:
-            raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
-        return cls(interval, samples, units or "g", scale, path.name)
+            raise ValueError(f"forcing.file: {str(file)!r}: {error}") from None
+        return cls(interval, samples, units or "g", scale, file.name)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
@@ -133,26 +133,32 @@ class Record(TransientForcing):
             accepted = f"accelerations up to {AMPLITUDES[1]:g} g θ_cr{checks.ENGINES}"
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
 
-    def on(self, size: Any) -> Self:
+    def on(self, size: Size | None) -> Self:
         """Return the record as the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
         if size is None:
-            raise ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
+            raise _unsized()
         if size == self._size:
             return self
         bound = dataclasses.replace(self)
         keep(bound, _size=size)
         return bound
 
+    @property
+    def _known_size(self) -> Size:
+        if self._size is None:
+            raise _unsized()
+        return self._size
+
     @functools.cached_property
     def forces(self) -> Array:
         """Nondimensional force at the samples, shape (n,); what overflows is refused with all that is too strong."""
         with np.errstate(over="ignore"):
-            return self._size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
+            return self._known_size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
 
     @functools.cached_property
     def unit(self) -> float:
         """Nondimensional time between samples."""
-        return self._size.tau(self.interval)
+        return self._known_size.tau(self.interval)
 
     @property
     def duration(self) -> float:
@@ -182,6 +188,10 @@ class Record(TransientForcing):
     def __str__(self):
         name = self.source or "a record"
         return f"{name}, {len(self.samples)} samples of {self.interval:g} s, {self.scale:g} times"
+
+
+def _unsized():
+    return ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
 
 
 def _samples(value):

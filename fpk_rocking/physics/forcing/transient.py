@@ -5,13 +5,14 @@ R(τ) = ∫ exp(-(s-τ)) f(s) ds from τ on. Both are sums over the intervals of
 P' are continuous whatever jumps f has, and P falls off like exp(-τ) after the end.
 """
 
+import abc
 import functools
 import itertools
 import math
-from collections.abc import Callable
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.physics.forcing.base import Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import added, added_by_line, continued
@@ -33,22 +34,26 @@ class TransientForcing(Forcing):
     period = None
     half_antisymmetric = False
     longest_rest = math.inf
-    unit: float
-    """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
-
-    series: Callable[[np.ndarray], np.ndarray]
-    """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
 
     @property
-    def longest_piece(self):
+    @abc.abstractmethod
+    def unit(self) -> float:
+        """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
+
+    @abc.abstractmethod
+    def series(self, times: Array) -> Array:
+        """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
+
+    @property
+    def longest_piece(self) -> float:
         """Time from its instant for which a piece of `pieces` is right to 1e-14, if no kink of f lies between."""
         return min(longest_of(self.shortest_period), 0.5)
 
-    def spacing(self, longest):
+    def spacing(self, longest: float) -> float:
         """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece."""
         return self.unit / math.ceil(self.unit / longest - 1e-9)
 
-    def pieces(self, instants):
+    def pieces(self, instants: ArrayLike) -> Array:
         """Coefficients of the particular solution P in the time since given instants.
 
         Parameters
@@ -76,7 +81,7 @@ class TransientForcing(Forcing):
         q = np.where(ended, q * decay, (near[:, 1:] * order * powers[:, :-1]).sum(axis=1))
         return continued(p, q, self.series(times))
 
-    def over(self, start, duration):
+    def over(self, start: float, duration: float) -> Array:
         """Coefficients (TERMS,) of P in the time since the start of a step.
 
         In a step with kinks the force is replaced by the linear one under which flights over the step are the same.
@@ -92,7 +97,7 @@ class TransientForcing(Forcing):
         return continued(np.array([p0]), np.array([q0]), force)[0]
 
     @functools.cached_property
-    def _grid(self):
+    def _grid(self) -> tuple[float, Array]:
         """Spacing, and P and P' at the nodes (n + 1, 2) of a grid from 0 to the end."""
         spacing = self.spacing(min(_LONGEST, self.longest_piece))
         count = round(self.duration / spacing)
@@ -107,7 +112,7 @@ class TransientForcing(Forcing):
         right = right[::-1]
         return spacing, np.stack([-0.5 * (left + right), 0.5 * (left - right)], axis=-1)
 
-    def particular(self, time):
+    def particular(self, time: float) -> tuple[float, float]:
         """Particular solution P and its derivative at a time; kept, as the steps on both sides of it ask for them."""
         if time not in self._known:
             ((value, slope, *_),) = self.pieces([time])
@@ -115,29 +120,29 @@ class TransientForcing(Forcing):
         return self._known[time]
 
     @functools.cached_property
-    def _known(self):
+    def _known(self) -> dict[float, tuple[float, float]]:
         """What `particular` has found, by its time."""
         return {}
 
-    def values(self, times):
+    def values(self, times: ArrayLike) -> Array:
         """Force f at times (n,), that after a jump where there is one."""
         return self.series(np.asarray(times, dtype=float))[:, 0]
 
-    def value(self, time):
+    def value(self, time: float) -> float:
         """Force f at a time."""
         return float(self.values([time])[0])
 
-    def stages(self, spacing, count):
+    def stages(self, spacing: float, count: int) -> Array:
         """Force (count, 3) at the begin, the middle and the end of the intervals of a grid; a jump is between two."""
         parts = (spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
         return self.series(np.arange(count) * spacing) @ parts.T
 
-    def slope(self, time):
+    def slope(self, time: float) -> float:
         """Slope of the force at a time."""
         return float(self.series(np.array([time]))[0, 1])
 
     @functools.cached_property
-    def swing(self):
+    def swing(self) -> float:
         """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
         # Both change by less than the force and themselves, so between two looks by no more than at a distance of one.
         times = self._looks
@@ -146,7 +151,7 @@ class TransientForcing(Forcing):
         return seen + times[1] * max(seen, self.largest)
 
     @functools.cached_property
-    def largest_velocity(self):
+    def largest_velocity(self) -> float:
         """Largest |∫f dτ|, from polynomial pieces: at their ends, and where f changes its sign."""
         spacing = self.spacing(self.longest_piece)
         force = self.series(np.arange(round(self.duration / spacing)) * spacing)
@@ -164,18 +169,19 @@ class TransientForcing(Forcing):
         return float(np.abs(np.concatenate([velocity, turns])).max())
 
     @property
-    def _looks(self):
+    def _looks(self) -> Array:
         """Times from 0 to the end, a part of the grid's spacing apart."""
         spacing = self._grid[0] / _LOOKS
         return np.arange(round(self.duration / spacing) + 1) * spacing
 
     @functools.cached_property
-    def _lift_offs(self):
+    def _lift_offs(self) -> tuple[Array, Array]:
         """Times (n,) at which |f| rises through 1, ascending, and those (m,) at which it falls back."""
         grid = self._looks
         above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > LIFT_OFF, [False]])
-        rises, falls = ([], [])
-        for place in np.flatnonzero(above[1:] != above[:-1]):
+        rises: list[float] = []
+        falls: list[float] = []
+        for place in np.flatnonzero(above[1:] != above[:-1]).tolist():
             low, high = grid[max(place - 1, 0)], grid[place]
             for _ in range(60):
                 middle = 0.5 * (low + high)
@@ -186,7 +192,7 @@ class TransientForcing(Forcing):
             (rises if above[place + 1] else falls).append(high)
         return np.array(rises), np.array(falls)
 
-    def since_lift_off(self, time):
+    def since_lift_off(self, time: float) -> tuple[float, float]:
         """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it has not yet."""
         rises = self._lift_offs[0]
         before = rises[rises <= time + 1e-12 * self.duration]

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.polynomial import polynomial
 from fpk_rocking.physics.motion.slender import fold, join, segment_of, split
@@ -42,7 +43,7 @@ class Interval(NamedTuple):
     factor: float
 
 
-def interval_tables(half):
+def interval_tables(half: float) -> tuple[Array, Array]:
     """Return `exponentials` and `bend` of an `Interval`."""
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])

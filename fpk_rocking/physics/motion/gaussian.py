@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import Array
 
 
 @kernel
@@ -46,18 +47,18 @@ def noise_factor(diffusion, duration):
     return _TWO_THIRDS * duration * root * xx, _THREE_HALVES * root * vx, _HALF * root * vv
 
 
-def gathered(weights, left):
+def gathered(weights: Array, left: Array) -> tuple[Array, Array, Array]:
     """Covariance xx, xv, vv of noise of strengths `weights` (..., n), 2 D dt, at times `left` (n,) before the end."""
     sinh, cosh = np.sinh(left), np.cosh(left)
     return weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
 
 
-def shears(duration):
+def shears(duration: float) -> tuple[float, float]:
     """Shears (angle by velocity, velocity by angle) of which a flight is made: the first, the second, the first."""
     return math.tanh(0.5 * duration), math.sinh(duration)
 
 
-def blur_variances(diffusion, duration):
+def blur_variances(diffusion: float, duration: float) -> tuple[float, float]:
     """Variances of the velocity's blur and of each of the angle's two blurs, between these shears (docs/theory)."""
     shear, sinh = shears(duration)
     if duration < 0.1:

@@ -9,15 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.types import Array, Number
 from fpk_rocking.physics.motion import TERMS
 
 
-def stiffness(frequency):
+def stiffness(frequency: float) -> float:
     """Return 1 + ω²: a force of this frequency is that many times its P, with the other sign."""
     return 1.0 + frequency * frequency
 
 
-def continued(p, q, force):
+def continued(p: Number, q: Number, force: Array) -> Array:
     """Continue P and P' at n instants, (n,) each, to Taylor coefficients (n, TERMS), with those of f."""
     out = np.empty((len(force), TERMS))
     out[:, 0], out[:, 1] = p, q
@@ -26,13 +27,13 @@ def continued(p, q, force):
     return out
 
 
-def ends_of(particular, times):
+def ends_of(particular: Array, times: Array) -> tuple[Array, Array]:
     """P and P' at times since the instant of coefficients (n, TERMS)."""
     order = np.arange(TERMS)
     return particular @ times**order, particular[:, 1:] @ (order[1:] * times ** order[:-1])
 
 
-def added(p0, q0, p1, q1, duration):
+def added(p0: float, q0: float, p1: float, q1: float, duration: float) -> tuple[float, float]:
     """Angle and velocity that a force adds to a flight, from P and P' at the flight's begin and end."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
@@ -46,12 +47,12 @@ class Affine(NamedTuple):
     shifts: np.ndarray
 
     @property
-    def matrix(self):
+    def matrix(self) -> Array:
         """F, shape (2, 2)."""
         return np.array([[self.cosh, self.sinh], [self.sinh, self.cosh]])
 
 
-def affine(p0, q0, p1, q1, duration):
+def affine(p0: float, q0: float, p1: float, q1: float, duration: float) -> Affine:
     """Return the flights of both sides, from P and P' at their begin and end, as an `Affine`."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     shifts = np.zeros((3, 2))
@@ -60,17 +61,17 @@ def affine(p0, q0, p1, q1, duration):
     return Affine(cosh, sinh, shifts)
 
 
-def added_by_line(duration):
+def added_by_line(duration: float) -> Array:
     """Angle and velocity (rows) that the forces 1 and t (columns), t since its begin, add to a flight."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return np.array([[cosh - 1.0, sinh - duration], [sinh, cosh - 1.0]])
 
 
-def hyperbolic(duration):
+def hyperbolic(duration: float) -> Array:
     """Cosh and sinh (2,) of a duration: the matrix of a flight has the first on its diagonal, the second beside it."""
     return np.array([math.cosh(duration), math.sinh(duration)])
 
 
-def response(left):
+def response(left: Array) -> Array:
     """Angle and velocity, stacked, at the end of a flight, to an impulse at a time `left` before it."""
     return np.stack([np.sinh(left), np.cosh(left)])

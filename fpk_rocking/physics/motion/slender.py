@@ -8,7 +8,7 @@ Folded, u = s x >= 0 is the angle, w = s v the velocity and s f the force. All q
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Slender(NamedTuple):
     cutoff: float
 
 
-def block_of(scene):
+def block_of(scene: Any) -> Slender:
     """Return what the kernels have to know of a scene's block."""
     return Slender(scene.block.restitution, scene.overturning.angle)
 

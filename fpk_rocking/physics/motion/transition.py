@@ -22,7 +22,7 @@ class Impacts(NamedTuple):
     Impacts beyond the capacity are counted and not kept.
     """
 
-    count: np.ndarray
+    count: np.ndarray  # type: ignore[assignment]  # a field, in place of the method of a tuple
     time: np.ndarray
     velocity: np.ndarray
 

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS
 
 WIDTH = 16
@@ -22,7 +23,7 @@ _SHAPE = math.pi * WIDTH * (1.0 - 0.5 / OVERSAMPLING)
 _ORDER = 20
 
 
-def pieces(spacing):
+def pieces(spacing: float) -> Array:
     """Polynomials of the interpolant between two samples.
 
     Parameters
@@ -63,7 +64,7 @@ def _bessel(square):
 
 
 @functools.cache
-def compensation():
+def compensation() -> Array:
     """Return coefficients of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1.
 
     Not to be written to.

@@ -5,11 +5,12 @@ import dataclasses
 import functools
 import itertools
 import math
-from typing import ClassVar
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array
 
 _LONGEST = 0.02
 """Part of its time of peak in which an exponential envelope is taken as linear, where an engine asks for that."""
@@ -19,16 +20,24 @@ class Envelope(abc.ABC):
     """An envelope g(τ), as a time step asks for it."""
 
     @abc.abstractmethod
-    def value(self, times):
+    def value(self, times: Array) -> Array:
         """Return g at times (n,)."""
 
     @abc.abstractmethod
-    def squared(self, times):
+    def squared(self, times: Array) -> Array:
         """Return the integral of g² from 0 to times (n,)."""
 
-    def later(self, time):
+    def later(self, time: float) -> "Envelope":
         """Return the envelope whose times count from a time on."""
         return _Later(self, time)
+
+
+class Enveloped(Protocol):
+    """Noise of any kind."""
+
+    @property
+    def envelope(self) -> Envelope | None:
+        """Function of time by which the noise is multiplied; None where it is stationary."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,10 +47,10 @@ class _Later(Envelope):
     whole: Envelope
     origin: float
 
-    def value(self, times):
+    def value(self, times: Array) -> Array:
         return self.whole.value(times + self.origin)
 
-    def squared(self, times):
+    def squared(self, times: Array) -> Array:
         return self.whole.squared(times + self.origin)
 
 
@@ -50,7 +59,12 @@ class _Linear(Envelope):
 
     spacing = math.inf
 
-    def value(self, times):
+    @property
+    @abc.abstractmethod
+    def corners(self) -> tuple[Array, Array]:
+        """Times and values between which it is linear."""
+
+    def value(self, times: Array) -> Array:
         """Return g at times (n,)."""
         return np.interp(times, *self.corners)
 
@@ -59,7 +73,7 @@ class _Linear(Envelope):
         """Times at which the slope changes."""
         return self.corners[0]
 
-    def series(self, times, terms):
+    def series(self, times: Array, terms: int) -> Array:
         """Return Taylor coefficients (n, terms) of g about times (n,), none of which is a kink."""
         places, values = self.corners
         slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
@@ -67,7 +81,7 @@ class _Linear(Envelope):
         out[:, 0], out[:, 1] = self.value(times), slopes[np.searchsorted(places, times)]
         return out
 
-    def squared(self, times):
+    def squared(self, times: Array) -> Array:
         """Return the integral of g² from 0 to times (n,)."""
         places, values = self.corners
         inside = np.diff(places) * (values[1:] ** 2 + values[1:] * values[:-1] + values[:-1] ** 2) / 3.0
@@ -102,16 +116,16 @@ class Trapezoid(_Linear):
             )
 
     @functools.cached_property
-    def corners(self):
+    def corners(self) -> tuple[Array, Array]:
         """Times and values between which it is linear."""
         # A jump takes no time, but no two corners may be at one.
         least = 1e-9 * (self.rise + self.hold + self.decay)
         times = np.cumsum([0.0, max(self.rise, least), max(self.hold, least), max(self.decay, least)])
         return times, np.array([0.0, 1.0, 1.0, 0.0])
 
-    def faster(self, factor):
+    def faster(self, factor: float) -> Self:
         """Return the envelope with all times divided by a factor."""
-        return Trapezoid(self.rise / factor, self.hold / factor, self.decay / factor)
+        return type(self)(self.rise / factor, self.hold / factor, self.decay / factor)
 
     def __str__(self):
         return f"trapezoid of {self.rise:g}, {self.hold:g} and {self.decay:g}"
@@ -143,13 +157,13 @@ class Table(_Linear):
             raise ValueError(checks.refusal("noise.envelope.values", self.values, accepted))
 
     @functools.cached_property
-    def corners(self):
+    def corners(self) -> tuple[Array, Array]:
         """Times and values between which it is linear."""
         return np.array(self.times), np.array(self.values)
 
-    def faster(self, factor):
+    def faster(self, factor: float) -> Self:
         """Return the envelope with all times divided by a factor."""
-        return Table(tuple(time / factor for time in self.times), self.values)
+        return type(self)(tuple(time / factor for time in self.times), self.values)
 
     def __str__(self):
         return f"table of {len(self.times)} values up to {max(self.values):g}"
@@ -173,16 +187,16 @@ class Exponential(Envelope):
         _set(self, "peak", checks.number("noise.envelope.peak", self.peak, above=0.0))
 
     @property
-    def spacing(self):
+    def spacing(self) -> float:
         """Longest interval in which it may be taken as linear, to 5e-5 of its peak."""
         return _LONGEST * self.peak
 
-    def value(self, times):
+    def value(self, times: Array) -> Array:
         """Return g at times (n,)."""
         part = np.asarray(times) / self.peak
         return part * np.exp(1.0 - part)
 
-    def series(self, times, terms):
+    def series(self, times: Array, terms: int) -> Array:
         """Return Taylor coefficients (n, terms) of g about times (n,)."""
         # g^(k) = (-1)^k (u - k) exp(1 - u) / t^k with u = τ/t.
         order = np.arange(terms)
@@ -190,14 +204,14 @@ class Exponential(Envelope):
         part = np.asarray(times)[:, None] / self.peak
         return (part - order) * np.exp(1.0 - part) * inverse
 
-    def squared(self, times):
+    def squared(self, times: Array) -> Array:
         """Return the integral of g² from 0 to times (n,)."""
         part = np.asarray(times) / self.peak
         return math.e**2 * self.peak * (0.25 - np.exp(-2.0 * part) * (0.5 * part * (part + 1.0) + 0.25))
 
-    def faster(self, factor):
+    def faster(self, factor: float) -> Self:
         """Return the envelope with all times divided by a factor."""
-        return Exponential(self.peak / factor)
+        return type(self)(self.peak / factor)
 
     def __str__(self):
         return f"exponential with its peak at {self.peak:g}"
@@ -210,7 +224,7 @@ QUIET = 1e-4
 """Part of the diffusion at g = 1 below which white noise counts as none, so that a block can rest: g below 0.01."""
 
 
-def mean_squares(envelope, edges):
+def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
     """Return the mean of g² in intervals with the edges (n + 1,), those below `QUIET` as 0; ones for no envelope."""
     if envelope is None:
         return np.ones(len(edges) - 1)
@@ -218,7 +232,7 @@ def mean_squares(envelope, edges):
     return np.where(means < QUIET, 0.0, means)
 
 
-def refuse_envelope(noise, what):
+def refuse_envelope(noise: Enveloped, what: str) -> None:
     """Refuse a noise with an envelope, where something is not defined for it."""
     if noise.envelope is not None:
         accepted = f"no envelope, as {what} is only defined for stationary noise"

@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from fpk_rocking.base.types import Noise
+from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.physics.noise.kinds import Band, Noise
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
@@ -95,12 +96,12 @@ def cover(noise: Noise) -> float:
     """
     if noise.kind == "filtered" and noise.variance > 0.0:
         return noise.space.melnikov_variance / (math.pi * noise.space.peak_density)
-    _band(noise)
-    low, high = noise.band
-    return noise_variance(noise) * (high - low) / (math.pi * noise.variance)
+    banded = _band(noise)
+    low, high = banded.band
+    return noise_variance(noise) * (high - low) / (math.pi * banded.variance)
 
 
-def response(frequency, restitution):
+def response(frequency: ArrayLike, restitution: float) -> Number:
     """Weight of a frequency in the diffusion that a realization stands for, with the jump of velocity kept.
 
     A block that passes the impact leaves x = 0 with e times the velocity it arrived with. The transform of that motion,
@@ -123,7 +124,7 @@ def response(frequency, restitution):
     return ((1.0 + e) ** 2 + (1.0 - e) ** 2 * square) / ((1.0 + e * e) * (1.0 + square) ** 2)
 
 
-def jump_diffusion(noise, restitution):
+def jump_diffusion(noise: Noise, restitution: float) -> float:
     """Diffusion of white noise by the rival closure ∫ G(ω) response dω, for comparison with `equivalent_diffusion`.
 
     It is right for white noise too, better than D_M for some bands without low frequencies and far worse for others
@@ -145,8 +146,9 @@ def jump_diffusion(noise, restitution):
     ValueError
         The noise has no band, or no strength.
     """
-    weights, values = _responses(noise, restitution)
-    return noise.variance * float(weights @ values)
+    banded = _band(noise)
+    weights, values = _responses(banded, restitution)
+    return banded.variance * float(weights @ values)
 
 
 def realized_spread(noise: Noise, restitution: float) -> float:
@@ -172,23 +174,25 @@ def realized_spread(noise: Noise, restitution: float) -> float:
     ValueError
         The noise has another kind, or the variance 0.
     """
-    weights, values = _responses(noise, restitution)
+    banded = _band(noise)
+    weights, values = _responses(banded, restitution)
     # A band so narrow that its responses do not differ may come out below zero by rounding.
-    return math.sqrt(max(weights @ values**2 / (weights @ values) ** 2 - 1.0, 0.0) / noise.harmonics)
+    return math.sqrt(max(weights @ values**2 / (weights @ values) ** 2 - 1.0, 0.0) / banded.harmonics)
 
 
-def _responses(noise, restitution):
+def _responses(noise: Band, restitution: float) -> tuple[Array, Array]:
     """Quadrature for the mean of powers of `response` over a band: weights and values.
 
     Gauss-Legendre in θ = atan ω, where they are trigonometric polynomials (a constant is not).
     """
-    _band(noise)
     low, high = noise.band
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
     frequency = np.tan(math.atan(low) + half * (1.0 + _NODES))
-    return half * _WEIGHTS * (1.0 + frequency**2) / (high - low), response(frequency, restitution)
+    weights = half * _WEIGHTS * (1.0 + frequency**2) / (high - low)
+    return weights, np.asarray(response(frequency, restitution))
 
 
-def _band(noise):
+def _band(noise: Noise) -> Band:
     if noise.kind != "band" or noise.variance == 0.0:
         raise ValueError(f"noise: got {noise!r}, accepted: band noise of a variance > 0")
+    return noise

@@ -148,7 +148,7 @@ FILTERS = {
 """Filters by their name in a scene."""
 
 
-def low_pass_frequency(ratio, damping=BUTTERWORTH):
+def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH) -> float | None:
     """Frequency ω of the low-pass filter with a given σ_M² of noise of variance 1.
 
     σ_M² falls from 4 to 0 as ω grows, as that of every filter does, so there is one ω.

@@ -70,28 +70,26 @@ class StateSpace(NamedTuple):
         """
         from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
-        drift, (scale, _) = matrix_balance(np.asarray(drift, dtype=float), permute=False, separate=True)
-        source, output = np.asarray(source) / scale, np.asarray(output) * scale
-        rates = np.linalg.eigvals(drift)
+        rate, (scale, _) = matrix_balance(np.asarray(drift, dtype=float), permute=False, separate=True)
+        reach, seen = np.asarray(source) / scale, np.asarray(output) * scale
+        rates = np.linalg.eigvals(rate)
         if not rates.real.max() < 0.0:
             accepted = "a matrix whose eigenvalues all have a real part below 0, so that the noise is stationary"
-            raise ValueError(checks.refusal("noise.filter.drift", drift.tolist(), accepted))
+            raise ValueError(checks.refusal("noise.filter.drift", rate.tolist(), accepted))
         fastest = np.abs(rates).max()
-        size = np.abs(source).max() or 1.0
-        covariance = solve_continuous_lyapunov(drift / fastest, -np.outer(source, source) / size**2)
+        size = np.abs(reach).max() or 1.0
+        covariance = solve_continuous_lyapunov(rate / fastest, -np.outer(reach, reach) / size**2)
         spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         if spread.min() > 0.0:
             correlation = 0.5 * (covariance + covariance.T) / np.outer(spread, spread)
             np.fill_diagonal(correlation, 1.0)
-            weights = output * spread
+            weights = seen * spread
             strength = math.sqrt(max(weights @ correlation @ weights, 0.0))
             if np.linalg.eigvalsh(correlation)[0] > _SINGULAR and strength > 0.0:
-                source = source * math.sqrt(fastest) / (size * spread)
-                return cls(drift * spread / spread[:, None], source, weights / strength, correlation)
+                reach = reach * math.sqrt(fastest) / (size * spread)
+                return cls(rate * spread / spread[:, None], reach, weights / strength, correlation)
         accepted = "a filter whose white noise reaches every state, and whose states reach the output"
-        raise ValueError(
-            f"noise.filter: got input {source.tolist()} and output {output.tolist()}, accepted: {accepted}"
-        )
+        raise ValueError(f"noise.filter: got input {reach.tolist()} and output {seen.tolist()}, accepted: {accepted}")
 
     @property
     def order(self) -> int:
@@ -155,12 +153,12 @@ class StateSpace(NamedTuple):
         """
         fastest = self.fastest
         drift, feedback = self.drift / fastest, np.outer(self.input, self.output)
-        below = np.poly(drift)
+        poles = np.poly(drift)
         # det(s - A + b c) - det(s - A) = c adj(s - A) b
-        above = np.poly(drift - feedback / np.abs(feedback).max()) - below
-        above, below = np.poly1d(_squared(above)), np.poly1d(_squared(below))
+        zeros = np.poly(drift - feedback / np.abs(feedback).max()) - poles
+        above, below = np.poly1d(_squared(zeros)), np.poly1d(_squared(poles))
         roots = (above.deriv() * below - above * below.deriv()).roots
-        return float(self.spectral_density(fastest * np.sqrt(np.maximum(np.append(roots.real, 0.0), 0.0))).max())
+        return float(np.max(self.spectral_density(fastest * np.sqrt(np.maximum(np.append(roots.real, 0.0), 0.0)))))
 
     @property
     def melnikov_variance(self) -> float:
@@ -180,7 +178,7 @@ class StateSpace(NamedTuple):
         return self.correlation @ self.output
 
 
-def transition(drift, source, duration):
+def transition(drift: Array, source: Array, duration: float) -> tuple[Array, Array]:
     """Exact step of a linear system dz = drift z dτ + source dW.
 
     Parameters
@@ -215,7 +213,7 @@ def transition(drift, source, duration):
 
 def _triangular(factor):
     """Return the lower triangular L (n, n), its diagonal at least 0, with L Lᵀ = factor factorᵀ, of a factor (n, m)."""
-    lower = np.linalg.qr(factor.T, mode="r").T
+    lower = np.transpose(np.linalg.qr(factor.T, mode="r"))
     return lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
 
 

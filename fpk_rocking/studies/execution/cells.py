@@ -3,7 +3,8 @@
 import hashlib
 import json
 import time
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,17 +20,17 @@ class Cell(NamedTuple):
     seed: int
 
     @property
-    def digest(self):
+    def digest(self) -> str:
         """Letters that tell this cell's scene and seed from any other's."""
         return hashlib.sha256(f"{self.seed}\n{self.scene.to_toml()}".encode()).hexdigest()[:16]
 
 
-def seed_of(seed, number):
+def seed_of(seed: int, number: int) -> int:
     """Seed from 0 to 2**64 - 1 of a cell of a sweep: it depends on the sweep's seed and the cell's number alone."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0])
 
 
-def perform(verb, cell, options):
+def perform(verb: Callable[..., Any], cell: Cell, options: dict[str, Any]) -> dict[str, Any]:
     """Run a verb on a cell.
 
     Parameters
@@ -52,7 +53,7 @@ def perform(verb, cell, options):
     return row_of(cell, time.perf_counter() - started, values, reason)
 
 
-def perform_alone(verb, cells, options):
+def perform_alone(verb: Callable[..., Any], cells: Sequence[Cell], options: dict[str, Any]) -> list[dict[str, Any]]:
     """Run a verb on cells, with one thread of the compiled kernels: each worker is one processor; return the rows."""
     import numba
 
@@ -64,7 +65,7 @@ def perform_alone(verb, cells, options):
         numba.set_num_threads(threads)
 
 
-def row_of(cell, wall_s, values, reason):
+def row_of(cell: Cell, wall_s: float, values: dict[str, Any], reason: str) -> dict[str, Any]:
     """Return the row of a cell."""
     return {
         "cell": cell.number,

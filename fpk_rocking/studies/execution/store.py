@@ -6,14 +6,17 @@ the file: it is locked where the file system has locks, and the lock ends with t
 """
 
 import contextlib
+import io
 import json
+from typing import Any
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import known
 
 try:
     import fcntl
 except ImportError:  # outside Unix
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]  # as it is told by
 
 _FORMAT = 1
 _ROW = {"cell": int, "seed": int, "digest": str, "wall_s": float, "values": dict, "reason": str}
@@ -44,7 +47,9 @@ class Store:
     """
 
     def __init__(self, path, about, cells):
-        self.path, self.rows, self._file = None if path is None else checks.path("store", path), {}, None
+        self.path = None if path is None else checks.path("store", path)
+        self.rows: dict[int, dict[str, Any]] = {}
+        self._file: io.FileIO | None = None
         if self.path is None:
             return
         if self.path.exists() and not self.path.is_file():
@@ -61,13 +66,13 @@ class Store:
             self.close()
             raise
 
-    def add(self, row):
+    def add(self, row: dict[str, Any]) -> None:
         """Take a row, and append it to the file."""
         self.rows[row["cell"]] = row
         if self._file is not None:
             self._write(_text(row))
 
-    def close(self):
+    def close(self) -> None:
         """Leave the file to others."""
         if self._file is None:
             return
@@ -77,15 +82,15 @@ class Store:
                 fcntl.flock(self._file, fcntl.LOCK_UN)
 
     def _write(self, text):
-        left = text.encode()
+        left, file = text.encode(), known(self._file)
         while left:
-            left = left[self._file.write(left) :]
+            left = left[file.write(left) :]
 
     def _claim(self):
         if fcntl is None:
             return
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(known(self._file), fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             accepted = "a file that no sweep in progress writes to"
             raise ValueError(checks.refusal("store", str(self.path), accepted)) from None
@@ -94,10 +99,11 @@ class Store:
 
     def _read(self, wanted, digests):
         """Take the rows of the file, and end it after its last whole line; begin a new file with the header."""
-        self._file.seek(0)
-        content = self._file.read()
+        file = known(self._file)
+        file.seek(0)
+        content = file.read()
         if wanted.encode().startswith(content):
-            self._file.truncate(0)
+            file.truncate(0)
             self._write(wanted)
             return
         *lines, rest = content.split(b"\n")
@@ -112,7 +118,7 @@ class Store:
             if digests.get(row["cell"]) != row["digest"]:
                 raise self._of_another(f"another cell {row['cell']}", "the same scenes, in this order, and seed")
             self.rows[row["cell"]] = row
-        self._file.truncate(len(content) - len(rest))
+        file.truncate(len(content) - len(rest))
 
     def _entry(self, line, number):
         try:

@@ -9,9 +9,11 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable, Generator, Sequence
+from typing import Any
 
 from fpk_rocking.console import line
-from fpk_rocking.studies.execution.cells import perform, perform_alone, row_of
+from fpk_rocking.studies.execution.cells import Cell, perform, perform_alone, row_of
 
 _PACKS = 16
 """Packs that n cells are handed over in, over √n: single cells up to 256, few enough packs of many."""
@@ -20,7 +22,9 @@ _ENDED = concurrent.futures.CancelledError, concurrent.futures.BrokenExecutor
 """Errors of a task whose executor has come to its end."""
 
 
-def rows_of(verb, cells, options, workers):
+def rows_of(
+    verb: Callable[..., Any], cells: Sequence[Cell], options: dict[str, Any], workers: int | concurrent.futures.Executor
+) -> Generator[dict[str, Any], None, None]:
     """Run a verb on cells.
 
     Parameters
