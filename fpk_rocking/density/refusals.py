@@ -1,21 +1,17 @@
 """Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
 
 import warnings
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import known
+from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.memory.start import spread_left
 from fpk_rocking.density.refinement import Refined
 from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-
-if TYPE_CHECKING:  # it imports this module
-    from fpk_rocking.density.evolution import Evolution
-
 
 LARGEST = {"white": 8e9, "filtered": 4e9}
 """Bytes that a solution may be expected to take, by the noise that is solved for."""
@@ -99,7 +95,7 @@ def refuse_large(held: float, stored: float, scene: Scene, rows: int) -> None:
         raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
 
 
-def refuse_broken(result: "Evolution") -> None:
+def refuse_broken(result: Evolution) -> None:
     """Raise FloatingPointError where a result has something that is not a finite number."""
     parts = ("survival", "overturned", "lost", "coefficients", "error_estimate", "bins_error_estimate", "negative_mass")
     for name in parts:
@@ -135,7 +131,7 @@ def warn_beyond(what: str, found: Refined, wanted: float, bins_wanted: float, in
         )
 
 
-def warn_unresolved(result: "Evolution", wanted: float, stacklevel: int) -> None:
+def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
     """Warn where the estimated error of what is at rest is larger than wanted; inf leaves it out."""
     sentence = result.unresolved_beyond(wanted)
     if sentence:

@@ -7,16 +7,12 @@ it, and squares of 1e200 overflow. The bounds are far from anything that rocks, 
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.physics.noise.filters import Filter
-
-if TYPE_CHECKING:  # it imports this module
-    from fpk_rocking.scene.scene import Scene
-
 
 _RANGES = {
     "noise.variance": (0.0, 1e6),
@@ -40,7 +36,7 @@ _VARIANCES = 1e-24, 1e8
 _ELASTIC, _SLOWEST = 1.0 - 1e-6, 1e-5
 
 
-def check(scene: "Scene") -> None:
+def check(scene: Any) -> None:
     """Refuse a scene that the engines cannot carry.
 
     Parameters

@@ -1,6 +1,6 @@
 """What speaks against fragility curves: the noise, missing answers, fits that the data reject, few motions."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +10,10 @@ from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
 from fpk_rocking.studies.lognormal import MISFIT, REJECTED
 from montecarlo.results.sample import path_doubts
 
-if TYPE_CHECKING:  # it imports this module
-    from fpk_rocking.studies.result import Fragility
-
-
 __all__ = ["doubts_of"]
 
 
-def doubts_of(result: "Fragility") -> list[Doubt]:
+def doubts_of(result: Any) -> list[Doubt]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
     found = _unanswered(result) + _noise(result) + _rejected(result)
     if result.mixture:

@@ -1,6 +1,6 @@
 """Fragility curves as a table on standard output."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from rich import box
@@ -9,14 +9,10 @@ from rich.table import Table
 from fpk_rocking.output.tables import told
 from fpk_rocking.studies.lognormal import P_VALUE
 
-if TYPE_CHECKING:  # it imports this module
-    from fpk_rocking.studies.result import Fragility
-
-
 __all__ = ["fragility_table", "size_of"]
 
 
-def size_of(result: "Fragility") -> str:
+def size_of(result: Any) -> str:
     """Return how many paths are behind each probability, as a text."""
     mean = f"{result.label(0)}, " * result.mixture
     if result.deterministic.all():
@@ -24,7 +20,7 @@ def size_of(result: "Fragility") -> str:
     return mean + (f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates")
 
 
-def fragility_table(result: "Fragility") -> tuple[str, Table, tuple[str, ...]]:
+def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     """Return title, table and closing sentences for the probabilities at each scale, for `output.tables.show`.
 
     Parameters

@@ -348,6 +348,7 @@ def test_bad_values_are_refused_by_name():
             lambda: Scene(Block(0.8), RECORD, NoNoise()),
             "block.dimensions: missing, required for a forcing of kind 'record'",
         ),
+        (lambda: RECORD.duration, "block.dimensions: missing"),
         (Block, "block.restitution: missing"),
         (lambda: limits.check(SHAKEN.varied(forcing={"scale": 1e6})), "forcing.scale: got 1000000.0, accepted: acc"),
         (

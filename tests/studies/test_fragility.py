@@ -289,7 +289,8 @@ def test_table_and_pictures(tmp_path, curve):
     assert sentences[1].startswith("Lognormal (overturned): median ")
     surface = fragility(BLOCK, scale=(1.0, 2.0, 4.0), over={"slenderness": (3.0, 5.0)}, cycles=2, realizations=100)
     curves_figure(tmp_path / "curves.png", [curve, curve], "A curve", which=None)
-    surface_figure(tmp_path / "surface.png", surface, "A surface")
+    written = surface_figure(str(tmp_path / "surface.png"), surface, "A surface")
+    assert written == tmp_path / "surface.png"
     assert {path.name for path in tmp_path.iterdir()} == {"curves.png", "surface.png"}
 
 

@@ -16,7 +16,7 @@ from fpk_rocking.base.types import known
 try:
     import fcntl
 except ImportError:  # outside Unix
-    fcntl = None  # type: ignore[assignment]  # as it is told by
+    fcntl = None  # type: ignore[assignment]  # None tells that there are no locks
 
 _FORMAT = 1
 _ROW = {"cell": int, "seed": int, "digest": str, "wall_s": float, "values": dict, "reason": str}
