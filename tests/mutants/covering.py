@@ -1,112 +1,142 @@
-"""Which test files run a function, found by a run of each of them.
+"""Which tests run a function: found by one run of the suite under Python's own profiler.
 
-Compiled kernels cannot be watched: a file that calls one counts as running all kernels of the sources that it is made
-of. What a test runs in a process of its own is not seen.
+Compiled kernels are not seen there. Those that a Python function can reach by the names in it count as run with it.
 """
 
+import cProfile
+import hashlib
 import json
-import os
-import pathlib
-import re
-import shutil
-import subprocess
 import sys
-import threading
 import time
+import types
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-PLACE = ROOT / "build" / "mutants"
-PACKAGES = "fpk_rocking", "montecarlo"
-PYTEST = sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"
-_NO_TESTS = 5
+import pytest
+from running import PACKAGES, PLACE, TREE, forked, run
 
 
-def environment(tree):
-    """Return the environment in which a tree's own packages are used, on one processor."""
-    folder = PLACE / f"cache-{tree.name}"
-    return os.environ | {"PYTHONPATH": str(tree), "NUMBA_NUM_THREADS": "1", "NUMBA_CACHE_DIR": str(folder)}
-
-
-def watched(anew):
-    """Return what `watch` finds of every test file that passes, by its name; from earlier runs unless `anew`."""
-    kept, found = PLACE / "map", {}
-    if anew:
-        shutil.rmtree(kept, ignore_errors=True)
+def found(jobs):
+    """Return, by test file, its tests with their seconds and the functions they run; anew for a changed file."""
+    kept, texts = PLACE / "map", {one: one.read_bytes() for one in sorted(TREE.glob("tests/*/test_*.py"))}
     kept.mkdir(parents=True, exist_ok=True)
-    tests = (one for one in (ROOT / "tests").glob("*/test_*.py") if one.parent.name != "robustness")
-    for test in sorted(tests):
-        out = kept / f"{test.stem}.json"
-        if not out.exists():
-            print(f"which functions run in {test.name}", flush=True)
-            command = [sys.executable, __file__, str(test), str(out)]
-            subprocess.run(command, env=environment(ROOT), check=False, stdout=subprocess.DEVNULL)
-        if out.exists():
-            found[test.relative_to(ROOT).as_posix()] = json.loads(out.read_text(encoding="utf-8"))
-    bad = [name for name, one in found.items() if one["status"] not in {0, _NO_TESTS}]
-    if bad:
-        print(f"left out, as they fail without any mistake: {', '.join(bad)}", flush=True)
-    return {name: one for name, one in found.items() if one["status"] == 0}
+    places = {str(one.relative_to(TREE)): kept / hashlib.sha256(text).hexdigest() for one, text in texts.items()}
+    for file, one in forked(watched, [file for file, place in places.items() if not place.exists()], jobs):
+        print(f"{file}: {len(one['tests']) if one else 'does not end'}", flush=True)
+        places[file].write_text(json.dumps(one or {"tests": {}, "kernels": []}), encoding="utf-8")
+    return {file: json.loads(place.read_text(encoding="utf-8")) for file, place in places.items()}
 
 
-def watch(test, out):
-    """Run a test file; write its seconds, its exit status, the functions that ran, and the sources of kernels."""
-    import pytest
-
-    from fpk_rocking.base import jit
-
-    codes, kernels, make = set(), set(), jit.kernel
-
-    def kernel(function=None, **options):
-        if function is None:
-            return lambda one: kernel(one, **options)
-        made = make(function, **options)
-        compiled, file = made.compile, pathlib.Path(function.__code__.co_filename)
-        made.compile = lambda signature: (kernels.add(file), compiled(signature))[1]
-        return made
-
-    def note(frame, event, _):
-        if event == "call":
-            codes.add(frame.f_code)
-
-    jit.kernel, begin = kernel, time.monotonic()
-    threading.setprofile(note)
-    sys.setprofile(note)
-    status = int(pytest.main([*PYTEST[3:], test]))
-    sys.setprofile(None)
-    made_of = {one for file in kernels if ROOT in file.parents for one in jit.sources(file)}
-    ran = {(_name(code.co_filename), code.co_name) for code in codes}
-    found = {
-        "seconds": time.monotonic() - begin,
-        "status": status,
-        "functions": sorted(f"{file}:{name}" for file, name in ran if file),
-        "kernels": sorted(filter(None, map(_name, made_of))),
+def watched(file):
+    """Run a test file; return its tests that pass, and the functions of the packages that are kernels."""
+    watch = _Watch()
+    run([file], watch)
+    kernels = _Kernels()
+    passed = {name: one for name, one in watch.tests.items() if name not in watch.failed}
+    return {
+        "tests": {
+            name: {"seconds": s, "runs": sorted(kernels.with_codes(codes))} for name, (s, codes) in passed.items()
+        },
+        "kernels": sorted({_name(code) for one in kernels.of for code in _nested(one.py_func.__code__)}),
     }
-    pathlib.Path(out).write_text(json.dumps(found), encoding="utf-8")
 
 
-def _name(file):
-    """Path of a source of the packages within the tree; else empty."""
-    path = pathlib.Path(file)
-    name = path.relative_to(ROOT).as_posix() if ROOT in path.parents else ""
-    return name if name.startswith(PACKAGES) else ""
+class _Watch:
+    def __init__(self):
+        self.tests, self.failed = {}, set()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item):
+        from numba.core.event import TimingListener, install_listener
+
+        profile, compiling, begin = cProfile.Profile(builtins=False), TimingListener(), time.monotonic()
+        with install_listener("numba:compile", compiling), profile:
+            yield_ = yield
+        seconds = time.monotonic() - begin - (compiling.duration if compiling.done else 0.0)
+        codes = {one.code for one in profile.getstats() if hasattr(one.code, "co_filename")}
+        self.tests[item.nodeid] = seconds, {code for code in codes if _name(code)}
+        return yield_
+
+    def pytest_runtest_logreport(self, report):
+        if report.failed or report.skipped:
+            self.failed.add(report.nodeid)
 
 
-def files_for(mutant, found):
-    """Return the test files that run the function of a mutant: those that import its module first, then by seconds."""
-    folder, _, leaf = mutant.file.removesuffix(".py").replace("/", ".").rpartition(".")
-    imports = re.compile(rf"(from|import) {folder}(\.{leaf}\b| import .*\b{leaf}\b)")
+class _Kernels:
+    """Kernels of the loaded modules of the packages."""
+
+    def __init__(self):
+        from numba.core.dispatcher import Dispatcher
+
+        self.kind = Dispatcher
+        loaded = list(sys.modules.items())
+        self.scopes = {one.__file__: vars(one) for name, one in loaded if name.startswith(PACKAGES) and one.__file__}
+        self.by_name = {}
+        for scope in self.scopes.values():
+            for name, value in scope.items():
+                if isinstance(value, Dispatcher):
+                    self.by_name.setdefault(name, set()).add(value)
+        self.of = {one for same in self.by_name.values() for one in same}
+
+    def with_codes(self, codes):
+        """Return the names of functions that run, by their code, and of the kernels that these can call."""
+        names, todo = set(), [(code, self.scopes.get(code.co_filename, {})) for code in codes]
+        while todo:
+            code, scope = todo.pop()
+            if (code, id(scope)) in names:
+                continue
+            names.add((code, id(scope)))
+            todo += [(one, scope) for one in _nested(code)]
+            for kernel in self._called(code, scope):
+                todo.append((kernel.py_func.__code__, kernel.py_func.__globals__))
+        return {_name(code) for code, _ in names}
+
+    def _called(self, code, scope):
+        """Kernels that a function names: of its own module, of one that it names, or else of any."""
+        for name in code.co_names:
+            value = scope.get(name)
+            if isinstance(value, self.kind):
+                yield value
+            elif isinstance(value, types.ModuleType):
+                yield from (one for one in map(vars(value).get, code.co_names) if isinstance(one, self.kind))
+            elif name not in scope:
+                yield from self.by_name.get(name, ())
+
+
+def _nested(code):
+    """A code and those of the functions within it."""
+    yield code
+    for one in code.co_consts:
+        if isinstance(one, types.CodeType):
+            yield from _nested(one)
+
+
+def _name(code):
+    """Name "file:function" of a code of the packages; else empty."""
+    file = code.co_filename.removeprefix(f"{TREE}/")
+    return f"{file}:{code.co_qualname}" if file.startswith(PACKAGES) else ""
+
+
+def tests_for(mutant, known, budget):
+    """Return the tests that may notice a mutant, up to a budget of seconds; those that mirror its file come first."""
+    *folders, leaf = mutant.file.removesuffix(".py").split("/")
+    wanted = f"{mutant.file}:{mutant.function}"
 
     def runs(one):
-        if mutant.compiled:
-            return mutant.file in one["kernels"]
-        ran = [name for name in one["functions"] if name.startswith(f"{mutant.file}:")]
-        return f"{mutant.file}:{mutant.function}" in ran if mutant.function else bool(ran)
+        return any(name == wanted or (not mutant.function and name.startswith(wanted)) for name in one["runs"])
 
-    def order(name):
-        return not imports.search((ROOT / name).read_text(encoding="utf-8")), found[name]["seconds"]
-
-    return sorted((name for name, one in found.items() if runs(one)), key=order)
-
-
-if __name__ == "__main__":
-    watch(*sys.argv[1:])
+    ranked = []
+    for file, one in known.items():
+        direct = {name for name, test in one["tests"].items() if runs(test)}
+        near = len({*folders[1:], *folders[:1]} & set(file.split("/"))) + 2 * (leaf in file)
+        text = (TREE / file).read_text(encoding="utf-8")
+        near += 2 * (f"{'.'.join(folders)}.{leaf}" in text)
+        if direct or near > 2:
+            whole = sum(one["tests"][name]["seconds"] for name in direct)
+            ranked += [
+                (name not in direct, -near, whole, file, test["seconds"], name) for name, test in one["tests"].items()
+            ]
+    chosen, left = [], budget
+    for *_, file, seconds, name in sorted(ranked):
+        if seconds <= left:
+            left -= seconds
+            chosen.append((file, name, seconds))
+    return chosen
