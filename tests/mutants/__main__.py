@@ -8,6 +8,7 @@ kernel; cosmic-ray has one command for all mutants, here the whole suite.)
 """
 
 import argparse
+import itertools
 import json
 import os
 import random
@@ -46,28 +47,14 @@ class _Judge:
     pytest_collectreport = pytest_runtest_logreport
 
 
-def failure(mutant, compiled, tests):
-    """Return the first of some tests that fails with a mutant (None: without any); "" where none fails."""
-    judge = _Judge(tests, PATIENCE[0] + (COMPILING if compiled else 0.0))
-    if mutant:
-        given = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
-        os.environ["FPK_ROCKING_MUTANT"] = json.dumps(given)
-        sitecustomize.put(**given)
-    status = run(dict.fromkeys(file for file, *_ in tests), judge, "-x")
-    return judge.by or (f"status {status}" if status else "")
-
-
 def noticed(mutant, compiled, tests):
-    """Return the first test that fails with a mutant, and does not fail without it; "" for none."""
-    while tests:
-        _, by = next(forked(lambda given: failure(*given), [(mutant, compiled, tests)]))
-        if by is None:
-            return "time"
-        alone = [one for one in tests if one[1] == by]
-        if not alone or not next(forked(lambda given: failure(*given), [(None, False, alone)]))[1]:
-            return by
-        tests = [one for one in tests if one[1] != by]
-    return ""
+    """Return the first of some tests that fails with a mutant; "" where none fails."""
+    judge = _Judge(tests, PATIENCE[0] + (COMPILING if compiled else 0.0))
+    given = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
+    os.environ["FPK_ROCKING_MUTANT"] = json.dumps(given)
+    sitecustomize.put(**given)
+    status = run(dict.fromkeys(file for file, *_ in tests), judge, "-x") if tests else 0
+    return judge.by or (f"status {status}" if status else "")
 
 
 def main():
@@ -86,21 +73,18 @@ def main():
         for package in PACKAGES
         for file in sorted((TREE / package).rglob("*.py"))
     }
-    mutants = [drawing.draw(rng, texts) for _ in range(options.count)]
+    mutants = list(itertools.islice(drawing.drawn(rng, texts), options.count))
 
     def tried(number):
-        mutant, begin = mutants[number], time.monotonic()
-        compiled = not mutant.function or f"{mutant.file}:{mutant.function}" in kernels
-        tests = covering.tests_for(mutant, known, options.budget)
-        return noticed(mutant, compiled, tests), len(tests), time.monotonic() - begin
-
-    score = 0
-    todo = range(options.count) if options.only is None else options.only
-    for number, (by, tests, seconds) in forked(tried, todo, options.jobs):
-        score += bool(by)
-        verdict = f"noticed by {by}" if by else f"SURVIVES {tests} tests"
         mutant = mutants[number]
-        print(f"{number} {mutant.file}:{mutant.line}: {verdict}, {seconds:.0f} s")
+        tests = covering.tests_for(mutant, known, kernels, options.budget)
+        return noticed(mutant, not mutant.function or f"{mutant.file}:{mutant.function}" in kernels, tests)
+
+    todo, score, begin = options.only or range(options.count), 0, time.monotonic()
+    for number, by in forked(tried, todo, options.jobs):
+        mutant, score = mutants[number], score + (by != "")
+        verdict = "SURVIVES" if by == "" else f"noticed by {by or 'its time'}"
+        print(f"{number} {mutant.file}:{mutant.line}: {verdict}, {time.monotonic() - begin:.0f} s")
         print(f"    {mutant.before}", f"    {mutant.after}", sep="\n", flush=True)
     print(f"{score} of {len(todo)} noticed, seed {options.seed}")
 

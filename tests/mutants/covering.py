@@ -13,6 +13,9 @@ import types
 import pytest
 from running import PACKAGES, PLACE, TREE, forked, run
 
+_LOADING = 0.5
+"""Seconds that a test file takes to be loaded, about."""
+
 
 def found(jobs):
     """Return, by test file, its tests with their seconds and the functions they run; anew for a changed file."""
@@ -115,28 +118,32 @@ def _name(code):
     return f"{file}:{code.co_qualname}" if file.startswith(PACKAGES) else ""
 
 
-def tests_for(mutant, known, budget):
-    """Return the tests that may notice a mutant, up to a budget of seconds; those that mirror its file come first."""
+def tests_for(mutant, known, kernels, budget):
+    """Return tests that may notice a mutant, as many as a budget of seconds allows, those that mirror its file first.
+
+    These are the tests that run its function, and then all others of the files that are named after its file or import
+    it: what is solved once for many tests runs in the first of them alone. Kernels of one name cannot be told apart, so
+    that of their tests those go first that run something of the same file which is no kernel.
+    """
     *folders, leaf = mutant.file.removesuffix(".py").split("/")
-    wanted = f"{mutant.file}:{mutant.function}"
-
-    def runs(one):
-        return any(name == wanted or (not mutant.function and name.startswith(wanted)) for name in one["runs"])
-
-    ranked = []
+    wanted, module, ranked = f"{mutant.file}:{mutant.function}", ".".join([*folders, leaf]), []
     for file, one in known.items():
-        direct = {name for name, test in one["tests"].items() if runs(test)}
-        near = len({*folders[1:], *folders[:1]} & set(file.split("/"))) + 2 * (leaf in file)
-        text = (TREE / file).read_text(encoding="utf-8")
-        near += 2 * (f"{'.'.join(folders)}.{leaf}" in text)
-        if direct or near > 2:
-            whole = sum(one["tests"][name]["seconds"] for name in direct)
-            ranked += [
-                (name not in direct, -near, whole, file, test["seconds"], name) for name, test in one["tests"].items()
-            ]
-    chosen, left = [], budget
+        near = 2 * (leaf in file) + 2 * (module in (TREE / file).read_text(encoding="utf-8"))
+        direct = {
+            name: test["seconds"]
+            for name, test in one["tests"].items()
+            if (wanted in test["runs"] if mutant.function else any(run.startswith(wanted) for run in test["runs"]))
+        }
+        near += len(set(folders) & set(file.split("/")))
+        for name, test in one["tests"].items():
+            if name in direct or near > 2:
+                own = any(run.startswith(f"{mutant.file}:") and run not in kernels for run in test["runs"])
+                ranked.append((name not in direct, not own, -near, sum(direct.values()), file, test["seconds"], name))
+    chosen, files = [], set()
     for *_, file, seconds, name in sorted(ranked):
-        if seconds <= left:
-            left -= seconds
+        cost = seconds + (0.0 if file in files else _LOADING)
+        if cost <= budget:
+            budget -= cost
+            files.add(file)
             chosen.append((file, name, seconds))
     return chosen

@@ -24,8 +24,8 @@ class Mutant(NamedTuple):
     source: str
 
 
-def draw(rng, texts):
-    """Return a `Mutant` of one of the sources by file, drawn in proportion to their statements."""
+def drawn(rng, texts):
+    """Yield a `Mutant` after the other of the sources by file, which are drawn in proportion to their statements."""
     places = {file: statements(ast.parse(text)) for file, text in texts.items()}
     while True:
         file = rng.choices(list(places), [len(found) for found in places.values()])[0]
@@ -36,7 +36,7 @@ def draw(rng, texts):
         source = changed(texts[file], *rng.choice(possible))
         lines = zip(texts[file].splitlines(), source.splitlines(), strict=False)
         line, before, after = next((n, *pair) for n, pair in enumerate(lines, 1) if pair[0] != pair[1])
-        return Mutant(file, function, line, before.strip(), after.strip(), source)
+        yield Mutant(file, function, line, before.strip(), after.strip(), source)
 
 
 def statements(tree):

@@ -35,7 +35,8 @@ def prepare():
     os.chdir(TREE)
     sys.path.insert(0, str(TREE))
     paths = os.pathsep.join([str(TREE), str(pathlib.Path(__file__).parent)])
-    os.environ |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", "MPLBACKEND": "agg"}
+    os.environ |= {"PYTHONPATH": paths, "MPLBACKEND": "agg"}
+    sys.dont_write_bytecode = False
     os.environ |= {"NUMBA_CACHE_DIR": str(PLACE / "cache"), "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     for name in _LOADED.split():
         with contextlib.suppress(ImportError):
