@@ -122,8 +122,8 @@ def tests_for(mutant, known, kernels, budget):
     """Return tests that may notice a mutant, as many as a budget of seconds allows, those that mirror its file first.
 
     These are the tests that run its function, and then all others of the files that are named after its file or import
-    it: what is solved once for many tests runs in the first of them alone. Kernels of one name cannot be told apart, so
-    that of their tests those go first that run something of the same file which is no kernel.
+    it: what is solved once for many tests runs in the first of them alone. Kernels of one name cannot be told apart: of
+    their tests those go first that run most of what is no kernel in the same file.
     """
     *folders, leaf = mutant.file.removesuffix(".py").split("/")
     wanted, module, ranked = f"{mutant.file}:{mutant.function}", ".".join([*folders, leaf]), []
@@ -137,8 +137,18 @@ def tests_for(mutant, known, kernels, budget):
         near += len(set(folders) & set(file.split("/")))
         for name, test in one["tests"].items():
             if name in direct or near > 2:
-                own = any(run.startswith(f"{mutant.file}:") and run not in kernels for run in test["runs"])
-                ranked.append((name not in direct, not own, -near, sum(direct.values()), file, test["seconds"], name))
+                own = sum(run.startswith(f"{mutant.file}:") and run not in kernels for run in test["runs"])
+                ranked.append(
+                    (
+                        name not in direct,
+                        -own if wanted in kernels else 0,
+                        -near,
+                        sum(direct.values()),
+                        file,
+                        test["seconds"],
+                        name,
+                    )
+                )
     chosen, files = [], set()
     for *_, file, seconds, name in sorted(ranked):
         cost = seconds + (0.0 if file in files else _LOADING)
