@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import solve_fpk
+from fpk_rocking import Pulse, solve_fpk
 from fpk_rocking.density.pilot import LEAST_RANGE, Motion, motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import velocity_bound
@@ -59,6 +59,13 @@ def test_a_block_at_rest_and_one_that_falls_at_once_have_a_motion():
     assert [np.ptp(ends) for ends in rest[2:4]] == pytest.approx(LEAST_RANGE)
     fallen = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6, Start(1.55, 30.0)), times)
     assert 0.0 < fallen.angle <= math.pi / 2
+
+
+def test_time_at_rest_after_a_pulse_does_not_narrow_its_range():
+    pulsed = Scene(Block(0.5), Pulse("one-sine", 1.3, 5.0), WhiteNoise(1e-8))
+    short, long = (motion_of(pulsed, pulsed.forcing.duration * np.arange(count)) for count in (3, 60))
+    assert short.angle > 0.01
+    assert long.angle == pytest.approx(short.angle, rel=0.1)
 
 
 def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
