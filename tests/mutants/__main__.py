@@ -2,9 +2,9 @@
 
     python tests/mutants --count 20 --seed 1        (or `make mutants COUNT=20 SEED=1`)
 
-The tests that run a mutant's function are run, those that mirror its file first, until one fails that does not fail
-without the mistake, or BUDGET seconds of tests have passed. (mutmut leaves decorated functions alone, and so every
-kernel; cosmic-ray has one command for all mutants, here the whole suite.)
+The tests that run a mutant's function are run, those that mirror its file first, until one fails or BUDGET seconds of
+tests have passed; tests that fail without a mistake are left out. (mutmut leaves decorated functions alone, and so
+every kernel; cosmic-ray has one command for all mutants, here the whole suite.)
 """
 
 import argparse
@@ -21,15 +21,15 @@ import drawing
 import sitecustomize
 from running import PACKAGES, TREE, forked, prepare, run
 
-PATIENCE = 20.0, 10.0
-"""Seconds, and times those of a test, after which a mutant is noticed: something does not come to its end."""
+PATIENCE, WAITING = (10.0, 5.0), 10.0
+"""Seconds, and times those of a test, that a test may compute for, and how many times longer it may take."""
 
-COMPILING = 200.0
-"""Seconds of patience with what has to be compiled anew."""
+COMPILING = 60.0
+"""Seconds that the compilation of kernels may take."""
 
 
 class _Judge:
-    """Runs some tests, (file, name, seconds) each, in their order, and notes the first that fails."""
+    """Runs some tests, (file, name, seconds) each, in their order, up to the first that fails: `by`."""
 
     def __init__(self, tests, patience):
         self.by, self.tests, self.patience = "", {name: seconds for _, name, seconds in tests}, patience
@@ -39,7 +39,9 @@ class _Judge:
         items[:] = [found[name] for name in self.tests if name in found]
 
     def pytest_runtest_logstart(self, nodeid):
-        signal.setitimer(signal.ITIMER_REAL, self.patience + PATIENCE[1] * self.tests[nodeid])
+        patience = self.patience + PATIENCE[1] * self.tests[nodeid]
+        signal.setitimer(signal.ITIMER_PROF, patience)
+        signal.setitimer(signal.ITIMER_REAL, WAITING * patience)
 
     def pytest_runtest_logreport(self, report):
         self.by = self.by or (report.nodeid if report.failed else "")
@@ -49,7 +51,7 @@ class _Judge:
 
 def noticed(mutant, compiled, tests):
     """Return the first of some tests that fails with a mutant; "" where none fails."""
-    judge = _Judge(tests, PATIENCE[0] + (COMPILING if compiled else 0.0))
+    judge = _Judge(tests, PATIENCE[0] + COMPILING * compiled)
     given = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
     os.environ["FPK_ROCKING_MUTANT"] = json.dumps(given)
     sitecustomize.put(**given)
@@ -61,19 +63,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=20, help="number of mutants")
     parser.add_argument("--seed", type=int, default=1, help="seed of their drawing")
-    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
-    parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests for each")
+    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time, each on one processor")
+    parser.add_argument("--budget", type=float, default=15.0, help="seconds of tests for each")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of the mutants to try; all by default")
     options = parser.parse_args()
     prepare()
-    known, rng = covering.found(options.jobs), random.Random(options.seed)
-    kernels = {name for one in known.values() for name in one["kernels"]}
-    texts = {
-        file.relative_to(TREE).as_posix(): file.read_text(encoding="utf-8")
-        for package in PACKAGES
-        for file in sorted((TREE / package).rglob("*.py"))
-    }
-    mutants = list(itertools.islice(drawing.drawn(rng, texts), options.count))
+    known, kernels = covering.found(options.jobs)
+    files = sorted(file for package in PACKAGES for file in (TREE / package).rglob("*.py"))
+    texts = {file.relative_to(TREE).as_posix(): file.read_text(encoding="utf-8") for file in files}
+    mutants = list(itertools.islice(drawing.drawn(random.Random(options.seed), texts), options.count))
 
     def tried(number):
         mutant = mutants[number]
@@ -83,7 +81,7 @@ def main():
     todo, score, begin = options.only or range(options.count), 0, time.monotonic()
     for number, by in forked(tried, todo, options.jobs):
         mutant, score = mutants[number], score + (by != "")
-        verdict = "SURVIVES" if by == "" else f"noticed by {by or 'its time'}"
+        verdict = "SURVIVES" if by == "" else f"noticed by {by or 'its end: killed, or too late'}"
         print(f"{number} {mutant.file}:{mutant.line}: {verdict}, {time.monotonic() - begin:.0f} s")
         print(f"    {mutant.before}", f"    {mutant.after}", sep="\n", flush=True)
     print(f"{score} of {len(todo)} noticed, seed {options.seed}")

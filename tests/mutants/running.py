@@ -15,11 +15,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 PLACE = ROOT / "build" / "mutants"
 TREE = PLACE / "tree"
 PACKAGES = "fpk_rocking", "montecarlo"
-_LOADED = (
-    "distributed hypothesis.strategies matplotlib.pyplot meshio mpmath numba pandas pytest pyvista rich.progress "
-    "scipy.integrate scipy.interpolate scipy.ndimage scipy.optimize scipy.signal scipy.sparse.linalg scipy.special "
-    "scipy.stats skfem xarray"
-)
+_LOADED = "distributed hypothesis matplotlib.pyplot numba pandas pyvista scipy.integrate scipy.stats skfem xarray"
 _MEMORY = 8 << 30
 
 
@@ -30,29 +26,25 @@ def prepare():
     for one in ROOT.iterdir():
         if one.name[0] != "." and one.name not in {"build", "dist", "results"}:
             # Times of files are kept, for numba's cache goes by them.
-            copy = shutil.copytree if one.is_dir() else shutil.copy2
-            copy(one, TREE / one.name)
+            (shutil.copytree if one.is_dir() else shutil.copy2)(one, TREE / one.name)
     os.chdir(TREE)
     sys.path.insert(0, str(TREE))
-    paths = os.pathsep.join([str(TREE), str(pathlib.Path(__file__).parent)])
-    os.environ |= {"PYTHONPATH": paths, "MPLBACKEND": "agg"}
-    sys.dont_write_bytecode = False
+    os.environ |= {"PYTHONPATH": f"{TREE}{os.pathsep}{pathlib.Path(__file__).parent}", "MPLBACKEND": "agg"}
     os.environ |= {"NUMBA_CACHE_DIR": str(PLACE / "cache"), "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     for name in _LOADED.split():
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
     import numba
-    import numpy as np
 
-    numba.njit(lambda x: x.sum())(np.ones(2))  # the first kernel takes a second more than the others
+    numba.njit(lambda x: x)(1.0)  # the first kernel takes a second more than the others
 
 
-def forked(work, todo, jobs=1):
-    """Yield each thing to do with what `work` makes of it in a process of its own, None where that was killed."""
+def forked(work, todo, jobs):
+    """Yield each thing to do with what `work` makes of it in a process of its own, None where that died."""
     running, todo = {}, list(todo)
     while running or todo:
         while todo and len(running) < jobs:
-            out, one = tempfile.TemporaryFile("w+", encoding="utf-8"), todo.pop(0)
+            one, out = todo.pop(0), tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
             pid = os.fork()
             if not pid:
                 os.setsid()
@@ -65,9 +57,9 @@ def forked(work, todo, jobs=1):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(pid, signal.SIGKILL)  # what a test has started
         one, out = running.pop(pid)
-        out.seek(0)
-        text = out.read()
-        out.close()
+        with out:
+            out.seek(0)
+            text = out.read()
         yield one, json.loads(text) if text else None
 
 
