@@ -245,7 +245,7 @@ def test_ends_that_something_passes_are_numbered_row_by_row():
 
 
 def test_cells_that_meet_a_marked_one_are_marked():
-    """The same cells, and those of a mesh shifted by half a cell: two an axis; with neighbours, five of the same mesh."""
+    """Of the same mesh itself, of one shifted by half a cell along an axis two, and with its neighbours five."""
     lines = np.linspace(-2.0, 2.0, 9)
     space, shifted = Space(lines, lines, 1), Space(lines, lines + 0.25, 1)
     cells = np.zeros((8, 8), dtype=bool)
