@@ -70,7 +70,7 @@ def test_time_at_rest_after_a_pulse_does_not_narrow_its_range():
 
 def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
     for edges, ends in zip(
-        Motion(0.1, 0.2, (-0.3, 0.1), (-1.0, 1.0), 1.0).edges, ((-0.3, 0.1), (-1.0, 1.0)), strict=True
+        Motion(0.1, 0.2, (-0.307, 0.1), (-1.0, 1.0), 1.0).edges, ((-0.307, 0.1), (-1.0, 1.0)), strict=True
     ):
         size = np.ptp(ends) / 20
         assert np.diff(edges) == pytest.approx(size)
