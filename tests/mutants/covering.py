@@ -102,7 +102,7 @@ def tests_for(mutant, known, kernels, budget):
 
     These are the tests that run its function, and then all others of the files that are named after its file or import
     it: what is solved once for many tests runs in the first of them alone. Kernels of one name cannot be told apart: of
-    their tests those go first that run most of what is no kernel in the same file.
+    tests as near those go first that run most of what is no kernel in the same file.
     """
     *folders, leaf = mutant.file.removesuffix(".py").split("/")
     wanted, module, ranked = f"{mutant.file}:{mutant.function}", ".".join([*folders, leaf]), []
@@ -112,9 +112,9 @@ def tests_for(mutant, known, kernels, budget):
         for name, test in tests.items():
             here = [run for run in test["runs"] if run.startswith(f"{mutant.file}:")]
             direct = wanted in here if mutant.function else bool(here)
-            own = len(set(here) - kernels) if wanted in kernels else 0
+            own = len(set(here) - kernels)
             if direct or near > 2:
-                ranked.append((not direct, -own, -near, file, test["seconds"], name))
+                ranked.append((not direct, -near, -own, file, test["seconds"], name))
     chosen, files = [], set()
     for *_, file, seconds, name in sorted(ranked):
         cost = seconds + (0.0 if file in files else _LOADING)
