@@ -22,7 +22,7 @@ from fpk_rocking.results.layout import Layout
 from fpk_rocking.scene.scene import Scene
 
 KINDS = ("evolution", "ensemble", "tally", "histories", "fragility")
-_FORMAT = 5
+_FORMAT = 6
 _HEADER = "header"
 _HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
 _PIECE = 2**20

@@ -13,9 +13,10 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.body import body_in
 from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.equation import lift
 from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import lift
 from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal, uniform
 
@@ -114,7 +115,7 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     """
     diffusion, span = problem.diffusion[j], problem.spacing
     force, slope = polynomial(problem.force[j], time)
-    pull = -lift(0.0, side, force)
+    pull = -lift(0.0, side, force, body_in(problem))
     if not w < problem.brief * pull:
         return w, 0, time
     disc = pull * pull - 8.0 / 3.0 * side * slope * w
@@ -128,7 +129,7 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     chord = (middle - force) / half
     growth = -side * (rate + 0.6 * (slope + rate) - 1.2 * chord)
     mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
-    pull = -lift(0.0, side, mean) - half * (w / 3.0 + growth)
+    pull = -lift(0.0, side, mean, body_in(problem)) - half * (w / 3.0 + growth)
     if not w * pull > _SLOWEST * diffusion:
         return w, 0, time
     noise = SURE * _WIDTH * math.sqrt(diffusion)

@@ -13,17 +13,10 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import is_eventless
+from fpk_rocking.physics.motion.body import body_in, body_of
+from fpk_rocking.physics.motion.events import can_lift_off, is_eventless
 from fpk_rocking.physics.motion.particular import added, continued, ends_of
-from fpk_rocking.physics.motion.slender import (
-    block_in,
-    block_of,
-    can_lift_off,
-    force_bounds,
-    hyperbolic_turn,
-    respond,
-    segment_of,
-)
+from fpk_rocking.physics.motion.slender import force_bounds, hyperbolic_turn, respond, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
@@ -61,6 +54,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     low_ratio: float
     ratio_width: float
@@ -96,7 +90,7 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     largest = band.weight * band.harmonics * _largest(envelope, grid)
     order = 2 if math.isinf(envelope.spacing) else _ORDER
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         start_numbers(scene.start),
         *band,
         *grid,
@@ -211,11 +205,11 @@ def coast(state, side, number, j, problem, room):
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
     low, high, (x, v) = problem.low[j], problem.high[j], state
     if side == 0:
-        return not can_lift_off(low, high), state
+        return not can_lift_off(low, high, body_in(problem)), state
     if problem.piece[j + 1] > problem.piece[j] + 1:
         return False, state
     ahead = _after(x, v, side, j, number % CHUNK, problem, room)
-    return is_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, block_in(problem)), ahead
+    return is_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, body_in(problem)), ahead
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -248,7 +242,7 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
         for n in range(TERMS):
             room.particular[n] += problem.forced[j, n]
         segment = segment_of(room.particular, room.force, half)
-        x, v, side, time = advance(x, v, side, segment, begin, end, block_in(problem), impacts, origin)
+        x, v, side, time = advance(x, v, side, segment, begin, end, body_in(problem), impacts, origin)
         if abs(x) >= problem.cutoff:
             break
         begin = end

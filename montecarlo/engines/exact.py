@@ -14,9 +14,10 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_through, state_at
 from fpk_rocking.physics.motion.particular import ends_of
-from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, pulls, split, stiffness
+from fpk_rocking.physics.motion.slender import fold, force_bounds, pulls, split, stiffness
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from montecarlo.engines import shinozuka
@@ -52,6 +53,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     low_ratio: float
     ratio_width: float
@@ -78,7 +80,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     longest = min(LONGEST, forcing.shortest_period / FEWEST)
     grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
     intervals, spacing = grid.count, grid.spacing
-    block, band = block_of(scene), band_of(scene, grid.duration)
+    block, band = body_of(scene), band_of(scene, grid.duration)
     forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
     shapes, half = pieces(spacing), 0.5 * spacing
     return Problem(
@@ -210,7 +212,7 @@ def resolve(number, j, problem, room):
 @kernel(forceinline=True, borrows=True)
 def look(state, side, number, j, share, problem, room):  # noqa: ARG001
     """Angle and velocity in a resolved interval, nan if overturned."""
-    return state_at(room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, block_in(problem))
+    return state_at(room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, body_in(problem))
 
 
 @kernel(forceinline=True, borrows=True)
@@ -219,7 +221,7 @@ def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
     middle = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
     node = problem.node[j, 0] + room.node[number % CHUNK]
     grow, decay, u, side, time = pass_through(
-        room.interval, node, state[0], state[1], state[2], ahead[2], side, block_in(problem), impacts, middle
+        room.interval, node, state[0], state[1], state[2], ahead[2], side, body_in(problem), impacts, middle
     )
     return (grow, decay, u), side, time
 

@@ -23,18 +23,11 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import is_eventless
+from fpk_rocking.physics.motion.body import body_in, body_of
+from fpk_rocking.physics.motion.events import can_lift_off, is_eventless
 from fpk_rocking.physics.motion.particular import added, ends_of, hyperbolic, response
 from fpk_rocking.physics.motion.polynomial import move_origin
-from fpk_rocking.physics.motion.slender import (
-    block_in,
-    block_of,
-    can_lift_off,
-    force_bounds,
-    hyperbolic_turn,
-    respond,
-    segment_of,
-)
+from fpk_rocking.physics.motion.slender import force_bounds, hyperbolic_turn, respond, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise.state_space import transition
 from montecarlo.engines import start
@@ -95,6 +88,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     count: int
     spacing: float
@@ -151,7 +145,7 @@ def on_grid(scene, grid):
     forced = scene.forcing.pieces(np.arange(grid.count) * span)
     low, high, drift = _forcing_tables(forced, span)
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         start_numbers(scene.start),
         *grid,
         hyperbolic(span),
@@ -366,11 +360,11 @@ def coast(state, side, number, j, problem, room):  # noqa: ARG001
     low, high = bound_noise(j, problem, room)
     low, high, (x, v) = low + problem.low[j], high + problem.high[j], state
     if side == 0:
-        return not can_lift_off(low, high), state
+        return not can_lift_off(low, high, body_in(problem)), state
     push, kick = _added(j, problem, room)
     end, speed = hyperbolic_turn(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
     end, speed = end + side + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick
-    return is_eventless(side * x, side * end, side, low, high, problem.spacing, block_in(problem)), (end, speed)
+    return is_eventless(side * x, side * end, side, low, high, problem.spacing, body_in(problem)), (end, speed)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -421,7 +415,7 @@ def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
             break
         _open_piece(j, piece, problem, room)
         segment = segment_of(room.particular, room.force, end - begin)
-        x, v, side, time = advance(x, v, side, segment, 0.0, end - begin, block_in(problem), impacts, origin + begin)
+        x, v, side, time = advance(x, v, side, segment, 0.0, end - begin, body_in(problem), impacts, origin + begin)
         time += begin
         if abs(x) >= problem.cutoff:
             break
@@ -436,7 +430,7 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
         x, v, side, time = _through_pieces(x, v, side, j, until, problem, room, impacts, origin)
     else:
         segment = segment_of(room.particular, room.force, problem.spacing)
-        x, v, side, time = advance(x, v, side, segment, 0.0, until, block_in(problem), impacts, origin)
+        x, v, side, time = advance(x, v, side, segment, 0.0, until, body_in(problem), impacts, origin)
     return x, v, side, origin + time
 
 

@@ -13,15 +13,9 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import reach
-from fpk_rocking.physics.motion.slender import (
-    block_in,
-    block_of,
-    can_lift_off,
-    runge_kutta,
-    runge_kutta_push,
-    segment_of,
-)
+from fpk_rocking.physics.motion.body import body_in, body_of
+from fpk_rocking.physics.motion.events import can_lift_off, reach
+from fpk_rocking.physics.motion.slender import runge_kutta, runge_kutta_push, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise import band
 from montecarlo.engines import shinozuka
@@ -53,6 +47,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     count: int
     spacing: float
@@ -87,7 +82,7 @@ def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
     grid = grid_of(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         start_numbers(scene.start),
         *grid,
         scene.forcing.stages(grid.spacing, grid.count),
@@ -167,8 +162,8 @@ def coast(state, side, number, j, problem, room):  # noqa: ARG001
     """Whether nothing happens in a step, and angle and velocity at its end if so."""
     k, h, (x, v) = j % room.low.size, problem.spacing, state
     if side == 0:
-        return not can_lift_off(room.low[k], room.high[k]), state
-    floor, roof = reach(side * x, side * v, side, room.low[k], room.high[k], h, block_in(problem))
+        return not can_lift_off(room.low[k], room.high[k], body_in(problem)), state
+    floor, roof = reach(side * x, side * v, side, room.low[k], room.high[k], h, body_in(problem))
     keep, swap, share = runge_kutta(h)
     x, v = keep * x + swap * v + room.push[k, 0] - side * share, swap * x + keep * v + room.push[k, 1] - side * swap
     cutoff = problem.cutoff
@@ -194,7 +189,7 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
     n, h, k = problem.count, problem.spacing, j % room.low.size
     origin = (cycle + number // n) * (n * h) + (j - k) * h
     segment = segment_of(room.particular, room.scratch, h)
-    x, v, side, time = advance(x, v, side, segment, 0.0, h * share, block_in(problem), impacts, origin + k * h)
+    x, v, side, time = advance(x, v, side, segment, 0.0, h * share, body_in(problem), impacts, origin + k * h)
     return x, v, side, origin + (k * h + time)
 
 

@@ -22,12 +22,14 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.events import reach
 from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered, noise_factor
 from fpk_rocking.physics.motion.particular import hyperbolic
 from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, flight, hyperbolic_turn, segment_of
+from fpk_rocking.physics.motion.slender import Segment, hyperbolic_turn, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo.engines import start as start_of
@@ -75,6 +77,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     count: int
     spacing: float
     marks: np.ndarray
@@ -96,12 +99,12 @@ class Problem(NamedTuple):
 
 
 @kernel
-def _segments(particular, span, force, low, high, curvature, drift):
+def _segments(particular, span, force, low, high, curvature, drift, block):
     for j in range(low.size):
         segment = segment_of(particular[j], force[j], span)
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
         for k in range(2):
-            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
+            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span, block)
 
 
 def _factors(diffusions, envelope, span):
@@ -147,11 +150,11 @@ def problem_of(scene, steps_per_cycle, times=None):
         np.empty((intervals, 2, 2)),
     )
     particular = scene.forcing.pieces(np.arange(intervals) * span)
-    _segments(particular, span, *tables)
+    _segments(particular, span, *tables, body_of(scene))
     xx, _, _ = flight_covariance(1.0, span)
     roots = np.sqrt(diffusions)
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         *grid,
         diffusions,
         start_numbers(scene.start),
@@ -207,7 +210,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
 def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
     """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
     side = 0 if u == 0.0 and w == 0.0 else side
-    x, v, side, time = advance(side * u, side * w, side, segment, start, end, block_in(problem), impacts, origin)
+    x, v, side, time = advance(side * u, side * w, side, segment, start, end, body_in(problem), impacts, origin)
     if side == 0:
         return 0.0, 0.0, 1, time
     return side * x, side * v, side, time
@@ -216,7 +219,7 @@ def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
 @kernel(borrows=True)
 def is_clear(u, w, side, j, problem):
     """Whether neither barrier is within REACH standard deviations in all of interval j."""
-    below, above = reach(u, w, side, problem.low[j], problem.high[j], problem.spacing, block_in(problem))
+    below, above = reach(u, w, side, problem.low[j], problem.high[j], problem.spacing, body_in(problem))
     return below >= problem.margin[j] and problem.cutoff - above >= problem.margin[j]
 
 

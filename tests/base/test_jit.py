@@ -68,7 +68,8 @@ COUNTED = """
 import sys
 from fpk_rocking.base import jit
 from fpk_rocking.physics.motion.events import SPEED_FLOOR
-from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.motion.equation import flight
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 import numpy as np

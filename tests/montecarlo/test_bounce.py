@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.events import next_event
-from fpk_rocking.physics.motion.slender import Segment, Slender
+from fpk_rocking.physics.motion.slender import Segment
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
@@ -70,7 +71,7 @@ def bounce_errors(share, monkeypatch):
             if gone != 0:
                 segment = Segment(problem.particular[j], problem.force[j], -1.0, 1.0, 200.0)
                 _, time, _, v = next_event(
-                    0.0, side * speed, side, segment, begin, 10.0 * problem.spacing, Slender(0.9, 1.5)
+                    0.0, side * speed, side, segment, begin, 10.0 * problem.spacing, Body(0.9, 1.5)
                 )
                 errors[j, side] = after / (0.9 * abs(v)) - 1.0, (end - begin) / (time - begin) - 1.0
     return errors

@@ -10,8 +10,9 @@ from two_samples import survival_test
 
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.gaussian import flight_covariance
-from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white

@@ -49,7 +49,7 @@ def test_result_comes_back_bit_by_bit(saved):
 def test_header_names_the_versions(saved):
     with np.load(saved, allow_pickle=False) as archive:
         header = json.loads(str(archive["header"]))
-    assert header["format"] == 5
+    assert header["format"] == 6
     assert header["versions"].keys() == {"fpk-rocking", "numpy", "scipy", "numba"}
 
 

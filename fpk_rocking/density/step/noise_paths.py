@@ -18,11 +18,12 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
 from fpk_rocking.physics.motion.saltation import through_impact, through_impact_expanded
-from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import advance
 
 OVERTURNED_SIDE = 2
@@ -91,7 +92,7 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
         The point.
     segment : Segment
         The forcing over the step.
-    block : Slender
+    block : Body
     noise : Noise
     scratch : ndarray, shape (4, TERMS)
         Overwritten.
@@ -109,7 +110,7 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
             states[n, 0], states[n, 1] = end + offsets[n, 0], speed + offsets[n, 1]
             codes[n] = side
         return
-    if kind == OVERTURNING and side * flight(x, v, side, segment, 0.0, duration)[0] > cutoff + noise.margin:
+    if kind == OVERTURNING and side * flight(x, v, side, segment, 0.0, duration, block)[0] > cutoff + noise.margin:
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * noise.diffusion * duration)

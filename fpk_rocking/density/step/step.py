@@ -13,9 +13,10 @@ from fpk_rocking.density.step.landing import Gauss, classify, settle_in_cells, t
 from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered
 from fpk_rocking.physics.motion.particular import affine
-from fpk_rocking.physics.motion.slender import Slender, segment_of
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.noise.envelope import Envelope
 
 _NODES = np.polynomial.legendre.leggauss(16)
@@ -87,7 +88,7 @@ class Dynamics:
     @property
     def block(self):
         """What the kernels have to know of the block."""
-        return Slender(self.restitution, self.cutoff)
+        return Body(self.restitution, self.cutoff)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -137,7 +137,7 @@ def pass_through(interval, node, grow, decay, u, end, side, block, impacts, orig
         Folded angle at the interval's begin, and at its end if nothing happens.
     side : int
         +1, -1, or 0 at rest.
-    block : Slender
+    block : Body
     impacts : Impacts
         Records the impacts.
     origin : float
