@@ -12,7 +12,6 @@ from fpk_rocking.physics.noise.filters import FILTERS, Filter
 from fpk_rocking.physics.noise.state_space import StateSpace
 from fpk_rocking.scene.units import Dimensions
 
-
 _AS_MEASURED = 1e-3
 """Relative difference from the dimensions that a given critical angle may have."""
 
@@ -34,7 +33,7 @@ class Block:
         Size of the block, for conversions to units. A record, a default restitution and a default critical angle need
         it.
     critical_angle : float, optional
-        Critical angle α of the equation of motion, radians, at least 0 and below π/2. By default that of the
+        Critical angle α of the equation of motion, radians, from 0 to π/2. By default that of the
         dimensions, which a given one must match to 1e-3; without dimensions 0, the limit of a slender block (paper).
     slender : bool
         Take the equation of a slender block in spite of the dimensions: the critical angle is 0.
@@ -56,7 +55,7 @@ class Block:
         checks.instance("block.slender", self.slender, bool)
         own = 0.0 if self.dimensions is None or self.slender else self.dimensions.critical_angle
         given = own if self.critical_angle is None else self.critical_angle
-        angle = checks.number("block.critical_angle", given, at_least=0.0, below=0.5 * math.pi)
+        angle = checks.number("block.critical_angle", given, at_least=0.0, at_most=0.5 * math.pi)
         if angle != own and (self.slender or (self.dimensions and abs(angle - own) > _AS_MEASURED * own)):
             accepted = f"{own!r}, as block.{'slender' if self.slender else 'dimensions'} says, or nothing"
             raise ValueError(checks.refusal("block.critical_angle", angle, accepted))

@@ -75,7 +75,7 @@ def test_grazing_is_met_exactly_and_stepped_over_never(side, depth):
     for amplitude, level, sign, kind in ((-3.0, 0.0, -1, IMPACT), (2.0, CUTOFF, 1, OVERTURNING)):
         segment = harmonic(0.0, side * amplitude, 2.0, -0.2, 0.25)
         acceleration = level - 1.0 - amplitude
-        x, v = flight(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0)
+        x, v = flight(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, Body(1.0, CUTOFF))
         found, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         if depth < 0.0:
             assert found == NOTHING
@@ -127,7 +127,7 @@ def test_first_event_for_any_polynomial_against_dense_sampling():
         found, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         kinds[kind] += 1
         assert (found, at) == (kind, pytest.approx(time, abs=1e-11))
-        there = flight(side * u, side * w, side, segment, 0.0, at)
+        there = flight(side * u, side * w, side, segment, 0.0, at, Body(1.0, CUTOFF))
         assert (x, v) == (pytest.approx(there[0], abs=1e-13), pytest.approx(there[1], abs=1e-13))
     assert min(kinds[kind] for kind in (NOTHING, IMPACT, OVERTURNING)) > 200
 
