@@ -28,12 +28,10 @@ Run time: about five minutes on 2 cores, once the kernels are compiled; half of 
 Files: ``second_harmonic.png``, ``second_harmonic.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
+from command import command
 from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
@@ -43,7 +41,6 @@ from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import overturning_rate, simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "second_harmonic.toml"
 PHASES = {"0": 0.0, "π/2": 0.5 * math.pi, "π": math.pi, "3π/2": 1.5 * math.pi}
 AMPLITUDES = tuple((0.125 * np.arange(17)).tolist())
 PARTS = 24
@@ -58,7 +55,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     amplitudes : sequence of float
         A₂, nondimensional.
@@ -76,7 +73,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
     dict
         What ``second_harmonic.json`` holds.
     """
-    out, scene, sampled = pathlib.Path(out), load_scene(SCENE), (realizations, seed)
+    scene, sampled = load_scene("second_harmonic"), (realizations, seed)
     circle = [2.0 * math.pi * part / parts for part in range(parts)]
     turned = [with_second(scene, scene.forcing.amplitudes[1], psi) for psi in circle]
     values = {
@@ -263,17 +260,8 @@ def _closed(column):
     return np.concatenate([column, column[:1] + (2.0 * math.pi if column.ndim == 1 else 0.0)])
 
 
-def main() -> int:
-    """Read the command line, run, print survival and rates."""
-    parser = argparse.ArgumentParser(description="Survival under a forcing with a second harmonic.")
-    parser.add_argument(
-        "--out", type=pathlib.Path, default="results/second_harmonic", help="folder (default: %(default)s)"
-    )
-    parser.add_argument("--realizations", type=int, default=20_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the densities (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)
+def told(values):
+    """Print survival and rates."""
     for found in values["phases"]:
         print(f"Ψ₂ = {found['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
         for row in zip(values["amplitudes"], found["survival"], found["sampled_survival"], strict=True):
@@ -282,9 +270,16 @@ def main() -> int:
     later = values["long_run"]
     for psi, rate, flux in zip(later["phases"], later["rate"], later["flux_per_cycle"], strict=True):
         print("  {:.3f}  {:.5f} {:.5f}  {:.4f} {:.4f}".format(psi / math.pi, *rate, *flux))
-    print(f"Files in {options.out}: second_harmonic.png, second_harmonic.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/second_harmonic",
+        "second_harmonic.png",
+        "second_harmonic.json",
+        told=told,
+        realizations="of an ensemble",
+        tol="tolerance of the densities",
+        seed="of the ensembles",
+    )
