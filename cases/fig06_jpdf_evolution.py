@@ -24,11 +24,11 @@ Files: ``fig06.png`` (surfaces), ``maps.png`` (the same as maps), ``survival.png
 """
 
 from command import command
+from opengl import probe_rendering
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, maps, summary, surfaces, tables, vtk
-from fpk_rocking.output.opengl import probe_rendering
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
