@@ -33,8 +33,6 @@ import math
 
 import numpy as np
 from command import command
-from rich import box
-from rich.table import Table
 from scipy import stats
 
 from fpk_rocking import BandNoise, load_scene, melnikov
@@ -258,15 +256,13 @@ def _likelihood(axes, name, rows, ends, joint):
 
 def table(values):
     """One row a band, as a table for the terminal."""
-    made = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    for name in ("band", "S(125) of 5(b)", "S(60)", "S(200)", *HINTS):
-        made.add_column(name, justify="right")
+    rows = []
     for row in values["rows"]:
         low, high = row["band"]
         chances = (f"{row['likelihood'][name]:.3f}{'' if row['meets'][name] else ' no'}" for name in HINTS)
         survival = row["late_survival"], row["survival"]["60"], row["survival"]["200"]
-        made.add_row(f"[{low:g}, {high:g}]", *(f"{one:.4f}" for one in survival), *chances)
-    return made
+        rows.append([f"[{low:g}, {high:g}]", *(f"{one:.4f}" for one in survival), *chances])
+    return tables.text_table(("band", "S(125) of 5(b)", "S(60)", "S(200)", *HINTS), rows)
 
 
 def told(values):

@@ -5,7 +5,7 @@ The results may come from any engine, live or loaded from disk: a density, a Mon
 
 import dataclasses
 import math
-import numbers
+import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -203,11 +203,13 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     TypeError
         A cycle is not a whole number.
     """
+    both, cycles = (first, second), min(len(first.times), len(second.times)) - 1
+    kept = slice(0, cycles + 1)
     _same_problem(first.scene, second.scene)
-    cycles = min(len(first.times), len(second.times)) - 1
-    _same_times(first.times, second.times)
+    # Of whole cycles the fewer are a part of the more.
+    if not np.allclose(first.times[kept], second.times[kept], rtol=1e-12, atol=0.0):
+        raise ValueError("times: got other times in the second result, accepted: two results for the same times")
     joint_cycles = _joint_cycles(joint_cycles, cycles)
-    both, kept = (first, second), slice(0, cycles + 1)
     counts = _count(first), _count(second)
     sizes = [float(count or math.inf) for count in counts]
     survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
@@ -254,37 +256,19 @@ def shown_cycles(cycles: int) -> list[int]:
 
 
 def _same_problem(first, second):
-    parts = {
-        "block.restitution": lambda scene: scene.block.restitution,
-        "forcing": lambda scene: scene.forcing,
-        "start": lambda scene: scene.start,
-        "overturning": lambda scene: scene.overturning,
-    }
-    for name, part in parts.items():
-        if part(first) != part(second):
+    for name in ("block.restitution", "forcing", "start", "overturning"):
+        one, other = map(operator.attrgetter(name), (first, second))
+        if one != other:
             raise ValueError(
-                f"{name}: got {part(first)} in the first result and {part(second)} in the second, "
+                f"{name}: got {one} in the first result and {other} in the second, "
                 "accepted: two results whose scenes differ in the noise alone"
             )
-
-
-def _same_times(first, second):
-    """Refuse results at other times; of whole cycles the fewer are a part of the more."""
-    common = min(len(first), len(second))
-    if not np.allclose(first[:common], second[:common], rtol=1e-12, atol=0.0):
-        raise ValueError("times: got other times in the second result, accepted: two results for the same times")
 
 
 def _joint_cycles(asked: Sequence[int] | None, cycles: int) -> list[int]:
     if asked is None:
         return shown_cycles(cycles)
-    accepted = f"whole numbers from 0 to {cycles}, the cycles that both results have"
-    for cycle in asked:
-        if isinstance(cycle, bool) or not isinstance(cycle, numbers.Integral):
-            raise TypeError(checks.refusal("joint_cycles", cycle, accepted))
-        if not 0 <= cycle <= cycles:
-            raise ValueError(checks.refusal("joint_cycles", cycle, accepted))
-    return [int(cycle) for cycle in asked]
+    return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in asked]
 
 
 def _joint(both, sizes, cycle, edges):

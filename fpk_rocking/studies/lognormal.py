@@ -115,9 +115,7 @@ def fit_lognormal(
     -------
     LognormalFit
     """
-    level = checks.number("level", level, above=0.0)
-    if level >= 1.0:
-        raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    level = checks.part("level", level)
     scale, probability = np.asarray(scale, float), np.asarray(probability, float)
     known = np.isfinite(probability)
     trials = np.broadcast_to(np.asarray(1.0 if realizations is None else realizations, float), scale.shape)[known]

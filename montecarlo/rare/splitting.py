@@ -247,8 +247,8 @@ def split(
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
     refuse_transient(scene.forcing, "splitting")
     refuse_envelope(scene.noise, "splitting")
-    walkers = _at_least("walkers", walkers, _FEWEST_WALKERS)
-    repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
+    walkers = checks.count("walkers", walkers, at_least=_FEWEST_WALKERS)
+    repeats = checks.count("repeats", repeats, at_least=_FEWEST_REPEATS)
     run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
     problem, keys = problem_of(scene, run.steps_per_cycle), stream_keys(run.seed)
     if problem.count > _INTERVALS:
@@ -288,10 +288,3 @@ def _refuse_large(name, number, each):
     """Refuse more states than 2.5 GiB hold, `each` of a number of walkers or repeats."""
     if number * (each + 1) > _STATES:
         raise ValueError(checks.refusal(name, number, f"at most {_STATES // (each + 1)} with {each} steps of a path"))
-
-
-def _at_least(name, value, least):
-    value = checks.count(name, value)
-    if value < least:
-        raise ValueError(checks.refusal(name, value, f"a whole number >= {least}"))
-    return value
