@@ -2,11 +2,9 @@
 
 import concurrent.futures
 import contextlib
-import csv
 import dataclasses
 import functools
 import importlib.metadata
-import io
 import itertools
 import time
 from collections.abc import Callable, Sequence
@@ -17,7 +15,7 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.storage import write_csv
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, Trust, verdict
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution.cells import Cell, seed_of
@@ -90,13 +88,13 @@ class Sweep(Shown):
         path : str or pathlib.Path
             File to write.
         """
-        names, text = self._names(), io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(["cell", "seed", *self.axes, *names, "wall_s", "reason"])
-        for row in self.rows:
+        names = self._names()
+
+        def cells(row):
             own = (row["values"].get(name, "") for name in names)
-            table.writerow([row["cell"], row["seed"], *self._parameters(row), *own, row["wall_s"], row["reason"]])
-        write_text(path, text.getvalue())
+            return row["cell"], row["seed"], *self._parameters(row), *own, row["wall_s"], row["reason"]
+
+        write_csv(path, ["cell", "seed", *self.axes, *names, "wall_s", "reason"], map(cells, self.rows))
 
     def _names(self):
         """Names of the values that are one number or text."""
