@@ -33,6 +33,7 @@ import math
 
 import numpy as np
 from command import command
+from fig08_mean_poincare import LENGTHS, SETTLED
 from scipy import stats
 
 from fpk_rocking import BandNoise, load_scene, melnikov
@@ -50,8 +51,6 @@ RAISED = (
 LEFT_OUT = (6.0, 7.0, 8.0, 10.0)
 LATE, NEAR = 125, 12
 FEW, NONE, SAMPLE = 10, 2, 1000
-LENGTHS = (0.05, 0.4)
-SETTLED = 5
 LIKELY = 0.05
 WITHIN = 1.92
 HINTS = ("Fig. 3", "Fig. 5(b)", "Fig. 6", "Fig. 7", "Fig. 9 (a)", "Fig. 9 (b)")

@@ -56,8 +56,7 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
         What ``fig08.json`` holds.
     """
     scene = load_scene("main").varied(forcing={"phase": 3.14})
-    quiet = simulate(scene.varied(noise=NoNoise()), cycles=seeds * cycles + 100, realizations=1)
-    attractor = np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+    attractor = attractor_of(scene, seeds * cycles)
     noisy = scene.varied(noise={"variance": variance})
     free = simulate(noisy, cycles=SHOWN_CYCLES, realizations=10 * realizations)
     chosen = int(np.flatnonzero(free.overturn_time > LATE * scene.period)[0])
@@ -75,8 +74,8 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
         "overturned_after_cycles": float(free.overturn_time[chosen] / scene.period),
         "standing_after_shown_cycles": float(free.survival[-1]),
         "mean_overturned_after": [one.overturned_after for one in maps],
-        "without_noise": _spread(attractor) | _dimensions(np.split(attractor, seeds)),
-        "restarted": _spread(np.concatenate(settled)) | _dimensions(settled),
+        "without_noise": _spread(attractor) | dimensions_of(np.split(attractor, seeds)),
+        "restarted": _spread(np.concatenate(settled)) | dimensions_of(settled),
         "restarted_standard_error": maps[0].standard_error[1:].mean(axis=0).tolist(),
         "free_last": mean.points[FREE_CYCLES].tolist(),
         "free_last_standard_error": mean.standard_error[FREE_CYCLES].tolist(),
@@ -87,12 +86,18 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
     return values
 
 
+def attractor_of(scene, count):
+    """Poincaré points (count, 2) of a block without noise, from the 101st on."""
+    quiet = simulate(scene.varied(noise=NoNoise()), cycles=count + 100, realizations=1)
+    return np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+
+
 def _spread(points):
     """Mean and standard deviation of Poincaré points (n, 2)."""
     return {"mean": points.mean(axis=0).tolist(), "deviation": points.std(axis=0).tolist()}
 
 
-def _dimensions(samples):
+def dimensions_of(samples):
     """Mean and standard deviation of the correlation dimensions of sets of points."""
     found = [correlation_dimension(points, *LENGTHS) for points in samples]
     return {"dimension": float(np.mean(found)), "deviation_of_dimension": float(np.std(found, ddof=len(found) > 1))}

@@ -23,16 +23,15 @@ Files: ``fig09.png``, ``fig09.json``.
 
 import numpy as np
 from command import command
+from fig08_mean_poincare import LENGTHS, SETTLED, attractor_of, dimensions_of
 
-from fpk_rocking import NoNoise, load_scene
+from fpk_rocking import load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.progress import reporting
-from montecarlo import correlation_dimension, restarted_poincare_map, simulate
+from montecarlo import restarted_poincare_map
 
 PAPER = (0.0, 0.05, 0.06, 0.12, 0.13, 0.16)
 BETWEEN = (0.02, 0.03, 0.04, 0.045, 0.055, 0.07, 0.08, 0.09, 0.1, 0.11, 0.115, 0.125, 0.14)
-LENGTHS = (0.05, 0.4)
-SETTLED = 5
 _DEVIATION = "standard deviation of the noise σ, nondimensional"
 
 
@@ -56,8 +55,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         What ``fig09.json`` holds.
     """
     scene = load_scene("main").varied(forcing={"phase": 3.14})
-    quiet = simulate(scene.varied(noise=NoNoise()), cycles=seeds * cycles + 100, realizations=1)
-    attractor = np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+    attractor = attractor_of(scene, seeds * cycles)
     sizes, maps = {"realizations": realizations, "cycles": cycles}, {}
     with reporting("mean maps") as progress:
         noisy = sorted({*paper[1:], *between})
@@ -71,7 +69,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         **sizes,
         "seeds": seeds,
         "lengths": list(LENGTHS),
-        "without_noise": _dimensions(np.split(attractor, seeds)),
+        "without_noise": dimensions_of(np.split(attractor, seeds)),
         "maps": [_judged(deviation, found, cycles) for deviation, found in maps.items()],
         "remarks": [scene.noise.remark],
     }
@@ -93,14 +91,8 @@ def _judged(deviation, maps, cycles):
         "deviation": deviation,
         "overturned_after": [found.overturned_after for found in maps],
         "largest_angle": [float(np.abs(points[:, 0]).max(initial=0.0)) for points in settled],
-        **(_dimensions(many) if many else {"dimension": None, "deviation_of_dimension": None}),
+        **(dimensions_of(many) if many else {"dimension": None, "deviation_of_dimension": None}),
     }
-
-
-def _dimensions(samples):
-    """Mean and standard deviation of the correlation dimensions of sets of points."""
-    found = [correlation_dimension(points, *LENGTHS) for points in samples]
-    return {"dimension": float(np.mean(found)), "deviation_of_dimension": float(np.std(found, ddof=len(found) > 1))}
 
 
 def _draw(path, attractor, shown, paper, values):

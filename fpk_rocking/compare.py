@@ -143,13 +143,15 @@ class Comparison(Shown):
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables: dict[str, Any] = {
-            name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")
+        variables = {
+            "difference": ("cycle", self.difference),
+            "standard_error": ("cycle", self.standard_error),
+            "z": ("cycle", self.z),
+            "survival": (("cycle", "result"), self.survival),
+            "interval": (("cycle", "result", "limit"), self.interval),
+            "leakage": (("during", "result", "side"), self.leakage),
+            **{name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES},
         }
-        variables |= {"survival": (("cycle", "result"), self.survival)}
-        variables |= {"interval": (("cycle", "result", "limit"), self.interval)}
-        variables |= {"leakage": (("during", "result", "side"), self.leakage)}
-        variables |= {name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES}
         places = {"cycle": self.cycles, "during": self.cycles[1:], "joint_cycle": self.joint_cycles}
         return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base import checks
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
@@ -58,10 +57,8 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
 def closure_of(scene: Scene, solved: Scene) -> str:
     """Say which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
     noise = scene.noise
-    if noise == solved.noise:
+    if noise.kind != "band" or noise == solved.noise:
         return ""
-    if noise.kind != "band":
-        raise ValueError(checks.refusal("noise.kind", noise.kind, "'band', the noise that is replaced"))
     low, high = noise.band
     instead = (
         f"white noise of equal Melnikov variance, D = {solved.noise.diffusion:.6g}"

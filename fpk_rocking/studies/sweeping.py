@@ -140,10 +140,13 @@ class Sweep(Shown):
 
     def columns(self) -> dict[str, Array]:
         """Table of `to_csv`: arrays by column name."""
-        found: dict[str, Sequence[Any]] = {"cell": [row["cell"] for row in self.rows]}
-        found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
-        found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}
-        found |= {name: [row[name] for row in self.rows] for name in ("wall_s", "reason")}
+        found = {
+            "cell": [row["cell"] for row in self.rows],
+            **dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True)),
+            **{name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()},
+            "wall_s": [row["wall_s"] for row in self.rows],
+            "reason": [row["reason"] for row in self.rows],
+        }
         return {name: np.array(values) for name, values in found.items()}
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -167,15 +167,24 @@ class Splitting(Shown):
 
     def columns(self) -> dict[str, Array]:
         """Table of the probability of having overturned and its standard error by cycle: arrays by column name."""
-        sides = dict(zip(("overturned_left", "overturned_right"), self.overturned.T, strict=True))
-        cycle = np.arange(self.cycles + 1)
-        return {"cycle": cycle, "probability": self.probability, "standard_error": self.standard_error} | sides
+        left, right = self.overturned.T
+        return {
+            "cycle": np.arange(self.cycles + 1),
+            "probability": self.probability,
+            "standard_error": self.standard_error,
+            "overturned_left": left,
+            "overturned_right": right,
+        }
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {name: ("cycle", getattr(self, name)) for name in ("probability", "standard_error")}
-        variables["repeat_overturned"] = ("repeat", "cycle", "side"), self.repeat_overturned
-        variables |= {name: ("repeat", getattr(self, name)) for name in ("levels", "killed")}
+        variables = {
+            "probability": ("cycle", self.probability),
+            "standard_error": ("cycle", self.standard_error),
+            "repeat_overturned": (("repeat", "cycle", "side"), self.repeat_overturned),
+            "levels": ("repeat", self.levels),
+            "killed": ("repeat", self.killed),
+        }
         return variables, {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]}
 
     def plot(self) -> Any:
