@@ -28,7 +28,6 @@ from command import command
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from montecarlo import simulate
 
 AMPLITUDES = tuple(np.round(np.arange(2.5, 4.8, 0.005), 4).tolist())
@@ -189,7 +188,7 @@ def _beyond(axes, values):
     found = [one for one in values["beyond"] if one["overturned"]]
     end = values["crisis"][1]
     columns = ([one[name] for one in found] for name in ("cycles", "interval"))
-    error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
+    style.error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
     axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)

@@ -21,7 +21,6 @@ from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import histories, simulate
 
@@ -145,7 +144,7 @@ def _standing(axes, ensembles):
         axes.plot(ensemble.survival, color=colour)
         places = np.arange(0, ensemble.cycles + 1, 50)
         limits = ensemble.survival_interval()[places]
-        error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
+        style.error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
         style.named(axes, f"[0, {band:g}]", (ensemble.cycles, ensemble.survival[-1]), colour)
     axes.axvline(LATE, color="black", linewidth=0.8)
     axes.annotate(f"{LATE} cycles", (LATE, 0.02), xytext=(4, 0), textcoords="offset points", va="bottom")

@@ -33,7 +33,6 @@ from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from montecarlo import simulate, tally
 
 VARIANCES = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.04)
@@ -219,7 +218,7 @@ def _limited(axes, variances, survival, interval, look, wedges):
     """Draw survival with its intervals where any realization stands, else, if wanted, the upper limit."""
     variances, survival, interval = map(np.asarray, (variances, survival, interval))
     some = survival > 0.0
-    error_bars(axes, variances[some], survival[some], interval[some], **look)
+    style.error_bars(axes, variances[some], survival[some], interval[some], **look)
     if wedges:
         axes.plot(variances[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
 
@@ -227,7 +226,7 @@ def _limited(axes, variances, survival, interval, look, wedges):
 def _several(axes, variances, rows, looks):
     for (label, found), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
-        error_bars(axes, variances, found["survival"], found["interval"], **(shape | look))
+        style.error_bars(axes, variances, found["survival"], found["interval"], **(shape | look))
     axes.legend(fontsize=9)
 
 

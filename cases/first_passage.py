@@ -26,7 +26,6 @@ from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import tally
@@ -131,7 +130,9 @@ def _early(axes, values):
         density = early[:, column] / width
         limits = sign * wilson_interval(np.rint(early[:, column] * trials), trials) / width
         axes.stairs(sign * density, edges, color=colour, fill=True, alpha=0.25)
-        error_bars(axes, middles, sign * density, np.sort(limits, axis=1), color=colour, marker="none", elinewidth=0.8)
+        style.error_bars(
+            axes, middles, sign * density, np.sort(limits, axis=1), color=colour, marker="none", elinewidth=0.8
+        )
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
     variance = values["noise"][-1]["variance"]
@@ -151,7 +152,7 @@ def _cycles(axes, values):
         axes.stairs(np.maximum(row["density"], 1e-12), np.arange(cycles.size + 1) + 0.5, **steps)
         found, limits = np.array(row["band"]), np.array(row["band_interval"])
         some = found > 0.0
-        error_bars(axes, cycles[some], found[some], limits[some], color=colour, marker=marker, label=label)
+        style.error_bars(axes, cycles[some], found[some], limits[some], color=colour, marker=marker, label=label)
     axes.set(title="(b) Overturned in each cycle: band noise (points, 95 % intervals), density (steps)", yscale="log")
     axes.set(xlabel="forcing cycle", ylabel="probability", ylim=(3e-6, 0.3), xlim=(0.0, cycles[-1] + 1.0))
     axes.legend(ncols=3)

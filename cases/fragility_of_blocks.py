@@ -24,7 +24,6 @@ from scipy.interpolate import PchipInterpolator
 from fpk_rocking import Record, Scene
 from fpk_rocking.envelopes import Table
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
@@ -169,7 +168,7 @@ def _curves(axes, own):
     looks = {"white": ("o", colours[0], "paths, the same white noise"), "exact": ("s", "0.5", "paths, band noise")}
     for engine, (marker, colour, label) in looks.items():
         result = own[engine]
-        error_bars(
+        style.error_bars(
             axes, result.scale, result.overturned[0], result.interval()[0, 0], color=colour, marker=marker, label=label
         )
     axes.set(ylim=(-0.03, 1.03))
@@ -181,7 +180,7 @@ def _differences(axes, own):
     look = {"color": style.COLOURS[1], "label": "estimate of the density"}
     axes.axhline(0.0, color=style.COLOURS[1])
     axes.errorbar(scale, 0.0 * apart, estimate, linestyle="none", linewidth=6.0, alpha=0.4, **look)
-    error_bars(axes, scale, apart, limits, color=style.COLOURS[0], label="paths, white noise")
+    style.error_bars(axes, scale, apart, limits, color=style.COLOURS[0], label="paths, white noise")
     axes.set(xlabel="scale of the shaking")
     logarithmic(axes.set_xscale, axes.xaxis)
 

@@ -30,7 +30,6 @@ from scipy import stats
 
 from fpk_rocking import load_scene, melnikov
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from montecarlo import overturning_rate, simulate
 
 VARIANCES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
@@ -134,7 +133,7 @@ def _pair(axes, places, found, colour, marker):
     axes.plot(places, found["flux_per_cycle"], "-", color="black", linewidth=0.8)
     rate, limits = np.array(found["rate"]), np.array(found["interval"])
     some = rate > 0.0
-    error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
+    style.error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
 
 
 def told(values):

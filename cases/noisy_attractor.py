@@ -24,7 +24,6 @@ from matplotlib.colors import PowerNorm
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.vtk import write_function
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
@@ -110,7 +109,7 @@ def _draw(path, operator, quiet, ensemble, outlook, notes):
         interval = ensemble.survival_interval()[shown]
         look = {"color": style.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}
         label = f"Monte Carlo of white noise, {ensemble.realizations:,} realizations"
-        error_bars(fourth, shown, ensemble.survival[shown], interval, label=label, **look)
+        style.error_bars(fourth, shown, ensemble.survival[shown], interval, label=label, **look)
         fourth.set(title="(d) Survival from rest, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
         fourth.set_yscale("log")
         fourth.legend()

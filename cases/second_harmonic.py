@@ -36,7 +36,6 @@ from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import overturning_rate, simulate
@@ -217,7 +216,7 @@ def _against_amplitude(axes, values):
     for found, colour in zip(values["phases"], style.COLOURS, strict=True):
         axes.plot(values["amplitudes"], found["survival"], color=colour)
         points = (values["amplitudes"], found["sampled_survival"], found["sampled_survival_interval"])
-        error_bars(axes, *points, color=colour)
+        style.error_bars(axes, *points, color=colour)
         place = (1.02 * values["amplitudes"][-1], found["survival"][-1])
         axes.text(*place, f" Ψ₂ = {found['phase']}", va="center", color=colour)
     axes.set(title=f"(b) From rest: survival after {values['cycles']} cycles", ylim=(0.0, 1.0))
@@ -234,7 +233,7 @@ def _shares(axes, found):
         axes.fill_between(phases, edge, border, color=style.COLOURS[k], **look)
         axes.plot(phases, border, color=style.COLOURS[k])
         limits = np.sort(edge + sign * interval[:, k], axis=1)
-        error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=style.COLOURS[k])
+        style.error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=style.COLOURS[k])
     middle = {"ha": "center", "va": "center"}
     axes.text(0.65 * math.pi, 0.85, "overturned to the right", **middle)
     axes.text(1.5 * math.pi, 0.5, "standing", **middle)
@@ -249,7 +248,7 @@ def _rates(axes, found):
         alone, flux_alone = found["rate_without"][k], found["flux_per_cycle_without"][k]
         axes.plot(phases, rate[:, k] / alone, color=colour, label=f"rate of overturning, {name}")
         axes.plot(phases, flux[:, k] / flux_alone, "--", color=colour, label=f"Melnikov flux, {name}")
-        error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
+        style.error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
     axes.set(title="(d) In the long run: each side over A₂ = 0", ylabel="ratio to A₂ = 0", ylim=(0.0, 4.3))
     axes.legend(loc="upper center", ncols=2, fontsize=9)
 

@@ -23,7 +23,6 @@ from command import command
 
 from fpk_rocking import NoNoise, load_scene, solve_fpk
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
@@ -142,7 +141,7 @@ def _both(axes, values, wedges=False):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
         x, shown, limits = np.array(values["restitutions"])[some], survival[some, column], interval[some, column]
-        error_bars(axes, x, shown, limits, color=colour)
+        style.error_bars(axes, x, shown, limits, color=colour)
         if wedges:
             look = {"color": colour, "markersize": 5}
             axes.plot(np.array(values["restitutions"])[~some], interval[~some, column, 1], "v", **look)
@@ -155,7 +154,7 @@ def _bands(axes, values):
     for found, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
         survival, limits = np.array(found["survival"])[:, column], np.array(found["interval"])[:, column]
         shape = {"marker": marker, "linestyle": "-", "linewidth": 0.8}
-        error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
+        style.error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
         _named_at_peak(axes, values["restitutions"], survival, f"band [0, {found['band'][1]:g}]", colour)
     axes.set(title=f"(c) Three noise bands, {COMPARED_AT} cycles", ylim=(-0.02, 1.02))
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.output import style
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 from fpk_rocking.studies.lognormal import P_VALUE
@@ -160,7 +159,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
         look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
         axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
         return
-    error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
+    style.error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
