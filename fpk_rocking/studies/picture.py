@@ -89,10 +89,7 @@ def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathl
     """
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
-        axes = figure.subplots()
-        filled = draw_surface(axes, result, which)
-        axes.legend(**_ABOVE)
-        figure.colorbar(filled, ax=axes, label=_event(result, which))
+        _surface(figure, figure.subplots(), result, which)
     return pathlib.Path(path)
 
 
@@ -120,13 +117,8 @@ def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
 
 def small_figure(result: Any) -> Any:
     """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
-
-    def surface(figure, axes):
-        figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
-        axes.legend(**_ABOVE)
-
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
-        return figure_of(surface)
+        return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
     shown, count = range(len(result.names)), len(result.place)
     panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
     figure = figure_of(*panels)
@@ -138,6 +130,12 @@ def small_figure(result: Any) -> Any:
         samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
         axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
     return figure
+
+
+def _surface(figure, axes, result, which):
+    filled = draw_surface(axes, result, which)
+    axes.legend(**_ABOVE)
+    figure.colorbar(filled, ax=axes, label=_event(result, which))
 
 
 def _curves(axes, result, m, shown):
