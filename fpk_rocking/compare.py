@@ -20,6 +20,7 @@ from fpk_rocking.results.layout import plain
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Result, interval_of
 from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.times import when
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Doubt, Trust, verdict
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
@@ -328,8 +329,7 @@ def _trust(both, difference, standard_error):
     what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(standard_error.any())
     what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
     rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
-    when = f"at τ = {both[0].times[row]:.4g}" if both[0].cycles is None else f"after {row} cycle{'s' * (row != 1)}"
-    sentence = f"Survival differs by {apart[row]:.2g} {when}"
+    sentence = f"Survival differs by {apart[row]:.2g} {'at ' * (both[0].cycles is None)}{when(both[0], row)}"
     if standard_error[row] > 0.0:
         sentence += f" ({apart[row] / standard_error[row]:.1f} standard errors)"
     beyond = float((apart - accepted).max())

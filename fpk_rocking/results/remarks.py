@@ -101,19 +101,14 @@ def doubts(result: Any) -> list[Doubt]:
 
     A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
     """
-    found = _squat(result.scene.block.dimensions)
-    if result.unresolved:
-        found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
-    return found + _unchecked("" if result.replacement else result.closure)
+    return scene_doubts(result.scene, "" if result.replacement else result.closure, result.unresolved)
 
 
-def scene_doubts(scene: Scene, closure: str) -> list[Doubt]:
+def scene_doubts(scene: Scene, closure: str, unresolved: str = "") -> list[Doubt]:
     """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
-    return _squat(scene.block.dimensions) + _unchecked(closure)
-
-
-def _unchecked(closure):
-    return [Doubt(CAUTION, UNCHECKED, "unchecked")] if closure else []
+    found = _squat(scene.block.dimensions)
+    found += [Doubt(CAUTION, unresolved, "unresolved")] * bool(unresolved)
+    return found + [Doubt(CAUTION, UNCHECKED, "unchecked")] * bool(closure)
 
 
 def _squat(size):

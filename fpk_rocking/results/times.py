@@ -75,3 +75,8 @@ def time_name(scene: Scene) -> str:
 def shown_times(result: Any) -> Array:
     """Return the rows as a reader counts them: whole cycles, or times τ."""
     return np.asarray(result.times) if result.scene.period is None else np.arange(len(result.times))
+
+
+def when(result: Any, row: int) -> str:
+    """Return the time of a row as a text, as in "after 3 cycles" or "τ = 2.5"."""
+    return f"τ = {result.times[row]:.4g}" if result.cycles is None else f"after {row} cycle{'s' * (row != 1)}"
