@@ -106,7 +106,7 @@ def write_result(
         np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
 
 
-def read_result(path: File, kind: str, *layouts: Layout, make: Callable[..., Any] = lambda *found: found) -> Any:
+def read_result(path: File, kind: str, *layouts: Layout, make: Callable[..., Any] | None = None) -> Any:
     """Load a result that `write_result` saved, all that is read of it held against its checksum.
 
     Parameters
@@ -139,7 +139,8 @@ def read_result(path: File, kind: str, *layouts: Layout, make: Callable[..., Any
     layout = next((one for one in layouts if one.arrays.keys() == arrays.keys()), layouts[0])
     try:
         layout.check(arrays, header["attributes"])
-        return make(Scene.from_toml(header["scene"]), arrays, header["attributes"])
+        found = Scene.from_toml(header["scene"]), arrays, header["attributes"]
+        return found if make is None else make(*found)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: not the content of a saved result: {error}") from None
 
