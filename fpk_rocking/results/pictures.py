@@ -45,14 +45,13 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
         edges = edges_of([result], [cycle])
         areas = np.multiply.outer(*map(np.diff, edges))
         plane_panel(figure, axes, edges, result.bin_probabilities(cycle, *edges) / areas, "probability in a bin / area")
-        axes.set_title(title)
+        axes.set_title(_title(result, cycle))
 
     def density(figure, axes):
         edges = edges_of([result], [cycle])
         function_panel(figure, axes, result.at(cycle), edges, "density")
-        axes.set_title(title)
+        axes.set_title(_title(result, cycle))
 
-    title = f"{when(result, cycle)}, survival {result.survival[cycle]:.4f}"
     panels = {"survival": survival, "bins": bins, "density": density}
     return [panels[one] for one in ([what] if what else ["survival", "bins"])]
 
@@ -104,3 +103,7 @@ def function_panel(
     fine = [np.linspace(line[0], line[-1], _LATTICE) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
     plane_panel(figure, axes, fine, values, name, power)
+
+
+def _title(result, cycle):
+    return f"{when(result, cycle)}, survival {result.survival[cycle]:.4f}"
