@@ -37,7 +37,7 @@ def scene_of(kind, frequency, critical_angle=0.0):
 
 
 def rows_of(scene):
-    """Times at which a scene is asked for: its end."""
+    """Say at which times a scene is asked for: at its end."""
     return {"cycles": CYCLES} if scene.period else {"times": [scene.forcing.duration + FREE]}
 
 
@@ -100,10 +100,9 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
 
 def draw(path, values):
     """Draw the differences over critical angle and frequency."""
-    notes = [
-        f"Exact less slender, where half of the slender blocks overturn. {values['realizations']:,} realizations a point, "
-        f"the same for both; restitution {RESTITUTION:g}; noise of {NOISE:g} of the rms of the shaking."
-    ]
+    sampled = f"{values['realizations']:,} realizations a point, the same for both"
+    shaking = f"restitution {RESTITUTION:g}, noise of {NOISE:g} of the rms of the shaking"
+    notes = [f"Exact less slender, where half of the slender blocks overturn. {sampled}; {shaking}."]
     title = "A slender equation overturns squat blocks too often under long shaking"
     with style.page(path, (11.0, 5.2), title, notes) as figure:
         panels = figure.subplots(1, 2, sharey=True)
