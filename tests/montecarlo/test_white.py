@@ -9,8 +9,8 @@ import pytest
 from two_samples import survival_test
 
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.motion.body import Body
+from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.slender import segment_of
