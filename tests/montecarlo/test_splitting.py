@@ -98,6 +98,7 @@ MAIN = scene_of(2.5e-4)
     ("scene", "cycles", "which"),
     [
         (scene_of(0.004, 4.0, 0.6, 6.0, SPREAD), 2, (0, 1, 2)),
+        (scene_of(0.004, 4.0, 0.6, 6.0, SPREAD).varied(block=Block(0.6, critical_angle=0.4)), 2, (0, 1, 2)),
         pytest.param(MAIN, 10, (5, 7, 10), marks=pytest.mark.slow),
     ],
 )
