@@ -5,7 +5,8 @@ In the folded plane, u = s x >= 0 and w = s v, a flight has the separatrix z = 0
 escape. The prospect of a state is the largest of its own z and of those right after the impacts of its motion without
 noise within the next `AHEAD`. It does not depend on the noise and stays the same along a path without noise until its
 largest z has passed: only the noise raises it. It is tabulated over angle, velocity and phase; a rough score costs
-accuracy and never brings bias. Everything is nondimensional.
+accuracy and never brings bias. The motion of an exact block is followed as it is, and z, to which its own separatrix
+tends near the saddle, is taken all the same. Everything is nondimensional.
 """
 
 import functools

@@ -6,6 +6,8 @@ from fpk_rocking.physics.motion.body import by_body
 WORK = exact.WORK
 
 lift = by_body(slender.lift, exact.lift)
+cosine = by_body(slender.cosine, exact.cosine)
+steepness = by_body(slender.steepness, exact.steepness)
 stays_below = by_body(slender.stays_below, exact.stays_below)
 pulls = by_body(slender.pulls, exact.pulls)
 launch = by_body(slender.launch, exact.launch)

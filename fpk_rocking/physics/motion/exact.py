@@ -30,6 +30,19 @@ def lift(u, side, force, block):
 
 
 @kernel(inline="always")
+def cosine(u, block):
+    """Factor cos φ of the force, and of noise, in u''."""
+    return math.cos(block.critical_angle * (1.0 - u))
+
+
+@kernel(inline="always")
+def steepness(u, side, force, block):
+    """Change of u'' with u: cos φ + s f α sin φ."""
+    phi = block.critical_angle * (1.0 - u)
+    return math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
+
+
+@kernel(inline="always")
 def stays_below(block):
     """Largest |f| under which a block at rest stays."""
     return math.tan(block.critical_angle) / block.critical_angle

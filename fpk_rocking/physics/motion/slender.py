@@ -81,6 +81,18 @@ def lift(u, side, force, block):  # noqa: ARG001  (see `equation`)
 
 
 @kernel(inline="always")
+def cosine(u, block):  # noqa: ARG001
+    """Factor of the force, and of noise, in u''."""
+    return 1.0
+
+
+@kernel(inline="always")
+def steepness(u, side, force, block):  # noqa: ARG001
+    """Change of u'' with u."""
+    return 1.0
+
+
+@kernel(inline="always")
 def stays_below(block):  # noqa: ARG001
     """Largest |f| under which a block at rest stays."""
     return LIFT_OFF
