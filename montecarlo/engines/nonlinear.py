@@ -14,7 +14,7 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import body_in, body_of
-from fpk_rocking.physics.motion.collocation import NODES, PLACES, fly, through
+from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, cruise, cruise_tables, through
 from fpk_rocking.physics.motion.events import can_lift_off, clearance
 from fpk_rocking.physics.motion.slender import bounds_of, force_of
 from fpk_rocking.physics.noise import band
@@ -49,7 +49,7 @@ class Problem(NamedTuple):
     since the interval's middle. `strength` (pieces, order): g in the time since then. `factors` (m, NODES): its values
     at the points, (0, NODES) without one.
     `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
-    flight has no event in it. `holds` (m,): whether a block at rest surely stays.
+    flight has no event in it. `holds` (m,): whether a block at rest surely stays. `cruise`: tables for a flight over an interval.
     """
 
     restitution: float
@@ -77,6 +77,7 @@ class Problem(NamedTuple):
     least: np.ndarray
     most: np.ndarray
     holds: np.ndarray
+    cruise: Cruise
 
 
 def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
@@ -106,6 +107,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
         np.zeros(TERMS),
         *_strengths(envelope, grid, middles, half),
         *_quiet(low - loudest, high + loudest, grid.spacing, block),
+        cruise_tables(grid.spacing),
     )
 
 
@@ -197,7 +199,7 @@ def coast(state, side, number, j, problem, room):
     for i in range(NODES):
         push[i] *= side
     u = side * x
-    end, speed, found = fly(u, side * v, push, problem.spacing, body_in(problem), room.pull)
+    end, speed, found = cruise(u, side * v, push, problem.cruise, problem.spacing, body_in(problem), room.pull)
     quiet = found and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
     return quiet, (side * end, side * speed)
 
