@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import load
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, cruise, cruise_tables, through
@@ -49,7 +50,7 @@ class Problem(NamedTuple):
     since the interval's middle. `strength` (pieces, order): g in the time since then. `factors` (m, NODES): its values
     at the points, (0, NODES) without one.
     `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
-    flight has no event in it. `holds` (m,): whether a block at rest surely stays. `cruise`: tables for a flight over an interval.
+    flight has no event in it. `holds` (m,): whether a block at rest surely stays. `points` to `sinh`: see `Cruise`.
     """
 
     restitution: float
@@ -77,7 +78,10 @@ class Problem(NamedTuple):
     least: np.ndarray
     most: np.ndarray
     holds: np.ndarray
-    cruise: Cruise
+    points: np.ndarray
+    inner: np.ndarray
+    cosh: float
+    sinh: float
 
 
 def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
@@ -107,7 +111,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
         np.zeros(TERMS),
         *_strengths(envelope, grid, middles, half),
         *_quiet(low - loudest, high + loudest, grid.spacing, block),
-        cruise_tables(grid.spacing),
+        *cruise_tables(grid.spacing),
     )
 
 
@@ -146,23 +150,21 @@ class Room(NamedTuple):
     """Working memory of a thread.
 
     `samples` (WIDTH - 1 + CHUNK,): the interpolant's samples of the noise, the last CHUNK of them new. `signal`, `force`
-    (TERMS,), `push`, `pull` (NODES,): scratch.
+    (TERMS,): scratch.
     """
 
     harmonics: band.Realization
     samples: np.ndarray
     signal: np.ndarray
     force: np.ndarray
-    push: np.ndarray
-    pull: np.ndarray
 
 
 @kernel
 def room_of(problem):
     """Return the `Room` of a thread."""
-    rows, points = np.empty((2, TERMS)), np.empty((2, NODES))
+    rows = np.empty((2, TERMS))
     harmonics, samples = allocate(problem.harmonics)
-    return Room(harmonics, samples, rows[0], rows[1], points[0], points[1])
+    return Room(harmonics, samples, rows[0], rows[1])
 
 
 @kernel(borrows=True)
@@ -181,6 +183,17 @@ def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
     more_samples(room.harmonics, room.samples, number, cycle, problem)
 
 
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _interpolated(values, g, k):
+    """Noise at the points of an interval, less its envelope, from the samples from number k on."""
+    one = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
+    two = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
+    for i in range(4, WIDTH, 4):
+        one = one + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
+        two = two + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
+    return one + two
+
+
 @kernel(forceinline=True, borrows=True)
 def coast(state, side, number, j, problem, room):
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
@@ -189,17 +202,13 @@ def coast(state, side, number, j, problem, room):
         return problem.holds[j], state
     if problem.piece[j + 1] > problem.piece[j] + 1:
         return False, state
-    push, k, s = room.push, number % CHUNK, 1 if side > 0 else 0
-    if problem.factors.shape[0] == 0:
-        interpolate(push, problem.pushes[j], problem.values, room.samples, k)
-    else:
-        interpolate(push, problem.silence, problem.values, room.samples, k)
-        for i in range(NODES):
-            push[i] = problem.pushes[j, i] + problem.factors[j, i] * push[i]
-    for i in range(NODES):
-        push[i] *= side
-    u = side * x
-    end, speed, found = cruise(u, side * v, push, problem.cruise, problem.spacing, body_in(problem), room.pull)
+    k, s = number % CHUNK, 1 if side > 0 else 0
+    push = _interpolated(problem.values, room.samples, k)
+    if problem.factors.shape[0] > 0:
+        push = load(problem.factors, j) * push
+    u, push = side * x, side * (load(problem.pushes, j) + push)
+    tables = Cruise(problem.points, problem.inner, problem.cosh, problem.sinh)
+    end, speed, _, found = cruise(u, side * v, push, tables, problem.spacing, body_in(problem))
     quiet = found and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
     return quiet, (side * end, side * speed)
 

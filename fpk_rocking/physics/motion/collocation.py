@@ -17,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.crossing import LEAST_SPEED, bend_bounds, meet, stays
 from fpk_rocking.physics.motion.slender import force_segment
 from fpk_rocking.physics.motion.transition import advance, record
 
-NODES = 8
+NODES = WIDTH
 
 _MOST, _ENOUGH = 12, 1e-24
 """Most rounds of the iteration. It ends when the next would change an acceleration, times the duration, by less than
@@ -55,19 +56,29 @@ def _tables():
 
 PLACES, _INNER, _FAR, _WEIGHTS, _MONOMIALS = _tables()
 
+_POINTS = np.stack(
+    [
+        PLACES,
+        _FAR,
+        _WEIGHTS,
+        1.0 / ((np.arange(NODES) + 1.0) * (np.arange(NODES) + 2.0)),
+        np.eye(NODES)[0],
+        np.eye(NODES)[-1],
+    ]
+)
+
 
 class Cruise(NamedTuple):
     """Tables for flights over one duration: those without force, and what it adds, by the values of it at the points.
 
-    `cosh`, `sinh` (NODES + 1,): at the points and the end. `inner` (NODES, NODES) [j, i]: angle at point i from the
-    value at point j. `angle`, `velocity` (NODES,): at the end.
+    `points` (4, NODES): cosh and sinh at the points; angle and velocity at the end by the value at a point. `inner`
+    (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at the end.
     """
 
-    cosh: np.ndarray
-    sinh: np.ndarray
+    points: np.ndarray
     inner: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
+    cosh: float
+    sinh: float
 
 
 def cruise_tables(span: float) -> Cruise:
@@ -79,7 +90,8 @@ def cruise_tables(span: float) -> Cruise:
     weights = 0.5 * weights * ends[:, None]
     angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
     velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
-    return Cruise(np.cosh(ends), np.sinh(ends), angle[:, :-1].copy(), angle[:, -1].copy(), velocity)
+    rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
+    return Cruise(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
 
 
 def _lagrange(j, places):
@@ -100,172 +112,126 @@ def _economized(start):
 S0, S1, S2, S3, S4, S5, S6, S7, S8 = _economized(1)
 C0, C1, C2, C3, C4, C5, C6, C7, C8 = _economized(0)
 
-_places = scratch(6, NODES)
-_rows = scratch(3, NODES)
 _polynomials = scratch(2, TERMS)
 
 _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _expand_about(near, force, alpha, own, one, two, three, four, pull):
-    """Write the Taylor coefficients of the acceleration about a guess of y at the points, and it less `own` y."""
-    square = alpha * alpha
-    for i in range(NODES):
-        z = near[i]
-        q = square * z * z
-        qq = q * q
-        r = qq * qq
-        s = (S0 + q * S1) + qq * (S2 + q * S3) + r * ((S4 + q * S5) + qq * (S6 + q * S7) + r * S8)
-        c = (C0 + q * C1) + qq * (C2 + q * C3) + r * ((C4 + q * C5) + qq * (C6 + q * C7) + r * C8)
-        s *= z
-        value, slope = s + force[i] * c, c - square * force[i] * s
-        one[i] = value
-        two[i] = slope
-        three[i] = -0.5 * square * value
-        four[i] = -square / 6.0 * slope
-        pull[i] = value - own * z
-
-
-# In one expression, and without leave to reorder it: a chain of sums would take twice the time.
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _sum(m, i, a, b, c, d, e, f, g, h):
-    """Product of row i of a table (NODES, NODES) [j, i] with the values at the points."""
-    first = (m[0, i] * a + m[1, i] * b) + (m[2, i] * c + m[3, i] * d)
-    return first + ((m[4, i] * e + m[5, i] * f) + (m[6, i] * g + m[7, i] * h))
-
-
-@kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
-def _round(table, factor, base, own, alpha, near, one, two, three, four, pull, bend):
-    """Take a round of the iteration: write accelerations at the points; return squares of changes and of turns."""
-    a, b, c, d, e, f, g, h = pull[0], pull[1], pull[2], pull[3], pull[4], pull[5], pull[6], pull[7]
-    change, turn = 0.0, 0.0
-    for i in range(NODES):
-        off = (base[i] - near[i]) + factor * _sum(table, i, a, b, c, d, e, f, g, h)
-        square = off * off
-        q = alpha * alpha * square
-        value = (one[i] + off * two[i]) + square * ((three[i] + off * four[i]) - q * three[i] / 12.0)
-        bend[i] = value
-        value -= own * (near[i] + off)
-        shift = value - pull[i]
-        change += shift * shift
-        turn += q
-        pull[i] = value
-    return change, turn
+def integrals(m, a):
+    """Sum of the rows of a table (NODES, NODES), times eight numbers."""
+    one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
+    two = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
+    three = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
+    return (one + two) + (three + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _iterate(table, factor, base, own, near, force, square, alpha, pull, bend):
-    """Find the accelerations at the points of a flight, from a guess of its angles; tell whether that worked.
+def _iterate(table, factor, base, own, near, force, square, alpha):
+    """Find the accelerations at the points of a flight from a guess `near` of u - 1 there.
 
-    The angles are `base` and `factor` times the `table` of what is written into `pull`: the accelerations less `own`
-    times the angles. `bend` becomes the accelerations.
+    The angles u - 1 are `base` and `factor` times the integrals, by the `table`, of the accelerations less `own` times
+    the angles. Return these, the accelerations, and whether the iteration has come to its end.
     """
-    rows, last, ratio = _places(), 0.0, _FIRST
-    one, two, three, four = rows[0], rows[1], rows[2], rows[3]
-    _expand_about(near, force, alpha, own, one, two, three, four, pull)
+    # The acceleration as a Taylor polynomial about the guess.
+    turn = alpha * alpha
+    q = turn * (near * near)
+    qq = q * q
+    r = qq * qq
+    sine = near * ((S0 + q * S1) + qq * (S2 + q * S3) + r * ((S4 + q * S5) + qq * (S6 + q * S7) + r * S8))
+    cosine = (C0 + q * C1) + qq * (C2 + q * C3) + r * ((C4 + q * C5) + qq * (C6 + q * C7) + r * C8)
+    one, two = sine + force * cosine, cosine - turn * (force * sine)
+    three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
+    five = (-turn / 12.0) * three
+    bend, pull, last, ratio = one, one - own * near, 0.0, _FIRST
     for _ in range(_MOST):
-        change, turn = _round(table, factor, base, own, alpha, near, one, two, three, four, pull, bend)
+        off = (base - near) + factor * integrals(table, pull)
+        away = off * off
+        bend = (one + off * two) + away * ((three + off * four) + away * five)
+        new = bend - own * (near + off)
+        shift = new - pull
+        change, pull = total(shift * shift), new
         if last > 0.0:
             ratio = change / last
         if change * ratio * square <= _ENOUGH:
-            return turn < _TURN
+            return pull, bend, turn * total(away) < _TURN
         last = change
-    return False
-
-
-@kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
-def _dot(weights, values):
-    total = 0.0
-    for i in range(NODES):
-        total += weights[i] * values[i]
-    return total
+    return pull, bend, False
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def cruise(u, w, force, tables, span, block, bend):
+def cruise(u, w, force, tables, span, block):
     """Carry a flight over the duration of tables; as `fly`."""
-    rows, alpha, y = _places(), block.critical_angle, u - 1.0
-    base, near, pull = rows[0], rows[1], rows[2]
-    a, b, c, d, e, f, g, h = force[0], force[1], force[2], force[3], force[4], force[5], force[6], force[7]
+    alpha, y = block.critical_angle, u - 1.0
     later = alpha * (y + span / 3.0 * w)
-    less, fall = 1.0 - 0.5 * later * later, -alpha * alpha * y * y * y / 6.0
-    for i in range(NODES):
-        base[i] = tables.cosh[i] * y + tables.sinh[i] * w
-        near[i] = base[i] + (tables.cosh[i] - 1.0) * fall + less * _sum(tables.inner, i, a, b, c, d, e, f, g, h)
-    found = _iterate(tables.inner, 1.0, base, 1.0, near, force, span * span, alpha, pull, bend)
-    y, w = tables.cosh[NODES] * y + tables.sinh[NODES] * w, tables.sinh[NODES] * y + tables.cosh[NODES] * w
-    return 1.0 + y + _dot(tables.angle, pull), w + _dot(tables.velocity, pull), found
+    cosh = load(tables.points, 0)
+    base = cosh * y + load(tables.points, 1) * w
+    near = base + (cosh - 1.0) * (-alpha * alpha * y * y * y / 6.0)
+    near = near + (1.0 - 0.5 * later * later) * integrals(tables.inner, force)
+    pull, bend, found = _iterate(tables.inner, 1.0, base, 1.0, near, force, span * span, alpha)
+    y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
+    return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), bend, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def fly(u, w, force, span, block, near, bend):
+def fly(u, w, force, span, block, near):
     """Carry a flight over a time.
 
     Parameters
     ----------
     u, w : float
         Folded angle and velocity at its begin.
-    force : ndarray (NODES,)
+    force : Lanes
         Folded force s f at the points.
     span : float
         The time.
     block : Body
-    near : ndarray (NODES,)
+    near : Lanes
         A guess of u - 1 at the points.
-    bend : ndarray (NODES,)
-        Filled with u'' at the points.
 
     Returns
     -------
-    u, w, found : float, float, bool
-        State at the end, and whether the iteration has come to its end.
+    u, w, bend, found : float, float, Lanes, bool
+        State at the end, u'' at the points, and whether the iteration has come to its end.
     """
-    rows, y, slope, square = _places(), u - 1.0, span * w, span * span
-    base, pull = rows[0], rows[1]
-    for i in range(NODES):
-        base[i] = y + slope * PLACES[i]
-    found = _iterate(_INNER, square, base, 0.0, near, force, square, block.critical_angle, pull, bend)
-    return u + slope + square * _dot(_FAR, bend), w + span * _dot(_WEIGHTS, bend), found
+    y, slope, square = u - 1.0, span * w, span * span
+    base = y + slope * load(_POINTS, 0)
+    _, bend, found = _iterate(_INNER, square, base, 0.0, near, force, square, block.critical_angle)
+    return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _guess(u, w, force, span, near):
-    """Write a guess of u - 1 at the points: that of an acceleration linear in time."""
-    y, slope, square = u - 1.0, span * w, span * span
-    bend = 0.5 * square * (y + force[0])
-    twist = (square * (y + slope + force[NODES - 1]) - 2.0 * bend) / 6.0
-    for i in range(NODES):
-        c = PLACES[i]
-        near[i] = y + c * (slope + c * (bend + c * twist))
+def _guess(u, w, begin, end, span):
+    """Guess of u - 1 at the points, for an acceleration linear in time, from the force at the first and last of them."""
+    y, slope, square, c = u - 1.0, span * w, span * span, load(_POINTS, 0)
+    bend = 0.5 * square * (y + begin)
+    twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
+    return y + c * (slope + c * (bend + c * twist))
 
 
-@kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
-def _force_at(force, start, span, side, out):
-    """Write the folded force at the points of a time."""
-    for i in range(NODES):
-        t, value = start + span * PLACES[i], 0.0
-        for k in range(TERMS - 1, -1, -1):
-            value = value * t + force[k]
-        out[i] = side * value
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _value(coefficients, first, t):
+    """Value of a polynomial of TERMS coefficients, from number `first` down to 0, at eight times."""
+    value = t * 0.0
+    for k in range(first, -1, -1):
+        value = value * t + coefficients[k]
+    return value
 
 
-@kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
-def _expand(u, w, span, pull, angle):
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _expand(u, w, span, bend, scratch, angle):
     """Write u as a polynomial in the time since the flight's middle, in halves of its duration."""
     half = 0.5 * span
-    for k in range(TERMS):
-        angle[k] = 0.0
+    store(scratch, 1, (half * half) * (load(_POINTS, 3) * integrals(_MONOMIALS, bend)))
     low, rise = u, half * w
     for k in range(NODES):
-        c = 0.0
-        for j in range(NODES):
-            c += _MONOMIALS[j, k] * pull[j]
-        c *= half * half / ((k + 1) * (k + 2))
+        c = scratch[1, k]
         angle[k + 2] = c
         sign = 1.0 - 2.0 * (k % 2)
         low -= sign * c
         rise += sign * (k + 2) * c
+    for k in range(NODES + 2, TERMS):
+        angle[k] = 0.0
     angle[0], angle[1] = low + rise, rise
 
 
@@ -277,16 +243,6 @@ def _without_begin(angle, quotient):
         value = angle[k] - value
         quotient[k - 1] = value
     quotient[TERMS - 1] = 0.0
-
-
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _guess_on(angle, end, near):
-    """Write a guess of u - 1 at the points of a flight's part up to a place: that on the flight's polynomial."""
-    for i in range(NODES):
-        m, value = PLACES[i] * (end + 1.0) - 1.0, 0.0
-        for k in range(NODES + 1, -1, -1):
-            value = value * m + angle[k]
-        near[i] = value - 1.0
 
 
 @kernel(borrows=True)
@@ -307,16 +263,16 @@ def through(force, half, x, v, side, start, end, block, impacts, origin):
     x, v, side, time : float, float, int, float
         As of `advance`.
     """
-    rows, polynomials = _rows(), _polynomials()
-    push, bend, near, angle, quotient = rows[0], rows[1], rows[2], polynomials[0], polynomials[1]
+    work = _polynomials()
+    angle, quotient, places = work[0], work[1], load(_POINTS, 0)
     while side != 0 and start < end:
         u, w, span = side * x, side * v, end - start
-        _force_at(force, start, span, side, push)
-        _guess(u, w, push, span, near)
-        last, speed, found = fly(u, w, push, span, block, near, bend)
+        push = side * _value(force, TERMS - 1, start + span * places)
+        near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
+        last, speed, bend, found = fly(u, w, push, span, block, near)
         if not found:
             break
-        _expand(u, w, span, bend, angle)
+        _expand(u, w, span, bend, work, angle)
         fall, rise = bend_bounds(angle, _BEND)
         if last > 0.0 and stays(u, last, 4.0, rise, fall, block.cutoff):
             return side * last, side * speed, side, end
@@ -331,13 +287,13 @@ def through(force, half, x, v, side, start, end, block, impacts, origin):
         if not (slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff):
             break
         time = 0.5 * (place + 1.0) * span
-        _force_at(force, start, time, side, push)
-        _guess_on(angle, place, near)
-        rest, speed, found = fly(u, w, push, time, block, near, bend)
+        push = side * _value(force, TERMS - 1, start + time * places)
+        near = _value(angle, NODES + 1, (place + 1.0) * places - 1.0) - 1.0
+        rest, speed, bend, found = fly(u, w, push, time, block, near)
         late = -rest / speed
         if not (found and abs(late) < _NEAR * span and -block.restitution * speed > LEAST_SPEED):
             break
-        speed += late * bend[NODES - 1]
+        speed += late * total(bend * load(_POINTS, 5))
         start += time + late
         if impacts is not None:
             record(impacts, origin + start, side * speed)
