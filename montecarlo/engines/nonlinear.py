@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.lanes import load
+from fpk_rocking.base.lanes import load, store
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, cruise, cruise_tables, through
@@ -24,7 +24,7 @@ from montecarlo.engines import shinozuka
 from montecarlo.engines.enveloped import ORDER, largest_strengths, pieces_of
 from montecarlo.engines.exact import FEWEST, LONGEST
 from montecarlo.engines.grid import grid_of
-from montecarlo.engines.march import carriers, marcher, realizer, the_state
+from montecarlo.engines.march import marcher, realizer, the_state
 from montecarlo.engines.samples import CHUNK, allocate, first_samples, interpolate, more_samples
 from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
@@ -150,13 +150,14 @@ class Room(NamedTuple):
     """Working memory of a thread.
 
     `samples` (WIDTH - 1 + CHUNK,): the interpolant's samples of the noise, the last CHUNK of them new. `signal`, `force`
-    (TERMS,): scratch.
+    (TERMS,): scratch. `bend` (1, NODES): u'' in the flight over an interval, if nothing happens in it.
     """
 
     harmonics: band.Realization
     samples: np.ndarray
     signal: np.ndarray
     force: np.ndarray
+    bend: np.ndarray
 
 
 @kernel
@@ -164,7 +165,7 @@ def room_of(problem):
     """Return the `Room` of a thread."""
     rows = np.empty((2, TERMS))
     harmonics, samples = allocate(problem.harmonics)
-    return Room(harmonics, samples, rows[0], rows[1])
+    return Room(harmonics, samples, rows[0], rows[1], np.zeros((1, NODES)))
 
 
 @kernel(borrows=True)
@@ -208,9 +209,10 @@ def coast(state, side, number, j, problem, room):
         push = load(problem.factors, j) * push
     u, push = side * x, side * (load(problem.pushes, j) + push)
     tables = Cruise(problem.points, problem.inner, problem.cosh, problem.sinh)
-    end, speed, _, found = cruise(u, side * v, push, tables, problem.spacing, body_in(problem))
+    end, speed, bend, found = cruise(u, side * v, push, tables, problem.spacing, body_in(problem))
+    store(room.bend, 0, bend)
     quiet = found and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
-    return quiet, (side * end, side * speed)
+    return quiet, (side * end if found else math.nan, side * speed)
 
 
 @kernel(forceinline=True, borrows=True)
@@ -220,11 +222,11 @@ def resolve(number, j, problem, room):  # noqa: ARG001
 
 
 @kernel(forceinline=True, borrows=True)
-def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
+def _carry(x, v, side, number, j, share, cycle, problem, room, impacts, known, last, speed):
     """Carry a block through a share of a resolved interval; return x, v, side and the time reached."""
     half, time = 0.5 * problem.spacing, 0.0
     origin = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
-    until, start = (share - 0.5) * problem.spacing, -half
+    until, start, bend = (share - 0.5) * problem.spacing, -half, load(room.bend, 0)
     for piece in range(problem.piece[j], problem.piece[j + 1]):
         strength, end = problem.strength[piece], min(problem.ends[piece], until)
         if start >= until:
@@ -234,15 +236,37 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
             for i in range(min(n + 1, strength.size)):
                 force += strength[i] * room.signal[n - i]
             room.force[n] = force
-        x, v, side, time = through(room.force, half, x, v, side, start, end, body_in(problem), impacts, origin)
+        x, v, side, time = through(
+            room.force, half, x, v, side, start, end, body_in(problem), impacts, origin, known, last, speed, bend
+        )
         if abs(x) >= problem.cutoff:
             break
         start = end
     return x, v, side, origin + time
 
 
+@kernel(borrows=True)
+def look(state, side, number, j, share, problem, room):
+    """Angle and velocity after a share of a resolved interval, nan if overturned."""
+    x, v = state
+    x, v, _, _ = _carry(x, v, side, number, j, share, 0, problem, room, None, False, 0.0, 0.0)
+    if abs(x) >= problem.cutoff:
+        return math.nan, math.nan
+    return x, v
+
+
+@kernel(borrows=True)
+def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
+    """Carry a block on through a resolved interval, from what `coast` has found; return state, side and time."""
+    (x, v), (end, speed) = state, ahead
+    known = side != 0 and end == end and problem.piece[j + 1] == problem.piece[j] + 1
+    x, v, side, time = _carry(
+        x, v, side, number, j, 1.0, cycle, problem, room, impacts, known, side * end, side * speed
+    )
+    return (x, v), side, (time if abs(x) >= problem.cutoff else math.inf)
+
+
 draw = shinozuka.draw
-look, cross = carriers(sys.modules[__name__])
 seen = the_state
 march = marcher(sys.modules[__name__], borrows=True)
 realize = realizer(sys.modules[__name__])

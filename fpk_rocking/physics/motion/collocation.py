@@ -20,9 +20,11 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.crossing import LEAST_SPEED, bend_bounds, meet, stays
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.crossing import bend_bounds, meet, stays
+from fpk_rocking.physics.motion.polynomial import polynomial
 from fpk_rocking.physics.motion.slender import force_segment
-from fpk_rocking.physics.motion.transition import advance, record
+from fpk_rocking.physics.motion.transition import SLOW, advance, record, settle, uplift_time
 
 NODES = WIDTH
 
@@ -36,6 +38,15 @@ _FIRST = 1e-4
 
 _TURN = 1e-5
 """Largest sum of squares of the turns from the first guess for which its sine and cosine are those of their series."""
+
+_SHORTEST = 0.02
+"""Shortest flight, in halves of the interval, that is tried where no bound decides about a longer one."""
+
+LOW = 2e-4
+"""Speed after an impact up to which the hop to the next one is a polynomial of fourth order."""
+
+_ROUNDING = 1e-9
+"""Acceleration, times a quarter of the square of a flight's duration, that counts as none."""
 
 _NEAR = 1e-6
 """Part of a flight by which an impact may lie beside the root that was found on its polynomial."""
@@ -130,8 +141,8 @@ def integrals(m, a):
 def _iterate(table, factor, base, own, near, force, square, alpha):
     """Find the accelerations at the points of a flight from a guess `near` of u - 1 there.
 
-    The angles u - 1 are `base` and `factor` times the integrals, by the `table`, of the accelerations less `own` times
-    the angles. Return these, the accelerations, and whether the iteration has come to its end.
+    The angles u - 1 are `base` and `factor` times the integrals, by the `table`, of the accelerations, less the angles
+    if `own`. Return what is integrated, the angles, and whether the iteration has come to its end.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -143,34 +154,35 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
     one, two = sine + force * cosine, cosine - turn * (force * sine)
     three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
     five = (-turn / 12.0) * three
-    bend, pull, last, ratio = one, one - own * near, 0.0, _FIRST
+    if own:
+        one, two = one - near, two - 1.0
+    lack, pull, last, ratio = base - near, one, 0.0, _FIRST
     for _ in range(_MOST):
-        off = (base - near) + factor * integrals(table, pull)
+        off = lack + factor * integrals(table, pull)
         away = off * off
-        bend = (one + off * two) + away * ((three + off * four) + away * five)
-        new = bend - own * (near + off)
+        new = (one + off * two) + away * ((three + off * four) + away * five)
         shift = new - pull
         change, pull = total(shift * shift), new
         if last > 0.0:
             ratio = change / last
         if change * ratio * square <= _ENOUGH:
-            return pull, bend, turn * total(away) < _TURN
+            return pull, near + off, turn * total(away) < _TURN
         last = change
-    return pull, bend, False
+    return pull, near, False
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
 def cruise(u, w, force, tables, span, block):
     """Carry a flight over the duration of tables; as `fly`."""
     alpha, y = block.critical_angle, u - 1.0
-    later = alpha * (y + span / 3.0 * w)
     cosh = load(tables.points, 0)
     base = cosh * y + load(tables.points, 1) * w
-    near = base + (cosh - 1.0) * (-alpha * alpha * y * y * y / 6.0)
-    near = near + (1.0 - 0.5 * later * later) * integrals(tables.inner, force)
-    pull, bend, found = _iterate(tables.inner, 1.0, base, 1.0, near, force, span * span, alpha)
+    half = 0.5 * alpha * alpha
+    fall, less = half / 3.0 * y * (y * y), 1.0 - half * (y * y) - half * span / 1.5 * (y * w)
+    near = (base - fall * (cosh - 1.0)) + less * integrals(tables.inner, force)
+    pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
-    return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), bend, found
+    return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), pull + angle, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
@@ -196,7 +208,7 @@ def fly(u, w, force, span, block, near):
     """
     y, slope, square = u - 1.0, span * w, span * span
     base = y + slope * load(_POINTS, 0)
-    _, bend, found = _iterate(_INNER, square, base, 0.0, near, force, square, block.critical_angle)
+    bend, _, found = _iterate(_INNER, square, base, False, near, force, square, block.critical_angle)
     return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
 
 
@@ -210,12 +222,13 @@ def _guess(u, w, begin, end, span):
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _value(coefficients, first, t):
-    """Value of a polynomial of TERMS coefficients, from number `first` down to 0, at eight times."""
-    value = t * 0.0
-    for k in range(first, -1, -1):
-        value = value * t + coefficients[k]
-    return value
+def _value(coefficients, terms, t):
+    """Value of a polynomial of an even number of coefficients at eight times; even and odd powers apart, for speed."""
+    square = t * t
+    even, odd = square * 0.0 + coefficients[terms - 2], square * 0.0 + coefficients[terms - 1]
+    for k in range(terms - 4, -1, -2):
+        even, odd = even * square + coefficients[k], odd * square + coefficients[k + 1]
+    return even + t * odd
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
@@ -245,8 +258,37 @@ def _without_begin(angle, quotient):
     quotient[TERMS - 1] = 0.0
 
 
+@kernel(forceinline=True, borrows=True)
+def _leaves(u, w, angle, last, fall, block):
+    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more at the begin, but for rounding."""
+    if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
+        return False
+    bend, jerk, others, sign = 2.0 * angle[2] - 6.0 * angle[3], 6.0 * angle[3], 0.0, 1.0
+    for k in range(4, NODES + 2):
+        term = k * (k - 1) * angle[k]
+        bend, others, sign = bend + sign * term, others + (k - 2) * abs(term), -sign
+    return bend > -_ROUNDING and jerk > others
+
+
+@kernel(forceinline=True, borrows=True)
+def _hop(w, side, force, start, until, block):
+    """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
+    (f, slope), alpha = polynomial(force, start), block.critical_angle
+    cosine, sine = math.cos(alpha), math.sin(alpha)
+    bend, stiff = side * f * cosine - sine / alpha, cosine + alpha * side * f * sine
+    jerk = stiff * w + side * slope * cosine
+    snap = stiff * bend
+    time = -2.0 * w / bend
+    if not 0.0 < 2.0 * time < until - start or abs(jerk) * time > -0.1 * bend:
+        return 0.0, 0.0
+    for _ in range(3):
+        height = w + time * (bend / 2.0 + time * (jerk / 6.0 + time * snap / 24.0))
+        time -= height / (bend / 2.0 + time * (jerk / 3.0 + time * snap / 8.0))
+    return time, w + time * (bend + time * (jerk / 2.0 + time * snap / 6.0))
+
+
 @kernel(borrows=True)
-def through(force, half, x, v, side, start, end, block, impacts, origin):
+def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend):
     """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
 
     Parameters
@@ -257,47 +299,68 @@ def through(force, half, x, v, side, start, end, block, impacts, origin):
         Largest |t| for which it is used.
     x, v, side, start, end, block, impacts, origin
         As of `advance`; times are those of the polynomial.
+    known, last, speed, bend : bool, float, float, Lanes
+        Whether the flight from `start` to `end`, on over impacts, is known, and what `fly` returned of it.
 
     Returns
     -------
     x, v, side, time : float, float, int, float
         As of `advance`.
     """
-    work = _polynomials()
+    work, until, found = _polynomials(), end, True
     angle, quotient, places = work[0], work[1], load(_POINTS, 0)
-    while side != 0 and start < end:
-        u, w, span = side * x, side * v, end - start
-        push = side * _value(force, TERMS - 1, start + span * places)
-        near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
-        last, speed, bend, found = fly(u, w, push, span, block, near)
-        if not found:
-            break
-        _expand(u, w, span, bend, work, angle)
-        fall, rise = bend_bounds(angle, _BEND)
-        if last > 0.0 and stays(u, last, 4.0, rise, fall, block.cutoff):
-            return side * last, side * speed, side, end
-        if last > 0.0 or u < 0.0 or (u == 0.0 and w <= 0.0):
-            break
-        if u == 0.0:
-            _without_begin(angle, quotient)
-            place, slope = meet(quotient, 1.0)
-        else:
-            place, slope = meet(angle, 1.0)
-        square = (place + 1.0) ** 2
-        if not (slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff):
-            break
-        time = 0.5 * (place + 1.0) * span
-        push = side * _value(force, TERMS - 1, start + time * places)
-        near = _value(angle, NODES + 1, (place + 1.0) * places - 1.0) - 1.0
-        rest, speed, bend, found = fly(u, w, push, time, block, near)
-        late = -rest / speed
-        if not (found and abs(late) < _NEAR * span and -block.restitution * speed > LEAST_SPEED):
-            break
-        speed += late * total(bend * load(_POINTS, 5))
-        start += time + late
+    while start < end:
+        if side == 0:
+            start, side = uplift_time(force_segment(force, half), start, end, block)
+            x, v = 0.0, 0.0
+            continue
+        u, w, span, time = side * x, side * v, until - start, 0.0
+        if u == 0.0 and 0.0 < w <= LOW:
+            time, speed = _hop(w, side, force, start, until, block)
+        if time == 0.0:
+            if not known:
+                push = side * _value(force, TERMS, start + span * places)
+                near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
+                last, speed, bend, found = fly(u, w, push, span, block, near)
+            known = False
+            _expand(u, w, span, bend, work, angle)
+            fall, rise = bend_bounds(angle, _BEND)
+            if (
+                found
+                and last > 0.0
+                and (stays(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block))
+            ):
+                x, v, start, until = side * last, side * speed, until, end
+                continue
+            place, slope = 0.0, 0.0
+            if found and last <= 0.0 and u > 0.0:
+                place, slope = meet(angle, 1.0)
+            elif found and last <= 0.0:
+                _without_begin(angle, quotient)
+                place, slope = meet(quotient, 1.0)
+            square = (place + 1.0) ** 2
+            if not (slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff):
+                if span < _SHORTEST * half:
+                    break
+                until = start + 0.4 * span
+                continue
+            time = 0.5 * (place + 1.0) * span
+            push = side * _value(force, TERMS, start + time * places)
+            near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
+            rest, speed, bend, found = fly(u, w, push, time, block, near)
+            late = -rest / speed
+            if not (found and abs(late) < _NEAR * span):
+                break
+            speed += late * total(bend * load(_POINTS, 5))
+            time += late
+        start, until = start + time, end
         if impacts is not None:
             record(impacts, origin + start, side * speed)
-        x, v, side = 0.0, block.restitution * side * speed, -side
+        x, v, side = 0.0, impact(side * speed, block.restitution), -side
+        if abs(v) <= SLOW:
+            side, delay = settle(abs(v), side, force_segment(force, half), start, block)
+            if side == 0:
+                v, start = 0.0, start + delay
     if start >= end:
         return x, v, side, end
     return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin)
