@@ -1,4 +1,4 @@
-"""Eight numbers at once in kernels: a type with the arithmetic of a number, which the compiler keeps in vector registers.
+"""Eight numbers at once in kernels: a type with a number's arithmetic, which the compiler keeps in vector registers.
 
 A loop over eight numbers may become vector instructions or not, by rules that a small change of the loop can upset. An
 expression in these lanes always does.
@@ -49,7 +49,7 @@ def _define(operation, name):
     both = (lanes, lanes), (lanes, types.float64), (types.float64, lanes)
 
     @infer_global(operation)
-    class _(ConcreteTemplate):
+    class _Template(ConcreteTemplate):
         cases = [signature(lanes, *pair) for pair in both]  # noqa: RUF012  (as numba has it)
 
     def generate(context, builder, called, arguments):  # noqa: ARG001

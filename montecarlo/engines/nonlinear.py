@@ -13,11 +13,12 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import load, store
-from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion import TERMS, lift_off
 from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, cruise, cruise_tables, through
-from fpk_rocking.physics.motion.events import can_lift_off, clearance
-from fpk_rocking.physics.motion.slender import bounds_of, force_of
+from fpk_rocking.physics.motion.events import clearance
+from fpk_rocking.physics.motion.particular import force_of
+from fpk_rocking.physics.motion.slender import force_bounds
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from montecarlo.engines import shinozuka
@@ -94,8 +95,9 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     half, middles = 0.5 * grid.spacing, (np.arange(grid.count) + 0.5) * grid.spacing
     band, block, shapes = band_of(scene, grid.duration), body_of(scene), pieces(grid.spacing)
     powers = (half * (2.0 * PLACES - 1.0)) ** np.arange(TERMS)[:, None]
-    forced, low, high = np.empty((grid.count, TERMS)), np.empty(grid.count), np.empty(grid.count)
-    _forces(forcing.pieces(middles), half, forced, low, high)
+    particular, (low, high) = forcing.pieces(middles), np.empty((2, grid.count))
+    force_bounds(particular, half, low, high)
+    forced = force_of(particular)
     loudest = band.weight * band.harmonics * (1.0 if envelope is None else largest_strengths(envelope, grid))
     return Problem(
         *block,
@@ -115,14 +117,6 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     )
 
 
-@kernel
-def _forces(particular, half, forced, low, high):
-    """Write the forces (m, TERMS) of particular solutions, and their bounds."""
-    for j in range(low.size):
-        force_of(particular[j], forced[j])
-        low[j], high[j], _ = bounds_of(forced[j], half)
-
-
 def _strengths(envelope, grid, middles, half):
     """Return `piece`, `ends`, `strength` and `factors` of a `Problem`."""
     if envelope is None:
@@ -136,7 +130,7 @@ def _quiet(low, high, spacing, block):
     """Return `least`, `most` and `holds` of a `Problem` from bounds (m,) of the force."""
     least, most = np.empty((2, low.size, 2))
     _clearances(low, high, spacing, block, least, most)
-    return least, block.cutoff - most, np.array([not can_lift_off.py_func(*one, block) for one in zip(low, high)])
+    return least, block.cutoff - most, np.maximum(high, -low) < lift_off(block.critical_angle)
 
 
 @kernel
@@ -149,8 +143,8 @@ def _clearances(low, high, spacing, block, least, most):
 class Room(NamedTuple):
     """Working memory of a thread.
 
-    `samples` (WIDTH - 1 + CHUNK,): the interpolant's samples of the noise, the last CHUNK of them new. `signal`, `force`
-    (TERMS,): scratch. `bend` (1, NODES): u'' in the flight over an interval, if nothing happens in it.
+    `samples` (WIDTH - 1 + CHUNK,): the interpolant's samples of the noise, the last CHUNK of them new. `signal`,
+    `force` (TERMS,): scratch. `bend` (1, NODES): u'' in the flight over an interval, if nothing happens in it.
     """
 
     harmonics: band.Realization
@@ -259,7 +253,7 @@ def look(state, side, number, j, share, problem, room):
 def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
     """Carry a block on through a resolved interval, from what `coast` has found; return state, side and time."""
     (x, v), (end, speed) = state, ahead
-    known = side != 0 and end == end and problem.piece[j + 1] == problem.piece[j] + 1
+    known = side != 0 and not math.isnan(end) and problem.piece[j + 1] == problem.piece[j] + 1
     x, v, side, time = _carry(
         x, v, side, number, j, 1.0, cycle, problem, room, impacts, known, side * end, side * speed
     )

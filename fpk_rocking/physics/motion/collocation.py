@@ -53,8 +53,10 @@ _NEAR = 1e-6
 
 
 def _tables():
-    """Return the points c of [0, 1], the double integrals up to them [j, i] of the polynomials that are 1 at one point,
-    their double and single integrals to 1, and their coefficients [j, k] on [-1, 1].
+    """Return the points c of [0, 1], and of the polynomials that are 1 at one of them double integrals and coefficients.
+
+    These are the double integrals up to the points [j, i], the double and single integrals to 1, and the coefficients
+    [j, k] on [-1, 1].
     """
     points, weights = np.polynomial.legendre.leggauss(NODES)
     lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
@@ -214,7 +216,7 @@ def fly(u, w, force, span, block, near):
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
 def _guess(u, w, begin, end, span):
-    """Guess of u - 1 at the points, for an acceleration linear in time, from the force at the first and last of them."""
+    """Guess of u - 1 at the points, for an acceleration linear in time, by the force at the first and last of them."""
     y, slope, square, c = u - 1.0, span * w, span * span, load(_POINTS, 0)
     bend = 0.5 * square * (y + begin)
     twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
@@ -260,7 +262,7 @@ def _without_begin(angle, quotient):
 
 @kernel(forceinline=True, borrows=True)
 def _leaves(u, w, angle, last, fall, block):
-    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more at the begin, but for rounding."""
+    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for rounding."""
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
     bend, jerk, others, sign = 2.0 * angle[2] - 6.0 * angle[3], 6.0 * angle[3], 0.0, 1.0
@@ -364,3 +366,10 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
     if start >= end:
         return x, v, side, end
     return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin)
+
+
+@kernel(borrows=True)
+def carried(force, half, x, v, side, start, end, block, impacts, origin):
+    """Carry an exact block through a part of an interval of which nothing is known yet: as `through`."""
+    nothing = load(_POINTS, 0)
+    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing)

@@ -34,15 +34,6 @@ class Segment(NamedTuple):
 
 
 @kernel(borrows=True)
-def force_of(particular, force):
-    """Write the coefficients (TERMS,) of f = P'' - P."""
-    for k in range(TERMS):
-        force[k] = -particular[k]
-        if k + 2 < TERMS:
-            force[k] += (k + 2) * (k + 1) * particular[k + 2]
-
-
-@kernel(borrows=True)
 def bounds_of(force, duration):
     """Bounds of f below and above and of |f''| up to a time on both sides of 0."""
     spread, curvature, power = 0.0, 0.0, 1.0
@@ -57,7 +48,10 @@ def bounds_of(force, duration):
 @kernel(borrows=True)
 def bounds(particular, duration, force):
     """Write the coefficients (TERMS,) of f = P'' - P; return its bounds, as `bounds_of`."""
-    force_of(particular, force)
+    for k in range(TERMS):
+        force[k] = -particular[k]
+        if k + 2 < TERMS:
+            force[k] += (k + 2) * (k + 1) * particular[k + 2]
     return bounds_of(force, duration)
 
 
