@@ -22,6 +22,7 @@ from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.contact import impact
 from fpk_rocking.physics.motion.crossing import bend_bounds, meet, stays
+from fpk_rocking.physics.motion.events import IMPACT, NOTHING
 from fpk_rocking.physics.motion.polynomial import polynomial
 from fpk_rocking.physics.motion.slender import force_segment
 from fpk_rocking.physics.motion.transition import SLOW, advance, record, settle, uplift_time
@@ -48,12 +49,15 @@ LOW = 2e-4
 _ROUNDING = 1e-9
 """Acceleration, times a quarter of the square of a flight's duration, that counts as none."""
 
-_NEAR = 1e-6
-"""Part of a flight by which an impact may lie beside the root that was found on its polynomial."""
+_NEAR = 1e-7
+"""Time by which an impact may lie beside the root that was found on the polynomial of a flight."""
+
+UNKNOWN = -1
+"""No bound decides about what happens first in a flight."""
 
 
 def _tables():
-    """Return the points c of [0, 1], and of the polynomials that are 1 at one of them double integrals and coefficients.
+    """Return the points c of [0, 1], and double integrals and coefficients of the polynomials that are 1 at one of them.
 
     These are the double integrals up to the points [j, i], the double and single integrals to 1, and the coefficients
     [j, k] on [-1, 1].
@@ -289,6 +293,44 @@ def _hop(w, side, force, start, until, block):
     return time, w + time * (bend + time * (jerk / 2.0 + time * snap / 6.0))
 
 
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _flight(u, w, side, force, start, span, block):
+    """Carry a flight over a time from a start, under a force that is a polynomial; as `fly`."""
+    push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
+    near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
+    return fly(u, w, push, span, block, near)
+
+
+@kernel(forceinline=True, borrows=True)
+def _event(u, w, last, angle, quotient, block):
+    """What happens first in a flight, `NOTHING`, `IMPACT` or `UNKNOWN`, and its place in the time of its polynomial."""
+    fall, rise = bend_bounds(angle, _BEND)
+    if last > 0.0:
+        sure = stays(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
+        return (NOTHING if sure else UNKNOWN), 1.0
+    if u == 0.0:
+        _without_begin(angle, quotient)
+        place, slope = meet(quotient, 1.0)
+    else:
+        place, slope = meet(angle, 1.0)
+    square = (place + 1.0) ** 2
+    sure = slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff
+    return (IMPACT if sure else UNKNOWN), place
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _arrive(u, w, side, force, start, time, place, angle, block):
+    """Time and folded velocity of the impact near a time of a flight, which is a place of its polynomial; or 0."""
+    places = load(_POINTS, 0)
+    push = side * _value(force, TERMS, start + time * places)
+    near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
+    rest, speed, bend, found = fly(u, w, push, time, block, near)
+    late = -rest / speed
+    if not (found and abs(late) < _NEAR):
+        return 0.0, 0.0
+    return time + late, speed + late * total(bend * load(_POINTS, 5))
+
+
 @kernel(borrows=True)
 def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend):
     """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
@@ -310,7 +352,7 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
         As of `advance`.
     """
     work, until, found = _polynomials(), end, True
-    angle, quotient, places = work[0], work[1], load(_POINTS, 0)
+    angle, quotient = work[0], work[1]
     while start < end:
         if side == 0:
             start, side = uplift_time(force_segment(force, half), start, end, block)
@@ -321,40 +363,21 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
             time, speed = _hop(w, side, force, start, until, block)
         if time == 0.0:
             if not known:
-                push = side * _value(force, TERMS, start + span * places)
-                near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
-                last, speed, bend, found = fly(u, w, push, span, block, near)
+                last, speed, bend, found = _flight(u, w, side, force, start, span, block)
             known = False
             _expand(u, w, span, bend, work, angle)
-            fall, rise = bend_bounds(angle, _BEND)
-            if (
-                found
-                and last > 0.0
-                and (stays(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block))
-            ):
+            event, place = _event(u, w, last, angle, quotient, block)
+            if found and event == NOTHING:
                 x, v, start, until = side * last, side * speed, until, end
                 continue
-            place, slope = 0.0, 0.0
-            if found and last <= 0.0 and u > 0.0:
-                place, slope = meet(angle, 1.0)
-            elif found and last <= 0.0:
-                _without_begin(angle, quotient)
-                place, slope = meet(quotient, 1.0)
-            square = (place + 1.0) ** 2
-            if not (slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff):
+            if not found or event == UNKNOWN:
                 if span < _SHORTEST * half:
                     break
                 until = start + 0.4 * span
                 continue
-            time = 0.5 * (place + 1.0) * span
-            push = side * _value(force, TERMS, start + time * places)
-            near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
-            rest, speed, bend, found = fly(u, w, push, time, block, near)
-            late = -rest / speed
-            if not (found and abs(late) < _NEAR * span):
+            time, speed = _arrive(u, w, side, force, start, 0.5 * (place + 1.0) * span, place, angle, block)
+            if time == 0.0:
                 break
-            speed += late * total(bend * load(_POINTS, 5))
-            time += late
         start, until = start + time, end
         if impacts is not None:
             record(impacts, origin + start, side * speed)
