@@ -1,4 +1,4 @@
-"""Event-driven realizations under band noise with an envelope: the engine `exact` for η(τ) g(τ).
+"""Event-driven realizations of a slender block under band noise with an envelope: the engine `exact` for η(τ) g(τ).
 
 The noise η is band-limited and a polynomial between the points of a coarse grid (`physics.noise.bandlimited`); so
 is g, in pieces of its own where a kink of it falls into an interval. Their product is the force, in closed form as in
@@ -32,7 +32,7 @@ METHOD = "exact"
 RENEWS = False
 BLOCK = 64
 
-_ORDER = 8
+ORDER = 8
 """Coefficients of g in a piece; of a linear one 2 are used."""
 
 _NEAR = 1e-9
@@ -40,7 +40,7 @@ _NEAR = 1e-9
 
 def takes(scene):
     """Whether this engine simulates a scene."""
-    return scene.noise.kind == "band" and scene.noise.envelope is not None
+    return scene.noise.kind == "band" and scene.noise.envelope is not None and scene.block.critical_angle == 0.0
 
 
 class Problem(NamedTuple):
@@ -87,8 +87,8 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     band = band_of(scene, grid.duration)
     least, most = np.empty((2, grid.count))
     force_bounds(forced, half, least, most)
-    largest = band.weight * band.harmonics * _largest(envelope, grid)
-    order = 2 if math.isinf(envelope.spacing) else _ORDER
+    largest = band.weight * band.harmonics * largest_strengths(envelope, grid)
+    order = 2 if math.isinf(envelope.spacing) else ORDER
     return Problem(
         *body_of(scene),
         start_numbers(scene.start),
@@ -98,7 +98,7 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
         compensation(),
         2.0 * OVERSAMPLING / grid.count,
         forced,
-        *_pieces(envelope, middles, half, order),
+        *pieces_of(envelope, middles, half, order),
         np.stack([_response(np.pad(shapes, ((0, 0), (k, 0)))[:, :TERMS], half) for k in range(order)]),
         _added(forced, half).T.copy(),
         least - largest,
@@ -106,7 +106,7 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     )
 
 
-def _largest(envelope, grid):
+def largest_strengths(envelope, grid):
     """Return the largest g in each interval (m,)."""
     edges = grid.spacing * np.arange(grid.count + 1)
     values = envelope.value(edges)
@@ -118,7 +118,7 @@ def _largest(envelope, grid):
     return largest
 
 
-def _pieces(envelope, middles, half, order):
+def pieces_of(envelope, middles, half, order):
     """Return `piece`, `ends` and `strength` of a `Problem`."""
     piece, ends, centres, owners = [0], [], [], []
     kinks = np.sort(envelope.kinks)

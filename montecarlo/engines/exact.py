@@ -23,7 +23,7 @@ from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensat
 from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import marcher, realizer
-from montecarlo.engines.samples import CHUNK, allocate, first_samples, more_samples
+from montecarlo.engines.samples import CHUNK, allocate, first_samples, interpolate, more_samples
 from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
@@ -37,7 +37,8 @@ FEWEST, LONGEST = 12, 0.2
 
 def takes(scene):
     """Whether this engine simulates a scene."""
-    return scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
+    plain = scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
+    return plain and scene.block.critical_angle == 0.0
 
 
 class Problem(NamedTuple):
@@ -129,21 +130,6 @@ def _set_nodes(samples, node, ends):
             node[k] += (a * samples[k + i] + b * samples[k + i + 1]) + (c * samples[k + i + 2] + d * samples[k + i + 3])
 
 
-# Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _open(particular, forced, i, s, g, k):
-    """Write P in interval i of a cycle, k of a chunk: polynomials `s` (WIDTH, TERMS), weighted with samples `g`."""
-    a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
-    k += 8
-    b0, b1, b2, b3, b4, b5, b6, b7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
-    for n in range(particular.size):
-        first = (a0 * s[0, n] + a1 * s[1, n]) + (a2 * s[2, n] + a3 * s[3, n])
-        second = (a4 * s[4, n] + a5 * s[5, n]) + (a6 * s[6, n] + a7 * s[7, n])
-        third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
-        fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
-        particular[n] = forced[i, n] + ((first + second) + (third + fourth))
-
-
 @kernel(fastmath={"contract", "reassoc"}, borrows=True)
 def _slope(samples, k, slopes):
     """Return the derivative of the noise's P at the end of interval k of a chunk."""
@@ -206,7 +192,7 @@ def coast(state, side, number, j, problem, room):
 @kernel(forceinline=True, borrows=True)
 def resolve(number, j, problem, room):
     """Write P in an interval."""
-    _open(room.interval.particular, problem.forced, j, problem.pieces, room.samples, number % CHUNK)
+    interpolate(room.interval.particular, problem.forced[j], problem.pieces, room.samples, number % CHUNK)
 
 
 @kernel(forceinline=True, borrows=True)

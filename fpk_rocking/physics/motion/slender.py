@@ -34,12 +34,8 @@ class Segment(NamedTuple):
 
 
 @kernel(borrows=True)
-def bounds(particular, duration, force):
-    """Write the coefficients (TERMS,) of f = P'' - P; return bounds of f below and above and of |f''| up to a time."""
-    for k in range(TERMS):
-        force[k] = -particular[k]
-        if k + 2 < TERMS:
-            force[k] += (k + 2) * (k + 1) * particular[k + 2]
+def bounds_of(force, duration):
+    """Bounds of f below and above and of |f''| up to a time on both sides of 0."""
     spread, curvature, power = 0.0, 0.0, 1.0
     for k in range(1, TERMS):
         if k >= 2:
@@ -47,6 +43,22 @@ def bounds(particular, duration, force):
         power *= duration
         spread += abs(force[k]) * power
     return force[0] - spread, force[0] + spread, curvature
+
+
+@kernel(borrows=True)
+def bounds(particular, duration, force):
+    """Write the coefficients (TERMS,) of f = P'' - P; return its bounds, as `bounds_of`."""
+    for k in range(TERMS):
+        force[k] = -particular[k]
+        if k + 2 < TERMS:
+            force[k] += (k + 2) * (k + 1) * particular[k + 2]
+    return bounds_of(force, duration)
+
+
+@kernel(inline="always")
+def force_segment(force, duration):
+    """Make the `Segment` of a force alone, for an exact block; see `segment_of`."""
+    return Segment(force, force, *bounds_of(force, duration))
 
 
 @kernel(inline="always")
