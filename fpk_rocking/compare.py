@@ -301,7 +301,7 @@ def _joint(both, sizes, cycle, edges):
 
 def _melnikov(both) -> dict:
     forcing, restitution = both[0].scene.forcing, both[0].scene.block.restitution
-    if forcing.period is None:
+    if forcing.period is None or both[0].scene.block.critical_angle > 0.0:
         names = "melnikov_amplitude", "melnikov_loss", "melnikov_deviation", "melnikov_margin", "phase_flux"
         return dict.fromkeys(names)
     noise = [result.scene.noise for result in both]
