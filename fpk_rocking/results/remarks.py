@@ -144,11 +144,12 @@ def _explained(result):
     yield (
         f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
     )
-    noise, restitution = result.scene.noise, result.scene.block.restitution
-    part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, restitution)
+    noise, block = result.scene.noise, result.scene.block
+    part = equivalence.cover(noise, block.critical_angle)
+    spread = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
     rest = (
-        f"; the forcing alone reaches {result.scene.forcing.largest:.3g}, a block at rest lifts off above 1, and under "
-        "white noise none rests"
+        f"; the forcing alone reaches {result.scene.forcing.largest:.3g}, a block at rest lifts off above "
+        f"{block.lift_off:.4g}, and under white noise none rests"
     )
     yield (
         f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "

@@ -128,8 +128,8 @@ class Scene:
         """
         if self.noise.kind == "white":
             return self
-        _refuse_exact(self, "white_equivalent")
-        return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise), self.noise.envelope))
+        diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
+        return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
     def filtered_equivalent(self) -> Self:
         """Return the same scene with low-pass noise in place of band noise.
@@ -153,9 +153,8 @@ class Scene:
             return self
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
-        _refuse_exact(self, "filtered_equivalent")
-        ratio = noise_variance(noise) / noise.variance
-        frequency = low_pass_frequency(ratio)
+        ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
+        frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle)
         if frequency is None:
             accepted = (
                 "a band that low-pass noise can replace; none has this Melnikov variance, "
@@ -336,13 +335,6 @@ def _check_cutoff(cutoff, critical_angle):
     if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
         most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
         raise ValueError(checks.refusal("overturning.angle", cutoff, most))
-
-
-def _refuse_exact(scene, what):
-    """Refuse what is known for a slender block alone."""
-    if scene.block.critical_angle > 0.0 and scene.noise.kind != "none":
-        accepted = f"0 (block.slender = true) for {what}"
-        raise ValueError(checks.refusal("block.critical_angle", scene.block.critical_angle, accepted))
 
 
 def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
