@@ -16,9 +16,6 @@ __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
-SLENDER = 0.05
-"""Error of the linearized moments up to which a block counts as slender."""
-
 
 def scene_text(scene: Scene) -> str:
     """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
@@ -77,8 +74,8 @@ def closure_of(scene: Scene, solved: Scene) -> str:
 def remarks(*results: Any) -> tuple[str, ...]:
     """Return the sentences that a reader of some results needs, each once.
 
-    They say where the block is too squat for the model, what the scene remarks on its noise, which noise replaced band
-    noise and what that changes, what a density does not resolve, and what a check that failed may be due to.
+    They say where a block of some size is taken as slender, what the scene remarks on its noise, which noise replaced
+    band noise and what that changes, what a density does not resolve, and what a check that failed may be due to.
 
     Parameters
     ----------
@@ -104,7 +101,7 @@ def doubts(result: Any) -> list[Doubt]:
 
     A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
     """
-    found = _squat(result.scene.block.dimensions)
+    found = _slender(result.scene.block)
     if result.unresolved:
         found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
     return found + _unchecked("" if result.replacement else result.closure)
@@ -112,23 +109,25 @@ def doubts(result: Any) -> list[Doubt]:
 
 def scene_doubts(scene: Scene, closure: str) -> list[Doubt]:
     """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
-    return _squat(scene.block.dimensions) + _unchecked(closure)
+    return _slender(scene.block) + _unchecked(closure)
 
 
 def _unchecked(closure):
     return [Doubt(CAUTION, UNCHECKED, "unchecked")] if closure else []
 
 
-def _squat(size):
-    """Say how wrong the moments of a slender block are for one that is not."""
-    if size is None or max(size.slenderness_error) <= SLENDER:
+def _slender(block):
+    """Say how wrong the moments are where a block is taken as slender in spite of its dimensions."""
+    if not block.slender or block.dimensions is None:
         return []
+    size = block.dimensions
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is treated as slender: the moment of gravity is then "
-        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+        f"Slender block: {size.width:.3g} m by {size.height:.3g} m is treated as slender, as block.slender asks. The "
+        f"moment of gravity is then too large by up to {gravity:.2g} %, that of the shaking by up to {shaking:.2g} %: "
+        "fpk_rocking.studies.slenderness_cost(scene) measures what this changes."
     )
-    return [Doubt(CAUTION, sentence, "squat")]
+    return [Doubt(CAUTION, sentence, "slender")]
 
 
 def _explained(result):
