@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 
 import numpy as np
 
@@ -55,11 +56,6 @@ class ContactForces:
         """Least normal force over mg of each realization, shape (realizations,)."""
         return np.nanmin(self.normal, axis=1)
 
-    @property
-    def to_lift_off(self) -> float:
-        """Friction coefficient that lift-off from rest needs: tan α, width over height. With less a block slides."""
-        return float(np.tan(_angle(self.scene.block)))
-
     def sliding(self, friction: ArrayLike) -> tuple[Number, Number]:
         """Probability that a block with a friction coefficient slides at one of the times.
 
@@ -95,8 +91,8 @@ class ContactForces:
         if np.isinf(needed.max()):
             floor = f"the corner leaves the floor in {np.count_nonzero(np.isinf(needed)):,} of {count:,} paths"
         return (
-            f"A block with a friction coefficient below {self.to_lift_off:.3g} slides before it rocks; at the sampled "
-            f"times rocking needs up to {needed.max():.3g}{typical}, and {floor}."
+            f"A block with a friction coefficient below {self.scene.block.least_friction:.3g} slides before it rocks; "
+            f"at the sampled times rocking needs up to {needed.max():.3g}{typical}, and {floor}."
         )
 
     def __str__(self):
@@ -124,21 +120,16 @@ def contact_forces(histories: Histories) -> ContactForces:
         not keep the noise, and band noise alone is drawn again).
     """
     scene = checks.instance("histories", histories, Histories).scene
-    alpha = _angle(scene.block)
-    if alpha == 0.0:
+    if scene.block.least_friction is None:
         accepted = "an angle above 0, or block.dimensions, for contact forces"
-        raise ValueError(checks.refusal("block.critical_angle", alpha, accepted))
+        raise ValueError(checks.refusal("block.critical_angle", scene.block.critical_angle, accepted))
     if scene.noise.kind not in ("band", "none"):
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, "'band' or 'none' for contact forces"))
     shaking = _forces(histories)
     slender = scene.block.critical_angle == 0.0
+    alpha = math.atan(scene.block.least_friction)
     found = forces.contact_forces(histories.angle, histories.velocity, shaking, alpha, slender)
     return ContactForces(scene, histories.time, *found)
-
-
-def _angle(block):
-    """Return the critical angle that the dimensions or the block itself give; 0 if neither does."""
-    return block.critical_angle or (block.dimensions.critical_angle if block.dimensions else 0.0)
 
 
 def _forces(histories):

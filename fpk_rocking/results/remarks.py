@@ -74,8 +74,9 @@ def closure_of(scene: Scene, solved: Scene) -> str:
 def remarks(*results: Any) -> tuple[str, ...]:
     """Return the sentences that a reader of some results needs, each once.
 
-    They say where a block of some size is taken as slender, what the scene remarks on its noise, which noise replaced
-    band noise and what that changes, what a density does not resolve, and what a check that failed may be due to.
+    They say with which friction a block slides before it rocks, where one of some size is taken as slender, what the
+    scene remarks on its noise, which noise replaced band noise and what that changes, what a density does not resolve,
+    and what a check that failed may be due to.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     """
     sentences: list[str] = []
     for result in results:
-        sentences += filter(None, (result.scene.noise.remark, result.closure))
+        sentences += filter(None, (result.scene.noise.remark, _sliding(result.scene.block), result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]
         sentences += filter(None, [result.check])
         sentences += _explained(result)
@@ -114,6 +115,11 @@ def scene_doubts(scene: Scene, closure: str) -> list[Doubt]:
 
 def _unchecked(closure):
     return [Doubt(CAUTION, UNCHECKED, "unchecked")] if closure else []
+
+
+def _sliding(block):
+    least = block.least_friction
+    return "" if least is None else f"A block with a friction coefficient below {least:.3g} slides before it rocks."
 
 
 def _slender(block):

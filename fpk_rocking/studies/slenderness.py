@@ -78,7 +78,7 @@ def slenderness_cost(
         The block has neither dimensions nor a critical angle, or as `montecarlo.simulate`.
     """
     block = checks.instance("scene", scene, Scene).block
-    if block.dimensions is None and block.critical_angle == 0.0:
+    if block.least_friction is None:
         accepted = "an angle above 0, or block.dimensions, for the cost of slenderness"
         raise ValueError(checks.refusal("block.critical_angle", block.critical_angle, accepted))
     exact = scene.varied(block={"slender": False}) if block.slender else scene

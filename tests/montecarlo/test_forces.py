@@ -64,6 +64,12 @@ def test_a_block_at_rest_and_one_that_is_just_tilted():
     np.testing.assert_allclose(horizontal, -alpha * f, rtol=1e-11)
     np.testing.assert_allclose(normal, 1.0, rtol=1e-11)
     assert abs(horizontal[3] / normal[3]) == pytest.approx(math.tan(alpha), rel=1e-11)
+    # What the floor bears as a block is lifted off by a fifth more: x'' = (1.2 - 1) sin(α)/α.
+    horizontal, normal = forces_at(x[:1], v[:1], -1.2 * level, alpha)
+    assert normal == pytest.approx(1.0 + 0.75 * 0.2 * math.sin(alpha) ** 2, rel=1e-12)
+    assert horizontal == pytest.approx(
+        1.2 * math.tan(alpha) - 0.75 * 0.2 * math.sin(alpha) * math.cos(alpha), rel=1e-12
+    )
     # A moving block at x = 0 is on the side of its velocity, and at α = .3 under no force presses with less than mg.
     pushed = forces_at(np.zeros(2), np.array([0.5, -0.5]), np.zeros(2), alpha)
     assert pushed[0, 0] == -pushed[0, 1] != 0.0
@@ -104,7 +110,7 @@ def test_the_noise_that_is_drawn_again_is_that_of_the_paths(method):
 def test_the_sentence_and_the_probability_of_sliding():
     found = contact_forces(histories(SCENE, cycles=3, realizations=40, seed=2))
     assert found.friction.shape == (40, found.time.size)
-    assert found.to_lift_off == pytest.approx(0.5 / 1.8, rel=1e-14)
+    assert SCENE.block.least_friction == pytest.approx(0.5 / 1.8, rel=1e-14)
     part, error = found.sliding([0.0, np.sort(found.needed)[9], 10.0])
     assert part == pytest.approx([1.0, 30 / 40, 0.0])
     assert error == pytest.approx([0.0, math.sqrt(0.75 * 0.25 / 40), 0.0])

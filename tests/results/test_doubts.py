@@ -46,21 +46,26 @@ def test_the_limits_are_these():
 
 
 @pytest.mark.parametrize(
-    ("block", "said"),
+    ("block", "said", "friction"),
     [
-        (Block(0.5, Dimensions(0.5, 1.8), slender=True), True),
-        (Block(0.5, Dimensions(0.5, 1.8)), False),
-        (Block(0.5, slender=True), False),
-        (Block(0.5), False),
+        (Block(0.5, Dimensions(0.5, 1.8), slender=True), True, "0.278"),
+        (Block(0.5, Dimensions(0.5, 1.8)), False, "0.278"),
+        (Block(0.5, critical_angle=0.2), False, "0.203"),
+        (Block(0.5, slender=True), False, ""),
+        (Block(0.5), False, ""),
     ],
 )
-def test_a_block_with_dimensions_that_is_taken_as_slender_is_remarked_on(block, said):
+def test_a_block_with_dimensions_that_is_taken_as_slender_is_remarked_on(block, said, friction):
+    """And with which friction it slides first, where that is known."""
     result = fakes.FakeEvolution(dataclasses.replace(MAIN.varied(noise=WHITE.noise), block=block))
     assert [doubt.code for doubt in doubts(result)] == ["slender"] * said
     assert [doubt.code for doubt in scene_doubts(result.scene, "")] == ["slender"] * said
     assert result.trust.verdict == ("caution" if said else "ok")
-    assert [text.startswith("Slender block: 0.5 m by 1.8 m") for text in remarks(result)] == [True] * said
-    assert all("up to 1.2 %, that of the shaking by up to 3.8 %:" in text for text in remarks(result))
+    sliding = f"A block with a friction coefficient below {friction} slides before it rocks."
+    first, rest = remarks(result)[: bool(friction)], remarks(result)[bool(friction) :]
+    assert first == (sliding,) * bool(friction)
+    assert [text.startswith("Slender block: 0.5 m by 1.8 m") for text in rest] == [True] * said
+    assert all("up to 1.2 %, that of the shaking by up to 3.8 %:" in text for text in rest)
 
 
 def replaced(difference, error=0.0, place=(2, 0), **given):
