@@ -10,7 +10,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.motion import forces
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines.shinozuka import realized
+from montecarlo.engines.force import forces_of
 from montecarlo.results.histories import Histories
 
 
@@ -105,7 +105,7 @@ def contact_forces(histories: Histories) -> ContactForces:
     Parameters
     ----------
     histories : Histories
-        Of a block with dimensions or a critical angle above 0, under band noise or none, by any method.
+        Of a block with dimensions or a critical angle above 0, by any method but "white".
 
     Returns
     -------
@@ -116,33 +116,18 @@ def contact_forces(histories: Histories) -> ContactForces:
     TypeError
         Not histories.
     ValueError
-        The block has no critical angle, or its noise is white (forces are then unbounded) or filtered (histories do
-        not keep the noise, and band noise alone is drawn again).
+        The block has no critical angle, or its noise is white: forces are then unbounded.
     """
     scene = checks.instance("histories", histories, Histories).scene
     if scene.block.least_friction is None:
         accepted = "an angle above 0, or block.dimensions, for contact forces"
         raise ValueError(checks.refusal("block.critical_angle", scene.block.critical_angle, accepted))
-    if scene.noise.kind not in ("band", "none"):
-        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, "'band' or 'none' for contact forces"))
-    shaking = _forces(histories)
+    if scene.noise.kind == "white":
+        accepted = "'band', 'filtered' or 'none' for contact forces"
+        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
+    count = 1 if scene.deterministic else histories.realizations
+    shaking = forces_of(scene, histories.seed, count, histories.steps_per_cycle, histories.time)
     slender = scene.block.critical_angle == 0.0
     alpha = math.atan(scene.block.least_friction)
     found = forces.contact_forces(histories.angle, histories.velocity, shaking, alpha, slender)
     return ContactForces(scene, histories.time, *found)
-
-
-def _forces(histories):
-    """Return f (realizations, n) at the times of histories: the noise is drawn again."""
-    scene, time, noise = histories.scene, histories.time, histories.scene.noise
-    known = np.array([scene.forcing.value(one) for one in time.tolist()])
-    out = np.tile(known, (histories.realizations, 1))
-    if scene.deterministic or noise.kind == "none":
-        return out
-    strength = np.sqrt(2.0 * noise.variance / noise.harmonics)
-    if noise.envelope is not None:
-        strength = strength * noise.envelope.value(time)
-    drawn = realized(scene, histories.seed, histories.realizations)
-    for number, (frequency, phase) in enumerate(zip(*drawn, strict=True)):
-        out[number] += strength * np.cos(np.outer(time, frequency) + phase).sum(axis=1)
-    return out

@@ -3,11 +3,9 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from fpk_rocking.base.jit import kernel
-from montecarlo.engines.random import open_stream, stream_keys, uniform_pairs
-from montecarlo.engines.start import draw_start, start_numbers
+from montecarlo.engines.random import uniform_pairs
+from montecarlo.engines.start import draw_start
 
 
 class Band(NamedTuple):
@@ -41,29 +39,6 @@ def draw_band(stream, problem, harmonics):
         harmonics.ratios[n] = problem.low_ratio + problem.ratio_width * harmonics.ratios[n]
         harmonics.weights[n] = problem.weight
     return angle, velocity
-
-
-class _Drawn(NamedTuple):
-    """What `draw_band` needs and writes, of one realization."""
-
-    start: np.ndarray
-    low_ratio: float
-    ratio_width: float
-    weight: float
-    harmonics: int
-    ratios: np.ndarray
-    phases: np.ndarray
-    weights: np.ndarray
-
-
-def realized(scene, seed, count):
-    """Return the frequencies and phases (count, N), radians, of the noise in the first realizations of a band scene."""
-    band = band_of(scene, 2.0 * math.pi)
-    keys, drawn = stream_keys(seed), np.empty((3, count, band.harmonics))
-    for number in range(count):
-        room = _Drawn(start_numbers(scene.start), *band, *drawn[:, number])
-        draw_band(open_stream(keys, number), room, room)
-    return drawn[0], 2.0 * math.pi * drawn[1]
 
 
 @kernel(inline="always")
