@@ -80,7 +80,7 @@ def noises(noise: Any) -> Array:
     return array
 
 
-def deviations(noise: Any) -> Array:
+def deviations(noise: Any, critical_angle: float = 0.0) -> Array:
     """Return σ_M as an array, from one noise or a nested sequence of noises."""
     array = noises(noise)
-    return np.sqrt([noise_variance(entry) for entry in array.flat]).reshape(array.shape)
+    return np.sqrt([noise_variance(entry, critical_angle) for entry in array.flat]).reshape(array.shape)

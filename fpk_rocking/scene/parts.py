@@ -66,6 +66,15 @@ class Block:
         """Largest nondimensional force |f| under which the block stays at rest: tan(α)/α, 1 for a slender block."""
         return lift_off(self.critical_angle)
 
+    @property
+    def least_friction(self) -> float | None:
+        """Friction coefficient below which the block slides before it lifts off: tan α, width over height.
+
+        None for a slender block without dimensions.
+        """
+        angle = self.critical_angle or (self.dimensions.critical_angle if self.dimensions else 0.0)
+        return math.tan(angle) if angle > 0.0 else None
+
 
 def _check_envelope(envelope):
     if envelope is not None:

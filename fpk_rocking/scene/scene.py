@@ -128,7 +128,8 @@ class Scene:
         """
         if self.noise.kind == "white":
             return self
-        return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise), self.noise.envelope))
+        diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
+        return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
     def filtered_equivalent(self) -> Self:
         """Return the same scene with low-pass noise in place of band noise.
@@ -152,8 +153,8 @@ class Scene:
             return self
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
-        ratio = noise_variance(noise) / noise.variance
-        frequency = low_pass_frequency(ratio)
+        ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
+        frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle)
         if frequency is None:
             accepted = (
                 "a band that low-pass noise can replace; none has this Melnikov variance, "
