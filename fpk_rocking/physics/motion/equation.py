@@ -6,6 +6,8 @@ from fpk_rocking.physics.motion.body import by_body
 WORK = exact.WORK
 
 lift = by_body(slender.lift, exact.lift)
+grip = by_body(slender.grip, exact.grip)
+tangent = by_body(slender.tangent, exact.tangent)
 stays_below = by_body(slender.stays_below, exact.stays_below)
 pulls = by_body(slender.pulls, exact.pulls)
 launch = by_body(slender.launch, exact.launch)

@@ -30,6 +30,19 @@ def lift(u, side, force, block):
 
 
 @kernel(inline="always")
+def grip(u, block):
+    """Part of the base's acceleration that turns the block: cos φ."""
+    return math.cos(block.critical_angle * (1.0 - u))
+
+
+@kernel(inline="always")
+def tangent(u, side, force, block):
+    """Derivative of u'' by u: cos φ + s f α sin φ."""
+    phi = block.critical_angle * (1.0 - u)
+    return math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
+
+
+@kernel(inline="always")
 def stays_below(block):
     """Largest |f| under which a block at rest stays."""
     return math.tan(block.critical_angle) / block.critical_angle

@@ -81,6 +81,18 @@ def lift(u, side, force, block):  # noqa: ARG001  (see `equation`)
 
 
 @kernel(inline="always")
+def grip(u, block):  # noqa: ARG001
+    """Part of the base's acceleration that turns the block."""
+    return 1.0
+
+
+@kernel(inline="always")
+def tangent(u, side, force, block):  # noqa: ARG001
+    """Derivative of u'' by u."""
+    return 1.0
+
+
+@kernel(inline="always")
 def stays_below(block):  # noqa: ARG001
     """Largest |f| under which a block at rest stays."""
     return LIFT_OFF
