@@ -40,9 +40,8 @@ def refuse_filtered(scene: Scene) -> None:
 
 def refuse_exact(scene: Scene) -> None:
     """Refuse a block that is not taken as slender where the density has no exact equation of motion."""
-    if scene.block.critical_angle > 0.0 and (scene.noise.kind == "filtered" or not scene.repeats):
-        what = "filtered noise" if scene.noise.kind == "filtered" else "a forcing that does not repeat"
-        accepted = f"0 (block.slender = true) for a density under {what}; or use Monte Carlo, simulate()"
+    if scene.block.critical_angle > 0.0 and scene.noise.kind == "filtered":
+        accepted = "0 (block.slender = true) for a density under filtered noise; or use Monte Carlo, simulate()"
         raise ValueError(checks.refusal("block.critical_angle", scene.block.critical_angle, accepted))
 
 
