@@ -20,6 +20,7 @@ from command import command
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results.layout import plain
 from fpk_rocking.studies import fragility, scaled
 from montecarlo import simulate
 
@@ -93,7 +94,7 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
                 )
                 progress(number + 1, len(frequencies))
         values[kind] = {"scale": scales, "slender": slender, "exact": exact}
-    summary.write_summary(out / "slenderness.json", values)
+    summary.write_summary(out / "slenderness.json", plain(values))
     draw(out / "slenderness.png", values)
     return values
 
@@ -103,7 +104,7 @@ def draw(path, values):
     sampled = f"{values['realizations']:,} realizations a point, the same for both"
     shaking = f"restitution {RESTITUTION:g}, noise of {NOISE:g} of the rms of the shaking"
     notes = [f"Exact less slender, where half of the slender blocks overturn. {sampled}; {shaking}."]
-    title = "A slender equation overturns squat blocks too often under long shaking"
+    title = "The equation of a slender block overturns squat blocks too often"
     with style.page(path, (11.0, 5.2), title, notes) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         off = {kind: np.array(values[kind]["exact"]) - np.array(values[kind]["slender"])[:, None] for kind in NAMES}
@@ -120,6 +121,7 @@ def draw(path, values):
             )
             axes.set_yscale("log")
             axes.set_yticks([1, 2, 4, 8], ["1", "2", "4", "8"])
+            axes.minorticks_off()
             axes.set(title=name, xlabel="critical angle α, rad")
         panels[0].set_ylabel("frequency Ω = ω / p")
         figure.colorbar(drawn, ax=panels, label="P(overturned), exact less slender")
