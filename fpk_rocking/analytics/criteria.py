@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpk_rocking.analytics.inputs import deviations, numbers
+from fpk_rocking.analytics.inputs import deviations, numbers, refuse_exact
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
@@ -63,7 +63,7 @@ def critical_amplitude(
     return (needed * np.sqrt(lacking / _SHARES[criterion]))[()]
 
 
-def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Number:
+def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
     """Amplitude from which the manifolds of a slender block cross without noise, exactly (derived in docs/theory).
 
     Its flights are linear, so both manifolds are known at x = 0 in closed form. They cross from
@@ -77,6 +77,8 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Nu
         Frequency Ω of the forcing, above 0.
     restitution : array_like
         Restitution e, from 0 to 1; it broadcasts with `frequency`.
+    critical_angle : float
+        α of the block, 0: a block with another is refused.
 
     Returns
     -------
@@ -88,6 +90,7 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Nu
     TypeError, ValueError
         A parameter is refused.
     """
+    refuse_exact(critical_angle, "the exact critical amplitude")
     omega = numbers("frequency", frequency, above=0.0)
     e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
     return ((1.0 - e) * (1.0 + omega**2) / np.hypot(1.0 + e, (1.0 - e) * omega))[()]

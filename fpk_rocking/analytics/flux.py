@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpk_rocking.analytics.excess import density, mean_excess, rounding
-from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises
+from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises, refuse_exact
 from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, seen
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
@@ -73,6 +73,7 @@ def phase_flux_as_printed(
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
     equation: int = 17,
+    critical_angle: float = 0.0,
 ) -> Number:
     """Phase flux of a slender block with the paper's misprints, only for comparison with its figures.
 
@@ -91,6 +92,8 @@ def phase_flux_as_printed(
         White noise is refused, as it has no σ.
     equation : {17, 18}
         Equation of the paper.
+    critical_angle : float
+        α of the block, 0: a block with another is refused.
 
     Returns
     -------
@@ -102,6 +105,7 @@ def phase_flux_as_printed(
     TypeError, ValueError
         A parameter is refused.
     """
+    refuse_exact(critical_angle, "the flux as printed")
     if equation not in _EQUATIONS:
         raise ValueError(checks.refusal("equation", equation, " or ".join(map(str, _EQUATIONS))))
     harmonic, loss = _single(forcing), impact_loss(restitution)

@@ -11,7 +11,7 @@ rocking from overturning. Its variance σ_M² (eq. 15) also says which white noi
 
 Amplitudes, frequencies, restitutions and noises may be arrays or sequences, which broadcast. The critical angle α of
 the block is a number: 0, a slender block (the paper), or `scene.block.critical_angle`. `exact_critical_amplitude` and
-`phase_flux_as_printed` are for a slender block alone. Everything is derived in docs/theory, "Melnikov process and phase
+`phase_flux_as_printed` refuse any but 0. Everything is derived in docs/theory, "Melnikov process and phase
 flux".
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.

@@ -20,6 +20,7 @@ from fpk_rocking import (
     WhiteNoise,
     melnikov,
 )
+from fpk_rocking.analytics.orbits import symmetric_orbits
 from fpk_rocking.physics.noise import equivalence
 
 ANGLES = [0.1, 0.3, 1.2]
@@ -212,6 +213,21 @@ def test_equivalent_noise_has_the_melnikov_variance_that_the_block_sees(noise):
         filtered = scene.filtered_equivalent().noise
         assert filtered.variance == noise.variance
         assert melnikov.noise_variance(filtered, 0.3) == pytest.approx(variance, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "what"),
+    [
+        (lambda: melnikov.exact_critical_amplitude(2.0, 0.5, 0.3), "the exact critical amplitude"),
+        (lambda: melnikov.phase_flux_as_printed((4.0, 4.0), 0.5, NOISES[0], 18, 0.3), "the flux as printed"),
+        (lambda: symmetric_orbits(2.6, 2.7, 0.5, critical_angle=0.3), "symmetric orbits"),
+    ],
+)
+def test_what_is_known_for_a_slender_block_alone_is_refused(call, what):
+    with pytest.raises(
+        ValueError, match=rf"^critical_angle: got 0\.3, accepted: 0 \(block\.slender = true\) for {what}"
+    ):
+        call()
 
 
 @pytest.mark.parametrize("wrong", [-0.1, 1.6, math.nan])

@@ -180,7 +180,8 @@ class StateSpace(NamedTuple):
         -------
         float
         """
-        total, laplace = 0.0, []
+        total = 0.0
+        laplace: list[tuple[float, float, float]] = []
         for weight, rate in zip(weights.tolist(), rates.tolist(), strict=True):
             inverse = rate * np.eye(self.order) - self.drift
             once = np.linalg.solve(inverse, self._beside)
