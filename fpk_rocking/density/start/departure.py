@@ -252,7 +252,9 @@ class Departure:
 
     def _trace(self, now, duration, quiet):
         """Trace one step from the cells of a window that hold something."""
-        points = self.windows.points + (0 if abs(self.dynamics.forcing.value(now.time)) > self.dynamics.lift_off else MORE)
+        points = self.windows.points + (
+            0 if abs(self.dynamics.forcing.value(now.time)) > self.dynamics.lift_off else MORE
+        )
         quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
         holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
         return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding, to_other=True)

@@ -70,7 +70,9 @@ class FreeFlight:
         self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
         self.edges = _ends(space.degree) @ table.T
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
-        sides, angle_shears, drift, fine, fine_weights = _angle_shears(space, affine, diffusion * contact_pull(critical_angle) ** 2, duration)
+        sides, angle_shears, drift, fine, fine_weights = _angle_shears(
+            space, affine, diffusion * contact_pull(critical_angle) ** 2, duration
+        )
         alike = np.ones_like(angle_shears)
         by_side = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
         pushes = np.repeat(by_side, (middle, limit - middle))[:, None]
@@ -165,9 +167,7 @@ def angle_shear_of(space, affine, diffusion, duration):
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """
     sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_shift(
-        space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides
-    )
+    return prepare_shift(space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides)
 
 
 def _angle_shears(space, affine, diffusion, duration):

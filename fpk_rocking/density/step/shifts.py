@@ -206,7 +206,9 @@ def fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_we
     `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     for r in prange(len(source)):
-        _fill_row(np.int64(r), lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis)
+        _fill_row(
+            np.int64(r), lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis
+        )
 
 
 @kernel(borrows=True, tuned=True)

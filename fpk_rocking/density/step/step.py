@@ -157,7 +157,9 @@ class Trace:
         Ends of the paths of the cells active at first, see `trace_cells`.
     """
 
-    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True, to_other=False):
+    def __init__(
+        self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True, to_other=False
+    ):
         # What a flight gathers weighs early noise more, so that a mean D would not do in a long step without events.
         axes = principal_axes(*dynamics.covariance(start, duration))
         dynamics = dynamics.during(start, duration)
