@@ -20,12 +20,11 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.contact import impact
-from fpk_rocking.physics.motion.equation import cosine, flight, stays_below
+from fpk_rocking.physics.motion.equation import flight, cosine, stays_below
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
-from fpk_rocking.physics.motion.saltation import through_impact, through_impact_expanded
+from fpk_rocking.physics.motion.saltation import encounter, through_impact, through_impact_expanded
 from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import advance
 
@@ -169,10 +168,11 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
     duration, cutoff = noise.duration, block.cutoff
     late, rest = scratch[2], duration - time
     force, slope = polynomial(segment.force, time)
-    kind, _, far_x, far_v = next_event(0.0, impact(speed, block.restitution), -side, segment, time, duration, block)
+    met = encounter(speed, side, force, slope, block)
+    kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
     before, after = cosine(0.5 * side * x, block), cosine(0.5 * abs(far_x), block)
     diffusions = noise.diffusion * before * before, noise.diffusion * after * after
-    final, early, (b11, b12, b21, b22) = through_impact(diffusions, time, rest, speed, force, side, block)
+    final, early, (b11, b12, b21, b22) = through_impact(diffusions, time, rest, met, block.restitution)
     move_origin(segment.particular, time, late)
     after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
@@ -186,7 +186,7 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
         if smooth:
-            dx, dv, inside = through_impact_expanded(early_x, early_v, time, rest, speed, side, force, slope, block)
+            dx, dv, inside = through_impact_expanded(early_x, early_v, time, rest, met, block)
             xn = far_x + dx + late_x
             if inside and 0.0 < -side * xn < cutoff:
                 _put(n, xn, far_v + dv + late_v, -side, -side, cutoff, states, codes)

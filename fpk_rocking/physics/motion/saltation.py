@@ -4,15 +4,57 @@ In flight a displacement grows as that of a slender block, which for an exact on
 """
 
 import math
+from typing import NamedTuple
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.body import by_body
 from fpk_rocking.physics.motion.equation import cosine, lift, steepness
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.slender import hyperbolic_turn
 
 
+class Encounter(NamedTuple):
+    """An impact, and the motion next to it: what a displacement needs to know to be carried through.
+
+    Parameters
+    ----------
+    speed, leaving : float
+        Velocity just before and just after it.
+    side : int
+        Side before it.
+    force : float
+        Forcing.
+    pull, far_pull : float
+        Acceleration just before and just after it.
+    stiff, far_stiff : float
+        Derivative of the acceleration by the angle, before and after.
+    jerk : float
+        Rate at which the forcing changes the acceleration.
+    """
+
+    speed: float
+    leaving: float
+    side: int
+    force: float
+    pull: float
+    far_pull: float
+    stiff: float
+    far_stiff: float
+    jerk: float
+
+
 @kernel
-def through_impact(diffusions, before, after, v, force, side, block):
+def encounter(speed, side, force, slope, block):
+    """Return the `Encounter` of a velocity before an impact, the side before it, and the forcing and its slope."""
+    return Encounter(
+        speed, block.restitution * speed, side, force,
+        side * lift(0.0, side, force, block), -side * lift(0.0, -side, force, block),
+        steepness(0.0, side, force, block), steepness(0.0, -side, force, block), slope * cosine(0.0, block),
+    )  # fmt: skip
+
+
+@kernel
+def through_impact(diffusions, before, after, impact, restitution):
     """Carry the covariance through an impact by the saltation matrix (derived in docs/theory).
 
     Parameters
@@ -21,9 +63,9 @@ def through_impact(diffusions, before, after, v, force, side, block):
         D, as it moves the block before the impact and after it.
     before, after : float
         The times before and after the impact.
-    v, force, side : float, float, int
-        Velocity and forcing just before the impact, and the side before it.
-    block : Body
+    impact : Encounter
+    restitution : float
+        Velocity ratio e.
 
     Returns
     -------
@@ -32,9 +74,7 @@ def through_impact(diffusions, before, after, v, force, side, block):
     map : tuple (b11, b12, b21, b22)
         Carries a displacement from the impact time to the end.
     """
-    restitution = block.restitution
-    arriving, leaving = side * lift(0.0, side, force, block), -side * lift(0.0, -side, force, block)
-    jump = (leaving - restitution * arriving) / v
+    jump = (impact.far_pull - restitution * impact.pull) / impact.speed
     c, s = math.cosh(after), math.sinh(after)
     b11, b12, b21, b22 = c * restitution + s * jump, s * restitution, s * restitution + c * jump, c * restitution
     xx, xv, vv = flight_covariance(diffusions[0], before)
@@ -45,8 +85,22 @@ def through_impact(diffusions, before, after, v, force, side, block):
     return (final_xx, final_xv, final_vv), (xx, xv, vv), (b11, b12, b21, b22)
 
 
+@kernel(inline="always")
+def _pull_slender(x, impact, block):  # noqa: ARG001
+    return x - impact.side + impact.force
+
+
+@kernel(inline="always")
+def _pull_exact(x, impact, block):  # noqa: ARG001
+    return impact.pull + impact.stiff * x
+
+
+_pull = by_body(_pull_slender, _pull_exact)
+"""Acceleration at a small angle, before the impact."""
+
+
 @kernel(borrows=True)
-def through_impact_expanded(x, v, time, rest, speed, side, force, slope, block):
+def through_impact_expanded(x, v, time, rest, impact, block):
     """Carry a displacement at the time of a fast impact through it and on to the step's end, without further noise.
 
     The flight before the impact, and that after it, are Taylor polynomials about the undisturbed impact: the error is
@@ -58,12 +112,8 @@ def through_impact_expanded(x, v, time, rest, speed, side, force, slope, block):
         Displacement from the path without noise, at the time of its impact.
     time, rest : float
         The step's time before and after that impact.
-    speed : float
-        Velocity of the undisturbed impact just before it.
-    side : int
-        The side before it.
-    force, slope : float
-        Forcing at that impact, and its derivative.
+    impact : Encounter
+        The undisturbed one.
     block : Body
 
     Returns
@@ -71,17 +121,15 @@ def through_impact_expanded(x, v, time, rest, speed, side, force, slope, block):
     x, v, inside : float, float, bool
         Displacement at the end of the step, and whether the impact came within the step.
     """
-    restitution, growth = block.restitution, slope * cosine(0.0, block)
-    onset, pull = speed + v, side * lift(side * x, side, force, block)
-    jerk = steepness(0.0, side, force, block) * onset + growth
+    leaving, onset = impact.leaving, impact.speed + v
+    pull, jerk = _pull(x, impact, block), impact.stiff * onset + impact.jerk
     late = -x / onset
     for _ in range(2):
         height = x + late * (onset + late * (0.5 * pull + late * jerk / 6.0))
         late -= height / (onset + late * (pull + 0.5 * late * jerk))
     arrival = onset + late * (pull + 0.5 * late * jerk)
-    leaving = restitution * speed
-    pull, jerk = -side * lift(0.0, -side, force, block), steepness(0.0, -side, force, block) * leaving + growth
+    pull, jerk = impact.far_pull, impact.far_stiff * leaving + impact.jerk
     x = -late * (leaving + late * (0.5 * pull + late * jerk / 6.0))
-    v = restitution * arrival - leaving - late * (pull + 0.5 * late * jerk)
+    v = block.restitution * arrival - leaving - late * (pull + 0.5 * late * jerk)
     x, v = hyperbolic_turn(x, v, math.cosh(rest - late), math.sinh(rest - late))
     return x, v, -time < late < rest
