@@ -5,6 +5,7 @@ needs the same kernels a little later: who comes second waits for the lock of a 
 (`base.jit`). Helpers say nothing, and end with the process that started them.
 """
 
+import contextlib
 import multiprocessing
 import os
 import pathlib
@@ -17,6 +18,7 @@ TASKS = {
     "fpk_rocking.density.ahead:filtered": 3,
     "montecarlo.ahead:exact": 7,
     "montecarlo.ahead:enveloped": 7,
+    "montecarlo.ahead:nonlinear": 11,
     "montecarlo.ahead:rk4": 7,
     "montecarlo.ahead:white": 6,
     "montecarlo.ahead:filtered": 6,
@@ -145,9 +147,7 @@ def _done(task):
 
 
 def _note(task):
-    try:
+    with contextlib.suppress(OSError):
         place = _place(task)
         place.parent.mkdir(parents=True, exist_ok=True)
         place.touch()
-    except OSError:
-        pass

@@ -36,16 +36,11 @@ def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
         Fewer than two edges, or they are nan, infinite against the rule, or do not ascend.
     """
     accepted = f"two or more {'finite ' if finite else ''}numbers in ascending order"
-    try:
-        edges = np.asarray(value)
-    except ValueError:
-        raise TypeError(checks.refusal(name, value, accepted)) from None
-    if edges.dtype.kind not in "fiu":
-        raise TypeError(checks.refusal(name, value, accepted))
+    edges = checks.array(name, value, accepted)
     ascending = edges.ndim == 1 and edges.size >= 2 and np.all(edges[:-1] < edges[1:])
     if not ascending or (finite and not np.isfinite(edges).all()):
         raise ValueError(checks.refusal(name, value, accepted))
-    return edges.astype(float)
+    return edges
 
 
 def centred_edges(low: float, high: float, count: int) -> Array:
@@ -82,7 +77,7 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         (xx, _), (_, vv) = scene.start.covariance
         started += 4.0 * (math.sqrt(xx) + math.sqrt(vv))
     velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
-    velocity += 4.0 * math.sqrt(equivalent_diffusion(scene.noise))
+    velocity += 4.0 * math.sqrt(equivalent_diffusion(scene.noise, scene.block.critical_angle))
     return _edges(cut_off), _edges(velocity)
 
 

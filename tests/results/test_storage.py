@@ -49,7 +49,7 @@ def test_result_comes_back_bit_by_bit(saved):
 def test_header_names_the_versions(saved):
     with np.load(saved, allow_pickle=False) as archive:
         header = json.loads(str(archive["header"]))
-    assert header["format"] == 5
+    assert header["format"] == 6
     assert header["versions"].keys() == {"fpk-rocking", "numpy", "scipy", "numba"}
 
 
@@ -75,10 +75,10 @@ def test_another_kind_is_refused(saved):
         storage.read_result(saved, "evolution", LAYOUT)
 
 
-@pytest.mark.parametrize("number", [4, 6])
+@pytest.mark.parametrize("number", [5, 7])
 def test_another_format_is_refused(saved, number):
     np.savez(saved, header=np.array(json.dumps({"format": number, "kind": "ensemble"})))
-    with pytest.raises(ValueError, match=rf"got format {number}, accepted: 5"):
+    with pytest.raises(ValueError, match=rf"got format {number}, accepted: 6"):
         storage.result_kind(saved)
 
 
@@ -126,23 +126,9 @@ def test_other_files_are_refused(tmp_path):
         storage.read_result(tmp_path / "absent.npz", "ensemble", LAYOUT)
 
 
-@pytest.mark.parametrize(
-    ("keywords", "error", "message"),
-    [
-        (
-            {"kind": "orbit"},
-            ValueError,
-            r"kind: got 'orbit', accepted: 'evolution', 'ensemble', 'tally', 'histories', 'fragility'$",
-        ),
-        ({"arrays": {"header": [1.0]}}, ValueError, r"^arrays: got the name 'header'"),
-        ({"arrays": {"mixed": np.array([1, None])}}, TypeError, r"^arrays\['mixed'\]: got dtype object"),
-        ({"attributes": {"seed": np.int64(1)}}, TypeError, r"^attributes: .*int64"),
-    ],
-)
-def test_what_cannot_be_saved_is_refused_and_leaves_no_file(tmp_path, keywords, error, message):
-    values = {"kind": "ensemble", "scene": SCENE, "arrays": ARRAYS, "attributes": ATTRIBUTES} | keywords
-    with pytest.raises(error, match=message):
-        storage.write_result(tmp_path / "result.npz", **values)
+def test_what_json_does_not_hold_is_refused_and_leaves_no_file(tmp_path):
+    with pytest.raises(TypeError, match="int64"):
+        storage.write_result(tmp_path / "result.npz", "ensemble", SCENE, ARRAYS, {"seed": np.int64(1)})
     assert list(tmp_path.iterdir()) == []
 
 
