@@ -92,6 +92,10 @@ def test_survival_figure(tmp_path, drawn):
     assert len(difference.containers) == 2
     np.testing.assert_allclose(difference.containers[0][0].get_ydata(), ENSEMBLE.survival - DENSITY.survival)
     assert leakage.get_ylim()[0] < 0.0 < leakage.get_ylim()[1]
+    (legend,) = figure.legends
+    handles, names = survival.get_legend_handles_labels()
+    assert [text.get_text() for text in legend.get_texts()] == names
+    assert len(legend.legend_handles) == len(handles) == 3
     assert [path.name for path in tmp_path.iterdir()] == ["survival.png"]
 
 
