@@ -218,6 +218,17 @@ def test_the_ends_of_the_range_of_the_engines_belong_to_it():
 
 
 @pytest.mark.parametrize(
+    ("start", "got"), [(Start(1e-12), "angle: got 1e-12"), (Start(0.0, -1e-6), "velocity: got -1e-06")]
+)
+def test_an_elastic_block_that_bounces_without_end_is_refused(start, got):
+    limits.check(scene(start=start))
+    with pytest.raises(
+        ValueError, match=rf"^start\.{got}, accepted: 0, or a start that leads to impacts of speed 1e-05"
+    ):
+        limits.check(scene(start=start, block=Block(1.0)))
+
+
+@pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: BandNoise(1, 3, 1), r"^noise\.band: got 3, " + BAND),
