@@ -9,10 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+import types
 
 import pytest
 
 from fpk_rocking.base import ahead, jit
+from fpk_rocking.density import ahead as density_tasks
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from montecarlo.engines.choice import ENGINES, task_of
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -140,6 +143,18 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     assert "deposit" in compiled
     for name in ("shear_angle", "shear_velocity", "finish_rows", "fill_blocks", "to_values", "landing_range"):
         assert repr(name) not in compiled
+
+
+def test_free_flight_is_compiled_for_the_degree_that_the_solver_ends_at(monkeypatch):
+    seen = []
+
+    def free_flight(space, *_):
+        seen.append(space.degree)
+        return types.SimpleNamespace(apply=lambda *_: None)
+
+    monkeypatch.setattr(density_tasks, "FreeFlight", free_flight)
+    density_tasks.flight()
+    assert seen == [RESOLUTIONS[USUAL[1e-3]].degree]
 
 
 def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
