@@ -50,6 +50,7 @@ PICTURES = {
     "fragility_surface": {"surface.png": "fragility_surface.png"},
     "rest": {"rest.png": "rest.png"},
     "overturning_spectrum": {"overturning_spectrum.png": "spectrum.png"},
+    "slenderness": {"slenderness.png": "slenderness.png"},
 }
 # Cases with a ``draw(path, values)`` that asks for nothing beyond their numbers.
 DRAWN_FROM_NUMBERS = (

@@ -22,7 +22,7 @@ from montecarlo import simulate
 
 SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)
 SHAKEN = Scene(
-    Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.45), WhiteNoise(0.004, Trapezoid(1.0, 8.0, 4.0))
+    Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.5), WhiteNoise(0.004, Trapezoid(1.0, 8.0, 4.0))
 )
 PULSED = Scene(Block(0.8), Pulse("one-cosine", 2.6, 3.0), WhiteNoise(0.02))
 

@@ -88,7 +88,7 @@ class Dynamics:
         return segment_of(self.forcing.over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Return the flight over a step as an `Affine` map; of an exact block, what `FreeFlight` adds to is it."""
+        """Return the flight over a step as an `Affine` map; for an exact block `FreeFlight` adds the rest."""
         ends, part = (start, start + duration), contact_pull(self.critical_angle)
         return affine(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
 
