@@ -122,6 +122,7 @@ def draw(path, values):
             axes.set_yscale("log")
             axes.set_yticks([1, 2, 4, 8], ["1", "2", "4", "8"])
             axes.minorticks_off()
+            axes.grid(visible=False)
             axes.set(title=name, xlabel="critical angle α, rad")
         panels[0].set_ylabel("frequency Ω = ω / p")
         figure.colorbar(drawn, ax=panels, label="P(overturned), exact less slender")
