@@ -1,4 +1,4 @@
-"""The density of a block as it is: its flight, the limit of a slender block, rest, and paths that share nothing with it."""
+"""The density of a block as it is: flight, the limit of a slender block, rest, and paths that share nothing with it."""
 
 import math
 
@@ -42,7 +42,7 @@ def with_angle(scene, angle):
 
 
 def flown(alpha, forcing, states, duration, diffusion=0.0):
-    """Mean (2, n) and covariance xx, xv, vv (3, n) after a flight from points on x > 0, to second order in the noise."""
+    """Mean (2, n) and covariance (3, n) after a flight from points on x > 0, to second order in the noise."""
 
     def rates(time, flat):
         x, v, xx, xv, vv = flat.reshape(5, -1)

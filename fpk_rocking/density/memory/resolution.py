@@ -28,7 +28,7 @@ _RESTING_PART = 0.5
 """Part of the cells that hold something, about, where blocks may rest: the others are for the few that do not."""
 
 _MAY_REST = 4.0
-"""A block may rest where |f| without noise is below the level of lift-off and so many standard deviations of the noise."""
+"""A block may rest where |f| without noise is below its lift-off and so many standard deviations of the noise."""
 
 _LAST, _GROWTH = (100, 140, 200, 300, 420, 600, 840), 0.2
 """Parts of a cycle that the last step is, by resolution, and length of a step over the time from its end to the
