@@ -109,7 +109,8 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
-    if kind == NOTHING and is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin):
+    quiet = noise.diffusion == 0.0 or is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin)
+    if kind == NOTHING and quiet:
         part = cosine(0.5 * side * (x + end), block)
         for n in range(len(nodes)):
             states[n, 0], states[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
@@ -119,10 +120,6 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * noise.diffusion * duration)
-    if spread == 0.0 and kind == NOTHING:
-        for n in range(len(nodes)):
-            _put(n, end, speed, side, 0, cutoff, states, codes)
-        return
     if spread == 0.0:
         for n in range(len(nodes)):
             _jolted(n, x, v, side, 0.0, True, segment, block, duration, states, codes)
@@ -137,9 +134,20 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
             first, last = half * nodes[n, 0] * cosine(side * x, block), half * nodes[n, 1]
             _jolted(n, x, v + first, side, last, False, segment, block, duration, states, codes)
         return
+    _near_nodes(x, v, (end, time, side), segment, block, noise, scratch, states, codes)
+
+
+@kernel
+def _near_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes):
+    """Carry the nodes of a point next to x = 0 or the cut-off; see `trace`.
+
+    `undisturbed` is the angle and the time of the end of the path without noise, and its side.
+    """
+    end, time, side = undisturbed
+    duration, offsets = noise.duration, noise.offsets
     unit, near, particular = _near_contact(x, end, time, side, segment, duration, scratch[2], block)
     part = cosine(0.5 * side * (x + end), block) / unit
-    for n in range(len(nodes)):
+    for n in range(len(offsets)):
         bend(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
         path = segment_of(scratch[0], scratch[1], duration)
         xn, vn, sn, _ = advance(x / unit, v / unit, side, path, 0.0, duration, near)
@@ -169,9 +177,9 @@ def _near_contact_exact(x, end, time, side, segment, duration, out, block):
 _near_contact = by_body(_near_contact_slender, _near_contact_exact)
 """Unit of angle and velocity, the slender block that moves as a block does next to x = 0, and its particular solution.
 
-At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F) under the lift-off force F: it is a slender one under f/F,
-in units of sin α/α. What acceleration it has beyond that elsewhere is taken as linear in time along the path without
-noise, from its begin to its `end` at a `time`.
+At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F) under the lift-off force F: it is a slender one under
+f/F, in units of sin α/α. What acceleration it has beyond that elsewhere is taken as linear in time along the path
+without noise, from its begin to its `end` at a `time`.
 """
 
 
