@@ -57,7 +57,7 @@ class FilteredRun(CyclicRun):
     @staticmethod
     def adapted(scene: Scene, grid: Grid, number: int) -> NodeGrid:
         """Return the mesh with the nodes and steps of a resolution."""
-        ahead.before("fpk_rocking.density.ahead:filtered")
+        ahead.before(ahead.of_block("fpk_rocking.density.ahead:filtered", scene))
         return node_grid(scene, grid, number)
 
     def _dynamics(self, constant):
