@@ -113,7 +113,7 @@ def solve_fpk(
     bins_tol = bins_tolerance(tol) if bins_tol is None else _checked(bins_tol)
     solved = _closed(scene, closure)
     white, rows = solved.white_equivalent(), len(times) - 1
-    ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
+    ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
     kind, motion = kind_of(solved), motion_of(white, times)
     grids = _grids(solved, white, motion, tol)
     least, count = grids[2], Count(progress, rows, least=3)

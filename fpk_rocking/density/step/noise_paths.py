@@ -8,8 +8,9 @@ node's displacement at it is then carried on by an expansion about that path, wi
 displacement; what noise acts between the node's own impact and that of the path is counted on the side of the latter.
 Where no node can meet an event the nodes are the affine flight's.
 
-Noise moves an exact block by the part cos φ of it, here taken half way along a flight. A path with the noise in its
-forcing needs no such part: its equation of motion has it.
+Noise moves an exact block by the part cos φ of it, here taken half way along a flight. Next to x = 0 the nodes of an
+exact block are carried as those of a slender one in other units (`_near_contact`); what this leaves out is taken along
+the path without noise. A path with the noise in the forcing of the exact equation needs no part: that has it.
 """
 
 import functools
@@ -20,7 +21,8 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import cosine, flight, stays_below
+from fpk_rocking.physics.motion.body import Body, by_body
+from fpk_rocking.physics.motion.equation import cosine, flight, lift, stays_below
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
@@ -107,7 +109,8 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
-    if kind == NOTHING and is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin):
+    quiet = noise.diffusion == 0.0 or is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin)
+    if kind == NOTHING and quiet:
         part = cosine(0.5 * side * (x + end), block)
         for n in range(len(nodes)):
             states[n, 0], states[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
@@ -131,11 +134,59 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
             first, last = half * nodes[n, 0] * cosine(side * x, block), half * nodes[n, 1]
             _jolted(n, x, v + first, side, last, False, segment, block, duration, states, codes)
         return
-    for n in range(len(nodes)):
-        bend(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
+    _near_nodes(x, v, (end, time, side), segment, block, noise, scratch, states, codes)
+
+
+@kernel
+def _near_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes):
+    """Carry the nodes of a point next to x = 0 or the cut-off; see `trace`.
+
+    `undisturbed` is the angle and the time of the end of the path without noise, and its side.
+    """
+    end, time, side = undisturbed
+    duration, offsets = noise.duration, noise.offsets
+    unit, near, particular = _near_contact(x, end, time, side, segment, duration, scratch[2], block)
+    part = cosine(0.5 * side * (x + end), block) / unit
+    for n in range(len(offsets)):
+        bend(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
         path = segment_of(scratch[0], scratch[1], duration)
-        xn, vn, sn, _ = advance(x, v, side, path, 0.0, duration, block)
-        _put(n, xn, vn, sn, side, cutoff, states, codes)
+        xn, vn, sn, _ = advance(x / unit, v / unit, side, path, 0.0, duration, near)
+        _put(n, xn, vn, sn, side, near.cutoff, states, codes)
+        states[n, 0] *= unit
+        states[n, 1] *= unit
+
+
+@kernel(inline="always")
+def _near_contact_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
+    return 1.0, block, segment.particular
+
+
+@kernel(inline="always")
+def _near_contact_exact(x, end, time, side, segment, duration, out, block):
+    alpha = block.critical_angle
+    unit, level = math.sin(alpha) / alpha, stays_below(block)
+    first = _beyond_contact(x, side, segment.force[0], unit, block)
+    last = _beyond_contact(end, side, polynomial(segment.force, time)[0], unit, block)
+    for k in range(TERMS):
+        out[k] = segment.particular[k] / level
+    out[0] -= first / unit
+    out[1] -= (last - first) / (unit * duration)
+    return unit, Body(block.restitution, block.cutoff / unit, None), out
+
+
+_near_contact = by_body(_near_contact_slender, _near_contact_exact)
+"""Unit of angle and velocity, the slender block that moves as a block does next to x = 0, and its particular solution.
+
+At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F) under the lift-off force F: it is a slender one under
+f/F, in units of sin α/α. What acceleration it has beyond that elsewhere is taken as linear in time along the path
+without noise, from its begin to its `end` at a `time`.
+"""
+
+
+@kernel(inline="always")
+def _beyond_contact(x, side, force, unit, block):
+    """Acceleration beyond that of a block next to x = 0."""
+    return side * lift(side * x, side, force, block) - (x - side * unit + force * math.cos(block.critical_angle))
 
 
 @kernel

@@ -9,6 +9,8 @@ its derivatives, so events are found as for the slender block.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
@@ -18,6 +20,8 @@ WORK = 4, TERMS
 """Shape of what `launch` writes: the series of u, sin φ, cos φ and s f."""
 
 _ROUNDING = 1e-16
+
+_PARTS = 1.0 / np.maximum(np.arange(TERMS), 1)
 
 _work = scratch(*WORK)
 
@@ -76,18 +80,19 @@ def _expand(u, w, side, force, t, block, work):
     move_origin(force, t, push)
     phi = alpha * (1.0 - u)
     angle[0], angle[1], sine[0], cosine[0] = u, w, math.sin(phi), math.cos(phi)
-    for k in range(TERMS - 2):
-        if k > 0:
-            s, c = 0.0, 0.0
-            for i in range(1, k + 1):
-                turn = i * angle[i]
-                s -= turn * cosine[k - i]
-                c += turn * sine[k - i]
-            sine[k], cosine[k] = alpha * s / k, alpha * c / k
-        total = 0.0
-        for i in range(k + 1):
+    weight = 1.0 / alpha
+    angle[2] = 0.5 * (side * push[0] * cosine[0] - weight * sine[0])
+    for k in range(1, TERMS - 2):
+        s, c, total = 0.0, 0.0, 0.0
+        for i in range(1, k + 1):
+            turn = i * angle[i]
+            s -= turn * cosine[k - i]
+            c += turn * sine[k - i]
             total += push[i] * cosine[k - i]
-        angle[k + 2] = (side * total - sine[k] / alpha) / ((k + 1) * (k + 2))
+        share = alpha * _PARTS[k]
+        sine[k], cosine[k] = share * s, share * c
+        total += push[0] * cosine[k]
+        angle[k + 2] = (side * total - weight * sine[k]) * (_PARTS[k + 1] * _PARTS[k + 2])
     last, size = max(abs(angle[TERMS - 1]), 1e-300), max(1.0, abs(u))
     before = max(abs(angle[TERMS - 2]), 1e-300)
     reach = (_ROUNDING * size / last) ** (1.0 / (TERMS - 1))
@@ -103,11 +108,11 @@ def launch(x, v, side, segment, start, end, work, block):
     for k in range(3, TERMS):
         term = k * (k - 1) * abs(angle[k]) * power
         if k > 3:
-            snap += (k - 2) * (k - 3) * term / step
+            snap += (k - 2) * (k - 3) * term
         power *= step
         spread += term * step
     end = start + step if step < end - start else end
-    return Course(start, end, spread - 2.0 * angle[2], spread + 2.0 * angle[2], snap)
+    return Course(start, end, spread - 2.0 * angle[2], spread + 2.0 * angle[2], snap / step)
 
 
 @kernel(borrows=True)
