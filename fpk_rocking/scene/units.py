@@ -16,6 +16,9 @@ from fpk_rocking.base.types import Array
 
 _Number = TypeVar("_Number", float, Array)
 
+STANDARD_GRAVITY = 9.80665
+"""Acceleration of gravity, m/s², where none is given."""
+
 _SMALLEST, _LARGEST = 1e-100, 1e100
 """Of a width, height or gravity: beyond, a conversion of units divides by 0 or overflows."""
 
@@ -39,7 +42,7 @@ class Dimensions:
 
     width: float
     height: float
-    gravity: float = 9.80665
+    gravity: float = STANDARD_GRAVITY
 
     def __post_init__(self):
         for name in ("width", "height", "gravity"):

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Number
+from fpk_rocking.base.types import Array, ArrayLike, Number
 
 P_VALUE = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
 """What stands below fits with a p-value."""
@@ -148,6 +148,30 @@ def fit_lognormal(
         p_value = float((1 + np.count_nonzero(lost >= deviance - _SMALL * (1.0 + deviance))) / (samples + 1))
     misfit = float(np.abs(fitted - share).max())
     return LognormalFit(median, dispersion, middles, spreads, misfit, deviance, p_value, level, "")
+
+
+def refitted(scale: ArrayLike, shares: Array) -> Array:
+    """Fit lognormal curves to many sets of probabilities at the same scales.
+
+    Parameters
+    ----------
+    scale : array_like, shape (n,)
+        Above 0.
+    shares : ndarray, shape (b, n)
+        Probabilities, in [0, 1].
+
+    Returns
+    -------
+    ndarray, shape (c, 2)
+        Median and dispersion, of those sets that determine a curve.
+    """
+    logs, trials = np.log(np.asarray(scale, float)), np.ones(np.size(scale))
+    known = np.array([not _undetermined(logs, share, trials) for share in shares], bool)
+    if not known.any():
+        return np.empty((0, 2))
+    intercept, slope = _maximize(logs, shares[known], trials)[0].T
+    rises = (slope > 0.0) & (slope < _STEEPEST)
+    return np.stack([np.exp(-intercept[rises] / slope[rises]), 1.0 / slope[rises]], axis=-1)
 
 
 def no_fit(level: float, reason: str) -> LognormalFit:

@@ -1,0 +1,257 @@
+"""The probability of overturning against an intensity of the ground motion, from the fragility of one scene or many."""
+
+import dataclasses
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Number
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, refitted
+from fpk_rocking.studies.measures import intensities
+from fpk_rocking.studies.result import Fragility
+from fpk_rocking.studies.scenes import scaled
+
+_EQUAL = 1e-6
+"""Relative difference up to which records have the same intensity at scale 1."""
+
+_FEWEST = 5
+"""Records of which a bootstrap says something."""
+
+
+class Measure(NamedTuple):
+    """An intensity of the ground motion: its name in `Intensities`, its unit, and that in SI."""
+
+    field: str
+    unit: str
+    si: float
+
+
+MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", "m/s", 1.0)}
+"""Intensities that a curve may be for: peak ground acceleration in g, peak ground velocity in m/s."""
+
+
+def measure_of(name: str) -> Measure:
+    """Return a measure by its name, or refuse it."""
+    if name not in MEASURES:
+        raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
+    return MEASURES[name]
+
+
+def intensity_of(scene: Scene, measure: str) -> float:
+    """Return the intensity of a scene's forcing.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s).
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+    """
+    chosen = measure_of(measure)
+    found = getattr(intensities(scene), chosen.field) / chosen.si
+    if not found > 0.0:
+        why = "a scene of a block with dimensions and a forcing that is not 0"
+        raise ValueError(checks.refusal("scene", scene, why))
+    return found
+
+
+def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
+    """Return a scene whose forcing is scaled to an intensity.
+
+    With the default value, the scales of `fpk_rocking.studies.fragility` of such scenes are the intensity itself: all
+    records of a suite are then compared at equal intensities (stripes).
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s), of the forcing without the noise.
+    value : float
+        Intensity, in its unit, above 0.
+    noise : bool
+        Whether the noise is scaled too.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+    """
+    value = checks.number("value", value, above=0.0)
+    return scaled(scene, value / intensity_of(scene, measure), noise=noise)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class IntensityCurve:
+    """The probability of a limit state against an intensity of the ground motion.
+
+    Parameters
+    ----------
+    name : str
+        The limit state, "overturned" or an angle that is reached.
+    measure : str
+        "PGA" or "PGV".
+    intensity : ndarray, shape (n,)
+        Intensities, ascending: in g or m/s.
+    probability : ndarray, shape (n,)
+        Mean over the records.
+    interval : ndarray, shape (n, 2)
+        95 % limits: of a suite by bootstrap over its records; of one scene those of its sample or solution.
+    fit : LognormalFit
+        Lognormal curve through all records; its intervals are those of `replicates`.
+    replicates : ndarray, shape (b, 2)
+        Median and dispersion of curves that other samples, or other records, would have given (bootstrap).
+    records : int
+        Number of records.
+    within : float
+        Dispersion β_N that the noise alone gives: root mean square of those of the records by themselves; nan where
+        none of these has a fit.
+    between : float
+        Dispersion β_R from record to record: √(β² - β_N²), 0 where that is negative; nan for one scene.
+    """
+
+    name: str
+    measure: str
+    intensity: np.ndarray
+    probability: np.ndarray
+    interval: np.ndarray
+    fit: LognormalFit
+    replicates: np.ndarray
+    records: int
+    within: float
+    between: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the intensity."""
+        return measure_of(self.measure).unit
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the lognormal curve stands for the data: there is one, and it is not rejected."""
+        return not (self.fit.reason or self.fit.rejected)
+
+    def __call__(self, intensity: Number) -> Number:
+        """Return the probability at intensities: of the lognormal curve where it fits, else between the points.
+
+        Between the points the probability is linear in the logarithm of the intensity; below the lowest it is 0, above
+        the highest that of the highest.
+        """
+        if self.fitted:
+            return self.fit(intensity)
+        return np.interp(np.log(intensity), np.log(self.intensity), np.maximum.accumulate(self.probability), left=0.0)
+
+    @classmethod
+    def of(
+        cls, fragility: Fragility, measure: str = "PGV", which: int = 0, *, samples: int = 999, seed: int = 1
+    ) -> Self:
+        """Read the curve of a fragility: of its one scene, or the mean over its records.
+
+        Parameters
+        ----------
+        fragility : Fragility
+            Of one scene, or of several that have the same intensity at each scale: see `at_intensity`.
+        measure : str
+            "PGA" (in g) or "PGV" (in m/s).
+        which : int
+            Index of the probability: 0 overturning, 1, 2, ... the levels.
+        samples : int
+            Number of replicates: of counts drawn from the curve for one scene, of records drawn with replacement for a
+            suite.
+        seed : int
+            Seed of these draws.
+
+        Returns
+        -------
+        IntensityCurve
+
+        Raises
+        ------
+        ValueError
+            The scenes are no suite (``over`` a parameter, or a mean), have unequal intensities, or a probability is
+            missing.
+        """
+        several = len(fragility.place) > 1
+        if fragility.mixture or (several and fragility.axis != "scene"):
+            accepted = "a fragility of one scene, or of a list of scenes before `pooled`"
+            raise ValueError(checks.refusal("fragility", fragility.headline, accepted))
+        found = np.array([intensity_of(scene, measure) for scene in fragility.scenes])
+        if np.ptp(found) > _EQUAL * found.max():
+            accepted = "equal ones: make each scene with `at_intensity`"
+            raise ValueError(
+                checks.refusal(f"{measure} of the scenes at scale 1", [f"{one:.4g}" for one in found], accepted)
+            )
+        shares = fragility.probability[:, which]
+        if not np.isfinite(shares).all():
+            raise ValueError(
+                f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: all known"
+            )
+        intensity, rng = found[0] * fragility.scale, np.random.default_rng(seed)
+        own = [fit.dispersion for row in fragility.fits if not (fit := row[which]).reason]
+        within = math.sqrt(np.mean(np.square(own))) if own else math.nan
+        common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
+        if several:
+            return cls(**common, **_of_suite(intensity, shares, within, rng, samples))
+        return cls(**common, **_of_one(fragility, intensity, which, rng, samples))
+
+
+def _of_suite(intensity, shares, within, rng, samples):
+    """Return what a curve has of the mean over records (r, n), with a bootstrap over them."""
+    if len(shares) < _FEWEST:
+        raise ValueError(checks.refusal("records", len(shares), f"at least {_FEWEST}, or one scene"))
+    mean = shares.mean(axis=0)
+    # A stripe says as much as its records do, however many paths each of them has.
+    fit = fit_lognormal(intensity, mean, None)
+    drawn = shares[rng.integers(0, len(shares), (samples, len(shares)))].mean(axis=1)
+    replicates = refitted(intensity, drawn)
+    return {
+        "probability": mean,
+        "interval": np.quantile(drawn, [0.025, 0.975], axis=0).T,
+        "fit": _with_intervals(fit, replicates),
+        "replicates": replicates,
+        "records": len(shares),
+        "between": math.sqrt(max(fit.dispersion**2 - np.nan_to_num(within) ** 2, 0.0)),
+    }
+
+
+def _of_one(fragility, intensity, which, rng, samples):
+    """Return what a curve has of one scene, with counts drawn from its lognormal curve."""
+    fit, trials = fragility.fits[0][which], fragility.realizations
+    found = fit._replace(median=fit.median * intensity[0] / fragility.scale[0])
+    replicates = np.empty((0, 2))
+    if trials and not fit.reason and not fragility.deterministic[0]:
+        drawn = rng.binomial(trials, fit(fragility.scale), (samples, intensity.size)) / trials
+        replicates = refitted(intensity, drawn)
+    return {
+        "probability": fragility.probability[0, which],
+        "interval": fragility.interval()[0, which],
+        "fit": _with_intervals(found, replicates),
+        "replicates": replicates,
+        "records": 1,
+        "between": math.nan,
+    }
+
+
+def _with_intervals(fit, replicates):
+    """Return a fit with the 95 % intervals of replicates (b, 2), nan where there are none."""
+    if not len(replicates) or fit.reason:
+        return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))
+    (low, narrow), (high, wide) = np.quantile(replicates, [0.025, 0.975], axis=0).tolist()
+    return fit._replace(median_interval=(low, high), dispersion_interval=(narrow, wide))
