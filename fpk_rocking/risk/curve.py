@@ -204,7 +204,8 @@ class IntensityCurve:
                 f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: all known"
             )
         intensity, rng = found[0] * fragility.scale, np.random.default_rng(seed)
-        own = [fit.dispersion for row in fragility.fits if not (fit := row[which]).reason]
+        random = shares[~fragility.deterministic]
+        own = [fit.dispersion for row in random if not (fit := fit_lognormal(intensity, row, None)).reason]
         within = math.sqrt(np.mean(np.square(own))) if own else math.nan
         common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
         if several:

@@ -18,6 +18,9 @@ _NAME = re.compile(r"[A-Za-z0-9_-]{1,75}")
 _CENTIMETRES = 100.0
 """OpenQuake takes PGV in cm/s."""
 
+_RANGE = 4.9
+"""Dispersions to either side of the median that a continuous function spans: probabilities from 5e-7 to 1 - 5e-7."""
+
 _NRML = "http://openquake.org/xmlns/nrml/0.5"
 _DEMANDS = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}
 
@@ -58,9 +61,9 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     intensity = factor * curves[0].intensity
     imls = ET.SubElement(function, "imls", imt=measure, noDamageLimit=repr(1e-6 * float(intensity[0])))
     if fitted:
-        # OpenQuake holds the probability at that of the ends beyond them: the range is that of the whole curve.
-        low = min(curve.fit.median * math.exp(-8.0 * curve.fit.dispersion) for curve in curves)
-        high = max(curve.fit.median * math.exp(8.0 * curve.fit.dispersion) for curve in curves)
+        # OpenQuake looks at a few intensities of this range, and holds the probability beyond it.
+        low = min(curve.fit.median * math.exp(-_RANGE * curve.fit.dispersion) for curve in curves)
+        high = max(curve.fit.median * math.exp(_RANGE * curve.fit.dispersion) for curve in curves)
         imls.set("minIML", repr(factor * low))
         imls.set("maxIML", repr(factor * high))
         imls.set("noDamageLimit", repr(factor * low))
@@ -104,8 +107,8 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
         family, first, second = "lognormal", repr(curve.fit.median), repr(curve.fit.dispersion)
     else:
         family, second = "multilinear_CDF", ""
-        first = "|".join(",".join(map(repr, values.tolist())) for values in (curve.intensity, curve.probability))
-        first = f'"{first}"'
+        points = _distribution(curve)
+        first = '"' + "|".join(",".join(map(repr, values.tolist())) for values in points) + '"'
     header = "ID,Incomplete,Demand-Type,Demand-Unit,Demand-Offset,Demand-Directional,LS1-Family,LS1-Theta_0,LS1-Theta_1"
     row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},"
     write_text(path, f"{header},LS1-DamageStateWeights\n{row}\n")
@@ -142,6 +145,18 @@ def _same(curves):
         if curve.measure != curves[0].measure or curve.intensity.tolist() != curves[0].intensity.tolist():
             raise ValueError(checks.refusal("curves", curve.name, "curves of one measure at the same intensities"))
     return curves
+
+
+def _distribution(curve):
+    """Return intensities and probabilities that rise strictly from 0 to 1, as pelicun wants them."""
+    if curve.probability[-1] < 1.0:
+        accepted = "1, which pelicun asks of a curve without a lognormal fit: go on to higher intensities"
+        raise ValueError(checks.refusal("probability[-1]", float(curve.probability[-1]), accepted))
+    # Without shaking no block overturns.
+    x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
+    rises = np.diff(y) > 0.0
+    kept = np.append(False, rises) | (np.append(rises, False) & (y == 0.0))
+    return x[kept], y[kept]
 
 
 def _check(name):

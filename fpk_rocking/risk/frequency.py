@@ -17,8 +17,8 @@ _NODES = 12
 _PANEL, _TAIL = 0.25, 12.0
 """Width of a panel in dispersions, and how many of them, or of units of 1/k, are looked at to either side."""
 
-_BINS = 24
-"""Bins of intensity that `Risk.contribution` has at most."""
+_BINS, _LEFT_OUT = 24, 5e-4
+"""Bins of intensity of `Risk.contribution`, and the share of the frequency below and above them."""
 
 FOREIGN = 0.05
 """Share of a frequency from beyond the points of hazard or fragility above which `Risk.sentences` says so."""
@@ -38,7 +38,7 @@ class Risk:
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
-        Share of λ that motions between two edges have (disaggregation); the sum is 1 or 0.
+        Share of λ that motions between two edges have (disaggregation); a thousandth of λ lies outside.
     beyond_hazard : float
         Share of λ from intensities below or above the points of the hazard, to which its last power laws go on.
     beyond_curve : float
@@ -132,14 +132,11 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     checks.instance("curve", curve, IntensityCurve)
     checks.instance("hazard", hazard, Hazard)
     y, weights = _rule(curve, hazard)
-    # |dH| = k H dy between two points of the hazard.
-    place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
-    density = weights * hazard.exponents[place] * hazard(np.exp(y))
-    share = density * curve(np.exp(y))
-    rate, (edges, contribution) = float(share.sum()), _contributions(y, share)
+    share = weights * _density(curve, hazard, y)
+    rate, (edges, contribution) = float(share.sum()), _contributions(curve, hazard, y, share)
     return Risk(
         rate,
-        _limits(curve, y, density),
+        _limits(curve, y, weights * _density(np.ones_like, hazard, y)),
         edges,
         contribution,
         _beyond(y, share, hazard.intensity),
@@ -169,9 +166,20 @@ def _rule(curve, hazard):
         np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
     ]
     edges = np.append(np.concatenate(parts), high)
+    return _gauss(edges)
+
+
+def _gauss(edges):
+    """Nodes and weights of the Gauss-Legendre rules between edges."""
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     half = 0.5 * np.diff(edges)[:, None]
     return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
+
+
+def _density(curve, hazard, y):
+    """Frequency in a unit of y = ln(im): |dH| = k H dy between two points of the hazard."""
+    place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
+    return hazard.exponents[place] * hazard(np.exp(y)) * curve(np.exp(y))
 
 
 def _limits(curve, y, density):
@@ -191,16 +199,16 @@ def _limits(curve, y, density):
     return low, high
 
 
-def _contributions(y, share):
+def _contributions(curve, hazard, y, share):
     """Edges of bins of intensity, in which all but a thousandth of the frequency lies, and its shares there."""
     total = share.sum()
     if not total > 0.0:
         return np.exp(y[[0, -1]]), np.zeros(1)
     part = np.cumsum(share) / total
-    low, high = y[np.searchsorted(part, 5e-4)], y[min(np.searchsorted(part, 1.0 - 5e-4), y.size - 1)]
+    low, high = y[np.searchsorted(part, [_LEFT_OUT, 1.0 - _LEFT_OUT])].tolist()
     edges = np.linspace(low, high, _BINS + 1)
-    bins = np.clip(np.digitize(y, edges[1:-1]), 0, _BINS - 1)
-    return np.exp(edges), np.bincount(bins, share, _BINS) / total
+    nodes, weights = _gauss(edges)
+    return np.exp(edges), (weights * _density(curve, hazard, nodes)).reshape(_BINS, -1).sum(axis=1) / total
 
 
 def _beyond(y, share, points):

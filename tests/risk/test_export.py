@@ -60,7 +60,9 @@ def test_accelerations_stay_in_g(tmp_path):
 
 @pytest.mark.parametrize("fitted", [True, False])
 def test_a_row_of_pelicun(tmp_path, fitted):
-    file, curve = tmp_path / "rack.csv", curve_of() if fitted else refused(curve_of())
+    share = np.array([0, 0, 0.1, 0.3, 0.3, 0.2, 0.4, 0.6, 0.8, 1, 1, 1])
+    points = refused(IntensityCurve(**{**vars(curve_of()), "probability": share}))
+    file, curve = tmp_path / "rack.csv", curve_of() if fitted else points
     to_pelicun(file, curve, "RACK")
     (row,) = csv.DictReader(file.open())
     assert (row["ID"], row["Demand-Type"], row["Demand-Unit"]) == ("RACK", "Peak Ground Velocity", "mps")
@@ -69,12 +71,17 @@ def test_a_row_of_pelicun(tmp_path, fitted):
     else:
         assert row["LS1-Family"] == "multilinear_CDF"
         x, p = (np.array(part.split(","), float) for part in row["LS1-Theta_0"].split("|"))
-        assert np.array_equal(x, SCALES)
-        assert np.array_equal(p, curve.probability)
+        assert p.tolist() == [0.0, 0.1, 0.3, 0.4, 0.6, 0.8, 1.0]
+        assert np.array_equal(x, SCALES[[1, 2, 3, 6, 7, 8, 9]])
     assert (
         json.loads(file.with_suffix(".json").read_text())["RACK"]["LimitStates"]["LS1"]["DS1"]["Description"]
         == "overturned"
     )
+
+
+def test_pelicun_takes_no_points_that_end_below_certainty(tmp_path):
+    with pytest.raises(ValueError, match=r"^probability\[-1\]: got 0\.99.*go on to higher intensities"):
+        to_pelicun(tmp_path / "x", refused(curve_of()), "RACK")
 
 
 def test_a_table_with_units(tmp_path):
