@@ -95,7 +95,7 @@ class Record(TransientForcing):
             raise ValueError(
                 f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
             )
-        return cls(found.interval, found.samples, wanted or found.units, scale, file.name)
+        return cls(found.interval, tuple(found.samples.tolist()), wanted or found.units, scale, file.name)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
