@@ -5,7 +5,8 @@ VENV := .venv
 PEERS := .venv-peers
 INTEROP := .venv-interop
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+CORE := $(VENV)/.installed
+STAMP := $(VENV)/.installed-all
 PYTHON ?= python3 python3.14 python3.13 python3.12 python3.11 python
 FITS := import sys; assert sys.version_info >= (3, 11)
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
@@ -17,10 +18,10 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-install: $(STAMP)  ## .venv with the pinned versions and the project, and the machine code of the engines
+install: $(CORE)  ## .venv with the pinned versions and the project, and the machine code of the engines
 	$(BIN)/fpk-rocking warmup
 
-run: $(STAMP)  ## Fig. 6 by both engines, into results/fig06
+run: $(CORE)  ## Fig. 6 by both engines, into results/fig06
 	@echo "Fig. 6 by both engines (the first time their machine code is compiled on the way)"
 	$(BIN)/python cases/fig06_jpdf_evolution.py --out results/fig06
 
@@ -72,15 +73,20 @@ clean:  ## remove environments, caches and results
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
-$(STAMP): constraints.txt pyproject.toml
+$(CORE): constraints.txt pyproject.toml
 	@echo "Looking for Python >= 3.11"; \
 	$(BIN)/python -c '$(FITS); import pip' 2>/dev/null && exit 0; \
 	for python in $(PYTHON); do \
 	    if "$$python" -c '$(FITS)' 2>/dev/null; then exec "$$python" -m venv --clear $(VENV); fi; \
 	done; \
 	echo "No Python >= 3.11 among: $(PYTHON). Install one, or name it: make PYTHON=/path/to/python $(MAKECMDGOALS)" >&2; exit 1
-	@echo "Installing the pinned versions into $(VENV), about half a minute"
+	@echo "Installing the pinned versions into $(VENV)"
 	$(INSTALL) hatchling
+	$(INSTALL) --no-build-isolation -e .
+	@touch $@
+
+$(STAMP): $(CORE)
+	@echo "Installing what tests, pages and pictures in 3-D need, about half a minute"
 	$(INSTALL) --no-build-isolation -e '.[cluster,dev,docs,frames,test,view]'
 	@touch $@
 

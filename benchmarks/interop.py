@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from fpk_rocking.risk import IntensityCurve, to_nrml, to_pelicun
-from fpk_rocking.studies.lognormal import no_fit
+from fpk_rocking.studies.lognormal import LognormalFit
 
 TOLERANCE = 1e-6
 GRID = np.geomspace(0.11, 2.9, 200)
@@ -24,14 +24,14 @@ def curves():
     """Yield a lognormal curve and one of points, against PGV and PGA."""
     scale = np.geomspace(0.1, 3.0, 12)
     for measure in ("PGV", "PGA"):
-        fit = no_fit(0.95, "")._replace(median=0.7, dispersion=0.4, misfit=0.0)
+        fit = LognormalFit(0.7, 0.4, misfit=0.0)
         share = np.append(fit(scale[:-1]), 1.0)
         limits = np.stack([share, share], axis=-1)
         curve = IntensityCurve(
             "overturned", measure, scale, share, limits, fit, np.empty((0, 2)), 1, math.nan, math.nan
         )
         yield curve
-        yield dataclasses.replace(curve, fit=no_fit(0.95, "left out here"))
+        yield dataclasses.replace(curve, fit=LognormalFit(reason="left out here"))
 
 
 def by_openquake(file, curve):

@@ -29,14 +29,11 @@ Run time: about a quarter of an hour on 2 cores.
 Files: ``band.png``, ``band.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
-from rich import box
-from rich.table import Table
+from command import command
+from fig08_mean_poincare import LENGTHS, SETTLED
 from scipy import stats
 
 from fpk_rocking import BandNoise, load_scene, melnikov
@@ -44,7 +41,6 @@ from fpk_rocking.output import style, summary, tables
 from fpk_rocking.output.progress import reporting
 from montecarlo import correlation_dimension, restarted_poincare_map, simulate
 
-SCENES = pathlib.Path(__file__).parent / "scenes"
 BANDS = (5.0, 6.0, 7.0, 8.0, 9.0, 9.5, 10.0, 10.5, 11.0, 12.0, 13.0, 14.0, 16.0, 20.0)
 RAISED = (
     *((0.25, b) for b in (6.0, 7.0, 8.0, 10.0)),
@@ -55,8 +51,6 @@ RAISED = (
 LEFT_OUT = (6.0, 7.0, 8.0, 10.0)
 LATE, NEAR = 125, 12
 FEW, NONE, SAMPLE = 10, 2, 1000
-LENGTHS = (0.05, 0.4)
-SETTLED = 5
 LIKELY = 0.05
 WITHIN = 1.92
 HINTS = ("Fig. 3", "Fig. 5(b)", "Fig. 6", "Fig. 7", "Fig. 9 (a)", "Fig. 9 (b)")
@@ -70,7 +64,7 @@ def run(
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     bands : sequence of float
         b of the bands [0, b], ascending.
@@ -90,7 +84,7 @@ def run(
     dict
         What ``band.json`` holds: one row a band, with the likelihood of each hint.
     """
-    out, maps = pathlib.Path(out), {"realizations": map_size, "cycles": map_cycles}
+    maps = {"realizations": map_size, "cycles": map_cycles}
     rows, variants = [], []
     todo = [((0.0, b), seeds) for b in bands] + [(band, few_seeds) for band in raised]
     with reporting("bands") as progress:
@@ -115,7 +109,7 @@ def run(
 
 def _row(band, realizations, seeds, few_seeds, maps):
     """Return all hints for one band, as plain values."""
-    main, late = (load_scene(SCENES / name).varied(noise={"band": band}) for name in ("main.toml", "fig05.toml"))
+    main, late = (load_scene(name).varied(noise={"band": band}) for name in ("main", "fig05"))
     ensembles = [simulate(one, cycles=200, realizations=realizations) for one in (main, late)]
     survival = ensembles[0].survival
     cycles = np.where(ensembles[1].overturn_side != 0, ensembles[1].overturn_time / late.period, np.inf)
@@ -170,7 +164,7 @@ def mean_points(band, deviation, seed, overturned="clamped", *, realizations=120
         "clamped" or "left out", see `montecarlo.restarted_poincare_map`.
     """
     noise = {"variance": deviation**2, "band": band}
-    scene = load_scene(SCENES / "main.toml").varied(forcing={"phase": 3.14}, noise=noise)
+    scene = load_scene("main").varied(forcing={"phase": 3.14}, noise=noise)
     sampled = {"cycles": cycles, "realizations": realizations, "seed": seed, "overturned": overturned}
     found = restarted_poincare_map(scene, **sampled)
     return found.points[SETTLED + 1 : found.overturned_after], found.overturned_after is None
@@ -261,25 +255,17 @@ def _likelihood(axes, name, rows, ends, joint):
 
 def table(values):
     """One row a band, as a table for the terminal."""
-    made = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    for name in ("band", "S(125) of 5(b)", "S(60)", "S(200)", *HINTS):
-        made.add_column(name, justify="right")
+    rows = []
     for row in values["rows"]:
         low, high = row["band"]
         chances = (f"{row['likelihood'][name]:.3f}{'' if row['meets'][name] else ' no'}" for name in HINTS)
         survival = row["late_survival"], row["survival"]["60"], row["survival"]["200"]
-        made.add_row(f"[{low:g}, {high:g}]", *(f"{one:.4f}" for one in survival), *chances)
-    return made
+        rows.append([f"[{low:g}, {high:g}]", *(f"{one:.4f}" for one in survival), *chances])
+    return tables.text_table(("band", "S(125) of 5(b)", "S(60)", "S(200)", *HINTS), rows)
 
 
-def main() -> int:
-    """Read the command line, run, print the table and the verdict."""
-    parser = argparse.ArgumentParser(description="Which noise band meets the paper's statements.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/band", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=20_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--seeds", type=int, default=20, help="of the mean maps (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, seeds=options.seeds)
+def told(values):
+    """Print the table and the verdict."""
     joint = values["joint"]
     sentences = [
         "Columns named after figures: probability of what the paper shows there; no: a statement that is not met.",
@@ -288,9 +274,9 @@ def main() -> int:
     tables.show("Noise bands against the paper's statements", table(values), sentences)
     for one in values["left_out"]:
         print(f"Overturned left out of the mean, band {one['band']}: stands {one['mean_stands']}")
-    print(f"Files in {options.out}: band.png, band.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run, "results/band", "band.png", "band.json", told=told, realizations="of an ensemble", seeds="of the mean maps"
+    )

@@ -20,20 +20,16 @@ Run time: about twenty seconds on 2 cores, once the kernels are compiled.
 Files: ``bifurcation.png``, ``bifurcation.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
+from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 AMPLITUDES = tuple(np.round(np.arange(2.5, 4.8, 0.005), 4).tolist())
 BLOCKS = 64
 BRACKET = (4.6, 4.9)
@@ -48,7 +44,7 @@ def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     amplitudes : sequence of float
         A of the diagram, ascending, nondimensional.
@@ -60,7 +56,7 @@ def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
     dict
         What ``bifurcation.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE).varied(noise=NoNoise())
+    scene = load_scene("main").varied(noise=NoNoise())
     points = {
         "from rest": [_settled(scene, amplitude, (0.0, 0.0)) for amplitude in amplitudes],
         "falling amplitude": continued(scene, amplitudes[::-1])[::-1],
@@ -192,20 +188,15 @@ def _beyond(axes, values):
     found = [one for one in values["beyond"] if one["overturned"]]
     end = values["crisis"][1]
     columns = ([one[name] for one in found] for name in ("cycles", "interval"))
-    error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
+    style.error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
     axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)
     axes.set_title(f"(b) Until overturning beyond the crisis\n{BLOCKS} blocks, 95 % intervals")
 
 
-def main() -> int:
-    """Read the command line, run, print the crisis."""
-    parser = argparse.ArgumentParser(description="Bifurcations of the block without noise.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/bifurcation", help="folder (default: %(default)s)")
-    parser.add_argument("--cycles", type=int, default=20_000, help="of the bisection (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, cycles=options.cycles)
+def told(values):
+    """Print the crisis."""
     print(f"Symmetric orbit stable up to A = {values['symmetric_orbit_stable_up_to']:.6f}")
     print(f"Boundary crisis between A = {values['crisis'][0]:.5f} and {values['crisis'][1]:.5f}: {values['criterion']}")
     low, high = values["crisis_at_twice_the_cutoff"]
@@ -214,9 +205,7 @@ def main() -> int:
     for one in values["beyond"]:
         mean = one["cycles"] or math.inf
         print(f"A = {one['amplitude']:.5f}: {one['overturned']} of {BLOCKS} overturned, mean {mean:.3g} cycles")
-    print(f"Files in {options.out}: bifurcation.png, bifurcation.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/bifurcation", "bifurcation.png", "bifurcation.json", told=told, cycles="of the bisection")

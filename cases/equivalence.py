@@ -28,12 +28,10 @@ Run time: about two and a half minutes on 2 cores, once the kernels are compiled
 Files: ``equivalence.png``, ``equivalence.json``.
 """
 
-import argparse
-import pathlib
-import sys
 import warnings
 
 import numpy as np
+from command import command
 
 from fpk_rocking import BandNoise, WhiteNoise, load_scene, solve_fpk
 from fpk_rocking.density.realizations import realized_diffusions
@@ -42,7 +40,6 @@ from fpk_rocking.output.progress import reporting
 from fpk_rocking.physics.noise import equivalence
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 RESTITUTIONS = (0.5, 0.7)
 STRENGTHS = {
     (0.0, 10.0): (0.1, 0.2, 0.4), (0.0, 20.0): (0.2, 0.4), (0.0, 2.7): (0.1, 0.2), (0.1, 5.0): (0.1, 0.2),
@@ -70,7 +67,7 @@ def run(
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     restitutions : sequence of float
         Of the scenes, one or two; the main scene otherwise.
@@ -90,7 +87,7 @@ def run(
     dict
         What ``equivalence.json`` holds.
     """
-    out, main_scene, rows = pathlib.Path(out), load_scene(SCENE), []
+    main_scene, rows = load_scene("main"), []
     for e in restitutions:
         scene = main_scene.varied(block={"restitution": e})
         survival = survival_by_diffusion(scene, diffusions, tol)
@@ -250,12 +247,8 @@ def _budget(axes, found):
     axes.legend(fontsize=9)
 
 
-def main(arguments=None) -> int:
-    """Read the command line, run, print a line for each noise."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=pathlib.Path, default="results/equivalence", help="folder (default: %(default)s)")
-    options = parser.parse_args(arguments)
-    findings = run(options.out)
+def told(findings):
+    """Print a line for each noise."""
     print(f"Sampled less density after {findings['cycles']} cycles, N = {findings['harmonics']}; rival and average")
     for row in sorted(findings["noises"], key=lambda row: (-row["restitution"], -row["cover"])):
         less = {
@@ -268,9 +261,7 @@ def main(arguments=None) -> int:
         for name, found in less.items():
             print(f"   {name:8} " + " | ".join(" ".join(f"{one:+.3f}" for one in line) for line in found))
     print("budget", findings["budget"])
-    print(f"Files in {options.out}: equivalence.png, equivalence.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/equivalence", "equivalence.png", "equivalence.json", told=told)

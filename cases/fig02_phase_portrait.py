@@ -20,12 +20,10 @@ Run time: about two seconds.
 Files: ``fig02.png``, ``fig02.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
+from command import command
 from scipy.integrate import quad
 
 from fpk_rocking import melnikov
@@ -42,7 +40,7 @@ def run(out, restitution=0.7, frequencies=(0.0, 0.5, 1.0, 2.0, 2.7, 4.0, 8.0)) -
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     restitution : float
         Of the path with impacts.
@@ -54,7 +52,6 @@ def run(out, restitution=0.7, frequencies=(0.0, 0.5, 1.0, 2.0, 2.7, 4.0, 8.0)) -
     dict
         What ``fig02.json`` holds.
     """
-    out = pathlib.Path(out)
     work = [quadrature(frequency) for frequency in frequencies]
     angle, velocity = melnikov.heteroclinic_orbit(np.linspace(-30.0, 30.0, 2001))
     energies = 0.5 * velocity**2 + potential(angle)
@@ -185,18 +182,11 @@ def _arrow(colour):
     return {"arrowstyle": "-|>", "color": colour, "linewidth": 2.0, "mutation_scale": 18}
 
 
-def main() -> int:
-    """Read the command line, run, and say where the files are."""
-    parser = argparse.ArgumentParser(description="Fig. 2 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig02", help="folder (default: %(default)s)")
-    parser.add_argument("--restitution", type=float, default=0.7, help="of the path drawn (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.restitution)
-    print(f"Files in {options.out}: fig02.png, fig02.json")
+def told(values):
+    """Print the barrier and the area inside."""
     for name in ("barrier", "area_inside"):
         print(f"{name.replace('_', ' ')}: {values[name]:.12g}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/fig02", "fig02.png", "fig02.json", told=told, restitution="of the path drawn")

@@ -22,16 +22,12 @@ Run time: about two seconds.
 Files: ``fig03.png``, ``fig03.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import BandNoise, NoNoise, load_scene, melnikov
 from fpk_rocking.output import style, summary
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 PAPER = 0.5
 BANDS = (5.0, 10.0, 20.0)
@@ -46,7 +42,7 @@ def run(out, variance=0.286, points=241) -> dict:
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     variance : float
         σ² of the noise.
@@ -58,8 +54,8 @@ def run(out, variance=0.286, points=241) -> dict:
     dict
         What ``fig03.json`` holds: amplitudes at the frequencies `SHOWN` by criterion, one row a restitution.
     """
-    ours = load_scene(SCENE).noise
-    out, noise = pathlib.Path(out), BandNoise(variance, ours.band, ours.harmonics, ours.remark)
+    ours = load_scene("main").noise
+    noise = BandNoise(variance, ours.band, ours.harmonics, ours.remark)
     draw(out / "fig03.png", noise, points)
     e = np.reshape(RESTITUTIONS, (-1, 1))
     bands = [BandNoise(variance, (0.0, high), 100) for high in BANDS]
@@ -166,20 +162,13 @@ def _until_zero(amplitude):
     return np.where(np.append(True, amplitude[:-1] > 0.0), amplitude, np.nan)
 
 
-def main() -> int:
-    """Read the command line, run, print the amplitudes and say where the files are."""
-    parser = argparse.ArgumentParser(description="Fig. 3 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig03", help="folder (default: %(default)s)")
-    parser.add_argument("--variance", type=float, default=0.286, help="of the noise (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.variance)
+def told(values):
+    """Print the amplitudes."""
     print(f"{'':34}" + "".join(f"Ω = {omega:<7g}" for omega in values["frequencies"]))
     for name in ("without_noise", "with_noise", "exact_without_noise"):
         for e, row in zip(values["restitutions"], values[name], strict=True):
             print(f"{name.replace('_', ' '):24}e = {e:<6g}" + "".join(f"{one:<11.4f}" for one in row))
-    print(f"Files in {options.out}: fig03.png, fig03.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/fig03", "fig03.png", "fig03.json", told=told, variance="of the noise")

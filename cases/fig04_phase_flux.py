@@ -22,17 +22,14 @@ Run time: about five seconds.
 Files: ``fig04.png``, ``fig04.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
+from command import command
 
 from fpk_rocking import BandNoise, Harmonic, NoNoise, load_scene, melnikov
 from fpk_rocking.output import style, summary
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
 BANDS = (5.0, 10.0, 20.0)
@@ -47,7 +44,7 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     variance : float
         σ² of the noise on [0, 10].
@@ -61,8 +58,8 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
     dict
         What ``fig04.json`` holds: fluxes without and with noise by method, one column a restitution.
     """
-    ours = load_scene(SCENE).noise
-    out, noise = pathlib.Path(out), BandNoise(variance, ours.band, ours.harmonics, ours.remark)
+    ours = load_scene("main").noise
+    noise = BandNoise(variance, ours.band, ours.harmonics, ours.remark)
     noises = [[NoNoise()], [noise]]
     corrected = melnikov.phase_flux(FORCING, RESTITUTIONS, noises)
     sampled, error = melnikov.phase_flux_sampled(FORCING, RESTITUTIONS, noises, strata=strata, seed=seed)
@@ -204,23 +201,23 @@ def _variance(axes, points):
     axes.set(ylabel=_FLUX, ylim=(0.0, None), xlim=(-0.02, 0.63), xticks=(0.0, 0.1, 0.2, 0.3, 0.4))
 
 
-def main() -> int:
-    """Read the command line, run, print the fluxes and say where the files are."""
-    parser = argparse.ArgumentParser(description="Fig. 4 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig04", help="folder (default: %(default)s)")
-    parser.add_argument("--variance", type=float, default=0.16, help="of the noise (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=4000, help="of the noise (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of all samples (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.variance, realizations=options.realizations, seed=options.seed)
+def told(values):
+    """Print the fluxes."""
     for row, variance in enumerate(values["variances"]):
         print(f"σ² = {variance:<10g}" + "".join(f"e = {e:<8g}" for e in values["restitutions"]))
         for name in ("corrected", "sampled", "printed_17", "printed_18"):
             print(f"{name.replace('_', ' '):15}" + "".join(f"{one:<12.6f}" for one in values[name][row]))
     print(f"{'processes':15}" + "".join(f"{one:<12.6f}" for one in values["processes"]))
-    print(f"Files in {options.out}: fig04.png, fig04.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fig04",
+        "fig04.png",
+        "fig04.json",
+        told=told,
+        variance="of the noise",
+        realizations="of the noise",
+        seed="of all samples",
+    )

@@ -16,19 +16,14 @@ Run time: about ten seconds on 2 cores, once the kernels are compiled.
 Files: ``fig05.png``, ``fig05.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import histories, simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "fig05.toml"
 BANDS = (5.0, 10.0, 20.0)
 OURS = 10.0
 LATE = 125
@@ -41,7 +36,7 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     realizations, cycles, seed : int
         Of each ensemble; at least 130 cycles.
@@ -53,7 +48,7 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
     dict
         What ``fig05.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("fig05")
     sampled = {"cycles": cycles, "realizations": realizations, "seed": seed}
     ensembles = {band: simulate(scene.varied(noise={"band": (0.0, band)}), **sampled) for band in BANDS}
     chosen = _late(ensembles[OURS])
@@ -149,7 +144,7 @@ def _standing(axes, ensembles):
         axes.plot(ensemble.survival, color=colour)
         places = np.arange(0, ensemble.cycles + 1, 50)
         limits = ensemble.survival_interval()[places]
-        error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
+        style.error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
         style.named(axes, f"[0, {band:g}]", (ensemble.cycles, ensemble.survival[-1]), colour)
     axes.axvline(LATE, color="black", linewidth=0.8)
     axes.annotate(f"{LATE} cycles", (LATE, 0.02), xytext=(4, 0), textcoords="offset points", va="bottom")
@@ -157,14 +152,8 @@ def _standing(axes, ensembles):
     axes.set(title="(d) Survival by noise band, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
 
 
-def main() -> int:
-    """Read the command line, run, print how late realizations overturn."""
-    parser = argparse.ArgumentParser(description="Fig. 5 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig05", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=20_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.realizations, seed=options.seed)
+def told(values):
+    """Print how late realizations overturn."""
     for late in values["late"]:
         low, high = late["interval"]
         chance = f"P(standing after {LATE} cycles) {late['standing_after_125']:.4f} ({low:.4f} to {high:.4f})"
@@ -172,9 +161,15 @@ def main() -> int:
         right = f"{100 * late['to_the_right']:.0f} % to the right"
         print(f"band {late['band']}: {chance}, {right}, 2.5, 25, 50, 75, 97.5 % overturned after {quantiles} cycles")
     print(f"Shown: realization {values['realization']}, {values['overturned_after_cycles']:.1f} cycles")
-    print(f"Files in {options.out}: fig05.png, fig05.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fig05",
+        "fig05.png",
+        "fig05.json",
+        told=told,
+        realizations="of an ensemble",
+        seed="of the ensembles",
+    )

@@ -23,19 +23,16 @@ Files: ``fig06.png`` (surfaces), ``maps.png`` (the same as maps), ``survival.png
 (density) and ``jpdf_rk4.pvd`` (histogram of the realizations), each with its .vtu files.
 """
 
-import argparse
-import pathlib
-import sys
+from command import command
+from opengl import probe_rendering
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, maps, summary, surfaces, tables, vtk
-from fpk_rocking.output.opengl import probe_rendering
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 CYCLES = (0, 2, 4, 10, 20, 40)
 
 
@@ -44,7 +41,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     cycles : sequence of int
         Cycles to show, ascending.
@@ -60,8 +57,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     dict
         What ``summary.json`` holds.
     """
-    out = pathlib.Path(out)
-    scene, last = load_scene(SCENE), max(cycles)
+    scene, last = load_scene("main"), max(cycles)
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)
@@ -100,22 +96,27 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     return values
 
 
-def main() -> int:
-    """Read the command line, run, and say where the files are."""
-    parser = argparse.ArgumentParser(description="Fig. 6 of Lin and Yim (1996) by two engines.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig06", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=100_000, help="paths an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-3, help="tolerance of the density (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    rendering = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)["rendering"]
-    print(f"\nFiles in {options.out}: fig06.png, maps.png, survival.png, summary.json, jpdf.pvd, jpdf_rk4.pvd")
+def told(values):
+    """Say whether the density can be looked at in three dimensions here."""
+    rendering = values["rendering"]
     if rendering["works"]:
-        print(f"Look around in the density: python cases/view.py {options.out}")
+        print("Look around in the density: python cases/view.py, and the folder of the files")
     else:
         print(f"No 3-D view on this machine: {rendering['reason']}. The figures were drawn without it.")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fig06",
+        "fig06.png",
+        "maps.png",
+        "survival.png",
+        "summary.json",
+        "jpdf.pvd",
+        "jpdf_rk4.pvd",
+        told=told,
+        realizations="paths an ensemble",
+        tol="tolerance of the density",
+        seed="of the ensembles",
+    )

@@ -26,19 +26,15 @@ Run time: about a minute and a half on 2 cores, most of it the densities: the le
 Files: ``fig07.png``, ``fig07.json``.
 """
 
-import argparse
-import pathlib
-import sys
 import time
 
 import numpy as np
+from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from montecarlo import simulate, tally
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCES = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.04)
 DENSITY_VARIANCES = (0.0025, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.04)
 BANDS = (5.0, 10.0, 20.0)
@@ -65,7 +61,7 @@ def run(
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     cycles, realizations, seed : int
         Of each ensemble; those of white noise are ten times as large, those of other phases twenty times.
@@ -79,7 +75,7 @@ def run(
     dict
         What ``fig07.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE).varied(forcing={"phase": 0.0})
+    scene = load_scene("main").varied(forcing={"phase": 0.0})
     bands = {band: _ensembles(scene, band, variances, cycles, realizations, seed) for band in BANDS}
     turned = {name: scene.varied(forcing={"phase": phase}) for name, phase in PHASES.items()}
     phases = {
@@ -222,7 +218,7 @@ def _limited(axes, variances, survival, interval, look, wedges):
     """Draw survival with its intervals where any realization stands, else, if wanted, the upper limit."""
     variances, survival, interval = map(np.asarray, (variances, survival, interval))
     some = survival > 0.0
-    error_bars(axes, variances[some], survival[some], interval[some], **look)
+    style.error_bars(axes, variances[some], survival[some], interval[some], **look)
     if wedges:
         axes.plot(variances[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
 
@@ -230,20 +226,12 @@ def _limited(axes, variances, survival, interval, look, wedges):
 def _several(axes, variances, rows, looks):
     for (label, found), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
-        error_bars(axes, variances, found["survival"], found["interval"], **(shape | look))
+        style.error_bars(axes, variances, found["survival"], found["interval"], **(shape | look))
     axes.legend(fontsize=9)
 
 
-def main() -> int:
-    """Read the command line, run, print the survival and say where the files are."""
-    parser = argparse.ArgumentParser(description="Fig. 7 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig07", help="folder (default: %(default)s)")
-    parser.add_argument("--cycles", type=int, default=200, help="forcing cycles (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=1000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the operators (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.cycles, options.realizations, tol=options.tol, seed=options.seed)
+def told(values):
+    """Print the survival."""
     for row, variance in enumerate(values["variances"]):
         bands = "".join(f"   [0, {one['band'][1]:g}] {one['survival'][row]:.3f}" for one in values["bands"])
         print(f"σ² = {variance:<8g}{bands}")
@@ -254,9 +242,17 @@ def main() -> int:
         right = f"{100 * one['to_the_right'][-1]:.0f} % of the overturned to the right"
         print(f"Ψ = {one['phase']}: S {np.round(one['survival'], 4)}, {right} at the last σ²")
     print(f"Without noise: {'bounded' if values['stands_without_noise'] else 'overturned'}")
-    print(f"Files in {options.out}: fig07.png, fig07.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fig07",
+        "fig07.png",
+        "fig07.json",
+        told=told,
+        cycles="forcing cycles",
+        realizations="of an ensemble",
+        tol="tolerance of the operators",
+        seed="of the ensembles",
+    )

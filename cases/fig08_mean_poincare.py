@@ -22,17 +22,13 @@ Run time: about ten seconds on 2 cores, once the kernels are compiled.
 Files: ``fig08.png``, ``fig08.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
 from montecarlo import correlation_dimension, mean_poincare_map, restarted_poincare_map, simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCE = 0.04**2
 LENGTHS = (0.05, 0.4)
 SETTLED = 5
@@ -45,7 +41,7 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     variance : float
         σ², nondimensional.
@@ -59,9 +55,8 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
     dict
         What ``fig08.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE).varied(forcing={"phase": 3.14})
-    quiet = simulate(scene.varied(noise=NoNoise()), cycles=seeds * cycles + 100, realizations=1)
-    attractor = np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+    scene = load_scene("main").varied(forcing={"phase": 3.14})
+    attractor = attractor_of(scene, seeds * cycles)
     noisy = scene.varied(noise={"variance": variance})
     free = simulate(noisy, cycles=SHOWN_CYCLES, realizations=10 * realizations)
     chosen = int(np.flatnonzero(free.overturn_time > LATE * scene.period)[0])
@@ -79,8 +74,8 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
         "overturned_after_cycles": float(free.overturn_time[chosen] / scene.period),
         "standing_after_shown_cycles": float(free.survival[-1]),
         "mean_overturned_after": [one.overturned_after for one in maps],
-        "without_noise": _spread(attractor) | _dimensions(np.split(attractor, seeds)),
-        "restarted": _spread(np.concatenate(settled)) | _dimensions(settled),
+        "without_noise": _spread(attractor) | dimensions_of(np.split(attractor, seeds)),
+        "restarted": _spread(np.concatenate(settled)) | dimensions_of(settled),
         "restarted_standard_error": maps[0].standard_error[1:].mean(axis=0).tolist(),
         "free_last": mean.points[FREE_CYCLES].tolist(),
         "free_last_standard_error": mean.standard_error[FREE_CYCLES].tolist(),
@@ -91,12 +86,18 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
     return values
 
 
+def attractor_of(scene, count):
+    """Poincaré points (count, 2) of a block without noise, from the 101st on."""
+    quiet = simulate(scene.varied(noise=NoNoise()), cycles=count + 100, realizations=1)
+    return np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+
+
 def _spread(points):
     """Mean and standard deviation of Poincaré points (n, 2)."""
     return {"mean": points.mean(axis=0).tolist(), "deviation": points.std(axis=0).tolist()}
 
 
-def _dimensions(samples):
+def dimensions_of(samples):
     """Mean and standard deviation of the correlation dimensions of sets of points."""
     found = [correlation_dimension(points, *LENGTHS) for points in samples]
     return {"dimension": float(np.mean(found)), "deviation_of_dimension": float(np.std(found, ddof=len(found) > 1))}
@@ -150,14 +151,8 @@ def _free_mean(axes, mean):
     axes.set_title("(d) Mean of an ensemble that runs freely, 95 % intervals: it settles", loc="left", fontsize=10)
 
 
-def main() -> int:
-    """Read the command line, run, print what became of the maps."""
-    parser = argparse.ArgumentParser(description="Fig. 8 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig08", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=1200, help="of the mean map (default: %(default)s)")
-    parser.add_argument("--seeds", type=int, default=8, help="of the mean map (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, seeds=options.seeds)
+def told(values):
+    """Print what became of the maps."""
     for name in ("without_noise", "restarted"):
         one = values[name]
         dimension = f"{one['dimension']:.3f} ± {one['deviation_of_dimension']:.3f}"
@@ -166,9 +161,15 @@ def main() -> int:
         f"Shown: realization {values['realization']}, overturned after {values['overturned_after_cycles']:.1f} cycles"
     )
     print(f"Free ensemble: last mean {np.round(values['free_last'], 3)}")
-    print(f"Files in {options.out}: fig08.png, fig08.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fig08",
+        "fig08.png",
+        "fig08.json",
+        told=told,
+        realizations="of the mean map",
+        seeds="of the mean map",
+    )

@@ -21,22 +21,17 @@ Run time: about two and a half minutes on 2 cores.
 Files: ``fig09.png``, ``fig09.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
+from fig08_mean_poincare import LENGTHS, SETTLED, attractor_of, dimensions_of
 
-from fpk_rocking import NoNoise, load_scene
+from fpk_rocking import load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.progress import reporting
-from montecarlo import correlation_dimension, restarted_poincare_map, simulate
+from montecarlo import restarted_poincare_map
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 PAPER = (0.0, 0.05, 0.06, 0.12, 0.13, 0.16)
 BETWEEN = (0.02, 0.03, 0.04, 0.045, 0.055, 0.07, 0.08, 0.09, 0.1, 0.11, 0.115, 0.125, 0.14)
-LENGTHS = (0.05, 0.4)
-SETTLED = 5
 _DEVIATION = "standard deviation of the noise σ, nondimensional"
 
 
@@ -45,7 +40,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     paper, between : sequence of float
         σ of the panels (six, the first 0), and further ones for the curves; nondimensional.
@@ -59,9 +54,8 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
     dict
         What ``fig09.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE).varied(forcing={"phase": 3.14})
-    quiet = simulate(scene.varied(noise=NoNoise()), cycles=seeds * cycles + 100, realizations=1)
-    attractor = np.stack([quiet.angle[0], quiet.velocity[0]], axis=1)[101:]
+    scene = load_scene("main").varied(forcing={"phase": 3.14})
+    attractor = attractor_of(scene, seeds * cycles)
     sizes, maps = {"realizations": realizations, "cycles": cycles}, {}
     with reporting("mean maps") as progress:
         noisy = sorted({*paper[1:], *between})
@@ -75,7 +69,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         **sizes,
         "seeds": seeds,
         "lengths": list(LENGTHS),
-        "without_noise": _dimensions(np.split(attractor, seeds)),
+        "without_noise": dimensions_of(np.split(attractor, seeds)),
         "maps": [_judged(deviation, found, cycles) for deviation, found in maps.items()],
         "remarks": [scene.noise.remark],
     }
@@ -97,14 +91,8 @@ def _judged(deviation, maps, cycles):
         "deviation": deviation,
         "overturned_after": [found.overturned_after for found in maps],
         "largest_angle": [float(np.abs(points[:, 0]).max(initial=0.0)) for points in settled],
-        **(_dimensions(many) if many else {"dimension": None, "deviation_of_dimension": None}),
+        **(dimensions_of(many) if many else {"dimension": None, "deviation_of_dimension": None}),
     }
-
-
-def _dimensions(samples):
-    """Mean and standard deviation of the correlation dimensions of sets of points."""
-    found = [correlation_dimension(points, *LENGTHS) for points in samples]
-    return {"dimension": float(np.mean(found)), "deviation_of_dimension": float(np.std(found, ddof=len(found) > 1))}
 
 
 def _draw(path, attractor, shown, paper, values):
@@ -185,20 +173,13 @@ def _mark(axes, paper):
               clip_on=False)  # fmt: skip
 
 
-def main() -> int:
-    """Read the command line, run, print dimensions and fates."""
-    parser = argparse.ArgumentParser(description="Fig. 9 of Lin and Yim (1996).")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fig09", help="folder (default: %(default)s)")
-    parser.add_argument("--seeds", type=int, default=8, help="of each mean map (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, seeds=options.seeds)
+def told(values):
+    """Print dimensions and fates."""
     rows = [{"deviation": 0.0, "overturned_after": [], **values["without_noise"]}, *values["maps"]]
     for one in rows:
         dimension = "-" if one["dimension"] is None else f"{one['dimension']:.3f} ± {one['deviation_of_dimension']:.3f}"
         print(f"σ = {one['deviation']:<6g} dimension {dimension}, overturned after {one['overturned_after']}")
-    print(f"Files in {options.out}: fig09.png, fig09.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/fig09", "fig09.png", "fig09.json", told=told, seeds="of each mean map")

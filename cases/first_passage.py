@@ -21,20 +21,15 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
 Files: ``passage.png``, ``passage.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import tally
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCES = (0.01, 0.02, 0.04)
 EARLY = 6
 PARTS = 20
@@ -49,7 +44,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     variances : sequence of float
         σ², nondimensional; the last one is shown in twentieths of a cycle.
@@ -65,7 +60,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
     dict
         What ``passage.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("main")
     sampled = {"cycles": cycles, "realizations": realizations, "seed": seed}
     rows = []
     for variance in variances:
@@ -135,7 +130,9 @@ def _early(axes, values):
         density = early[:, column] / width
         limits = sign * wilson_interval(np.rint(early[:, column] * trials), trials) / width
         axes.stairs(sign * density, edges, color=colour, fill=True, alpha=0.25)
-        error_bars(axes, middles, sign * density, np.sort(limits, axis=1), color=colour, marker="none", elinewidth=0.8)
+        style.error_bars(
+            axes, middles, sign * density, np.sort(limits, axis=1), color=colour, marker="none", elinewidth=0.8
+        )
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
     variance = values["noise"][-1]["variance"]
@@ -155,7 +152,7 @@ def _cycles(axes, values):
         axes.stairs(np.maximum(row["density"], 1e-12), np.arange(cycles.size + 1) + 0.5, **steps)
         found, limits = np.array(row["band"]), np.array(row["band_interval"])
         some = found > 0.0
-        error_bars(axes, cycles[some], found[some], limits[some], color=colour, marker=marker, label=label)
+        style.error_bars(axes, cycles[some], found[some], limits[some], color=colour, marker=marker, label=label)
     axes.set(title="(b) Overturned in each cycle: band noise (points, 95 % intervals), density (steps)", yscale="log")
     axes.set(xlabel="forcing cycle", ylabel="probability", ylim=(3e-6, 0.3), xlim=(0.0, cycles[-1] + 1.0))
     axes.legend(ncols=3)
@@ -171,24 +168,24 @@ def _differences(axes, values, name, title):
     axes.set(title=title, xlabel="forcing cycle", ylabel="difference, standard errors")
 
 
-def main() -> int:
-    """Read the command line, run, print how far the engines differ."""
-    parser = argparse.ArgumentParser(description="First-passage times under growing noise.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/passage", help="folder (default: %(default)s)")
-    parser.add_argument("--cycles", type=int, default=30, help="forcing cycles (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=100_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=2e-3, help="tolerance of the densities (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, VARIANCES, options.cycles, options.realizations, options.tol, options.seed)
+def told(values):
+    """Print how far the engines differ."""
     for row in values["noise"]:
         peak = int(np.argmax(row["band"])) + 1
         worst = {name: max(row[f"{name}_z"].values(), key=abs) for name in ("white", "band")}
         largest = f"largest difference white {worst['white']:+.1f}, band {worst['band']:+.1f} standard errors"
         print(f"σ² = {row['variance']:<6g} most overturn in cycle {peak} ({max(row['band']):.4f}); {largest}")
-    print(f"Files in {options.out}: passage.png, passage.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/passage",
+        "passage.png",
+        "passage.json",
+        told=told,
+        cycles="forcing cycles",
+        realizations="of an ensemble",
+        tol="tolerance of the densities",
+        seed="of the ensembles",
+    )

@@ -14,18 +14,16 @@ Run time: about five minutes on 2 cores, once the kernels are compiled; most of 
 Files: ``blocks.png``, ``blocks.json``.
 """
 
-import argparse
 import dataclasses
 import pathlib
-import sys
 
 import numpy as np
+from command import command
 from scipy.interpolate import PchipInterpolator
 
 from fpk_rocking import Record, Scene
 from fpk_rocking.envelopes import Table
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
@@ -60,7 +58,7 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     blocks : sequence of str
         Names of `BLOCKS`.
@@ -78,7 +76,7 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
     dict
         What ``blocks.json`` holds.
     """
-    out, found = pathlib.Path(out), {}
+    found = {}
     sample = {"realizations": realizations, "seed": seed}
     for name in blocks:
         scene, own = scene_of(*BLOCKS[name]), {}
@@ -170,7 +168,7 @@ def _curves(axes, own):
     looks = {"white": ("o", colours[0], "paths, the same white noise"), "exact": ("s", "0.5", "paths, band noise")}
     for engine, (marker, colour, label) in looks.items():
         result = own[engine]
-        error_bars(
+        style.error_bars(
             axes, result.scale, result.overturned[0], result.interval()[0, 0], color=colour, marker=marker, label=label
         )
     axes.set(ylim=(-0.03, 1.03))
@@ -182,28 +180,28 @@ def _differences(axes, own):
     look = {"color": style.COLOURS[1], "label": "estimate of the density"}
     axes.axhline(0.0, color=style.COLOURS[1])
     axes.errorbar(scale, 0.0 * apart, estimate, linestyle="none", linewidth=6.0, alpha=0.4, **look)
-    error_bars(axes, scale, apart, limits, color=style.COLOURS[0], label="paths, white noise")
+    style.error_bars(axes, scale, apart, limits, color=style.COLOURS[0], label="paths, white noise")
     axes.set(xlabel="scale of the shaking")
     logarithmic(axes.set_xscale, axes.xaxis)
 
 
-def main() -> int:
-    """Read the command line, run, print the largest differences and the fits."""
-    parser = argparse.ArgumentParser(description="Fragility of three practical blocks under a record plus noise.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fragility_of_blocks", help="folder (%(default)s)")
-    parser.add_argument("--realizations", type=int, default=10_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the densities (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)
+def told(values):
+    """Print the largest differences and the fits."""
     for name, block in values["blocks"].items():
         far, (low, high) = block["largest_difference"], block["largest_difference"]["interval"]
         print(f"{name:9} paths less density {far['difference']:+.4f} at most (95 %: {low:+.4f} to {high:+.4f}; "
               f"estimate {far['error_estimate']:.4f}), at scale {far['scale']:.3g}; "
               + ", ".join(f"{engine} {block[engine]['wall_s']:.0f} s" for engine in ENGINES))  # fmt: skip
-    print(f"Files in {options.out}: blocks.png, blocks.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fragility_of_blocks",
+        "blocks.png",
+        "blocks.json",
+        told=told,
+        realizations="of an ensemble",
+        tol="tolerance of the densities",
+        seed="of the ensembles",
+    )

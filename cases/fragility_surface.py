@@ -13,11 +13,8 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
 Files: ``surface.png``, ``surface.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import Scene
 from fpk_rocking.output import style, summary
@@ -37,7 +34,7 @@ def run(out, sizes=SIZES, slendernesses=SLENDERNESSES, scales=SCALES, realizatio
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     sizes, slendernesses, scales : sequence of float
         Half diagonals in metres, heights over widths, and factors of the shaking.
@@ -51,7 +48,7 @@ def run(out, sizes=SIZES, slendernesses=SLENDERNESSES, scales=SCALES, realizatio
     dict
         What ``surface.json`` holds.
     """
-    out, common = pathlib.Path(out), {"cycles": CYCLES, "realizations": realizations, "seed": seed, "workers": workers}
+    common = {"cycles": CYCLES, "realizations": realizations, "seed": seed, "workers": workers}
     blocks = grid(SCENE, {"size": sizes, "slenderness": slendernesses})
     with reporting("sizes and slendernesses") as progress:
         found = sweep(blocks, "mc", progress=progress, **common)
@@ -93,22 +90,22 @@ def _draw(path, overturned, by_size, by_shape):
         figure.colorbar(filled, ax=panels, label="P(overturned)")
 
 
-def main() -> int:
-    """Read the command line, run, print the medians."""
-    parser = argparse.ArgumentParser(description="Overturning over the size and the slenderness of a block.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/fragility_surface", help="folder (%(default)s)")
-    parser.add_argument("--realizations", type=int, default=2000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, seed=options.seed, workers=options.workers)
+def told(values):
+    """Print the medians."""
     for name in ("by_size", "by_slenderness"):
         for place, (fit,) in zip(values[name]["place"], values[name]["fits"], strict=True):
             median = f"{fit['median']:.3f}" if fit["median"] else fit["reason"]
             print(f"{values[name]['axis']} {place:.3f}: median scale {median}")
-    print(f"Files in {options.out}: surface.png, surface.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/fragility_surface",
+        "surface.png",
+        "surface.json",
+        told=told,
+        realizations="of an ensemble",
+        seed="of the ensembles",
+        workers="processes",
+    )

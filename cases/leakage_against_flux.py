@@ -24,19 +24,14 @@ Run time: about fifteen seconds on 2 cores, once the kernels are compiled.
 Files: ``flux.png``, ``flux.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 from scipy import stats
 
 from fpk_rocking import load_scene, melnikov
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from montecarlo import overturning_rate, simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 RESTITUTIONS = tuple(np.round(np.linspace(0.5, 0.9, 9), 2).tolist())
 BANDS = (5.0, 10.0, 20.0)
@@ -50,7 +45,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     variances, restitutions : sequence of float
         σ² at e = 0.5, and e at σ² = 0.04, nondimensional.
@@ -62,7 +57,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
     dict
         What ``flux.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("main")
     sampled = {"cycles": cycles, "realizations": realizations, "seed": seed}
     noises = {
         band: [scene.varied(noise={"variance": variance, "band": (0.0, band)}) for variance in variances]
@@ -138,17 +133,11 @@ def _pair(axes, places, found, colour, marker):
     axes.plot(places, found["flux_per_cycle"], "-", color="black", linewidth=0.8)
     rate, limits = np.array(found["rate"]), np.array(found["interval"])
     some = rate > 0.0
-    error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
+    style.error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
 
 
-def main() -> int:
-    """Read the command line, run, print how far the flux is off."""
-    parser = argparse.ArgumentParser(description="Phase flux against measured leakage.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/flux", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=10_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, seed=options.seed)
+def told(values):
+    """Print how far the flux is off."""
     studies = [("σ²", values["variances"], f"band {one['band']}", one) for one in values["over_noise"]]
     studies.append(("e", values["restitutions"], "σ² = 0.04", values["over_restitution"]))
     for name, places, title, found in studies:
@@ -156,9 +145,9 @@ def main() -> int:
         columns = zip(places, found["flux_per_cycle"], found["rate"], found["flux_over_rate"], strict=True)
         for place, flux, rate, ratio in columns:
             print(f"  {name} = {place:<7g} Φ T {flux:.4f}   rate {rate:.5f}   ratio {ratio or float('inf'):.1f}")
-    print(f"Files in {options.out}: flux.png, flux.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run, "results/flux", "flux.png", "flux.json", told=told, realizations="of an ensemble", seed="of the ensembles"
+    )

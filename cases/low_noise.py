@@ -16,19 +16,16 @@ Run time: about three minutes on 2 cores, once the kernels are compiled.
 Files: ``low_noise.png``, ``low_noise.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 import time
 
 import numpy as np
+from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, WhiteNoise, load_scene
 from fpk_rocking.output import style, summary
 from montecarlo import simulate, split
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 AMPLITUDE = 3.0
 DIFFUSIONS = (0.006, 0.004, 0.003, 0.002, 0.0014, 0.00095)
 SPLIT = {0.006: 1000, 0.003: 1000, 0.002: 1000, 0.0014: 2000}
@@ -41,7 +38,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     diffusions : sequence of float
         D of the white noise, descending, nondimensional.
@@ -57,7 +54,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
     dict
         What ``low_noise.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE).varied(forcing={"amplitude": AMPLITUDE})
+    scene = load_scene("main").varied(forcing={"amplitude": AMPLITUDE})
     rows = []
     for diffusion in diffusions:
         begin = time.perf_counter()
@@ -129,13 +126,8 @@ def draw(path, values):
         right.set_title("(b) The last three meshes, by D")
 
 
-def main() -> int:
-    """Read the command line, run, print the rates."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=pathlib.Path, default="results/low_noise", help="folder (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=0.035, help="of the operators (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, tol=options.tol)
+def told(values):
+    """Print the rates."""
     for row in values["operator"]:
         meshes = ", ".join(f"{rate:.3g} ({unknowns:,})" for unknowns, rate in row["refinement"])
         print(f"D = {row['diffusion']:<7g} rate {row['escape_rate']:.4g} ± {100 * row['escape_error']:.1f} % "
@@ -143,9 +135,7 @@ def main() -> int:
     for one in values["splitting"]:
         rate = f"{one['rate']:.3g} ± {one['standard_error']:.1g}"
         print(f"D = {one['diffusion']:<7g} splitting {rate} ({one['wall_s']:.0f} s)")
-    print(f"Files in {options.out}: low_noise.png, low_noise.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/low_noise", "low_noise.png", "low_noise.json", told=told, tol="of the operators")

@@ -18,21 +18,16 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
 Files: ``attractor.png``, ``attractor.vtu``, ``attractor.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 from matplotlib.colors import PowerNorm
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.vtk import write_function
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 LONG = (1, 10, 100, 200, 1000, 10**4)
 FORGOTTEN = 100
 _STATE = {"xlabel": motion.ANGLE, "ylabel": motion.VELOCITY}
@@ -43,7 +38,7 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     tol : float
         Of the operator.
@@ -57,7 +52,7 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
     dict
         What ``attractor.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("main")
     operator = CycleOperator(scene, tol=tol)
     quiet = simulate(scene.varied(noise=NoNoise()), cycles=points + FORGOTTEN, realizations=1)
     ensemble = simulate(scene.white_equivalent(), cycles=cycles, realizations=realizations, seed=seed)
@@ -114,28 +109,29 @@ def _draw(path, operator, quiet, ensemble, outlook, notes):
         interval = ensemble.survival_interval()[shown]
         look = {"color": style.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}
         label = f"Monte Carlo of white noise, {ensemble.realizations:,} realizations"
-        error_bars(fourth, shown, ensemble.survival[shown], interval, label=label, **look)
+        style.error_bars(fourth, shown, ensemble.survival[shown], interval, label=label, **look)
         fourth.set(title="(d) Survival from rest, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
         fourth.set_yscale("log")
         fourth.legend()
 
 
-def main() -> int:
-    """Read the command line, run, print the long run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=pathlib.Path, default="results/attractor", help="folder (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-3, help="of the operator (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=100_000, help="of the ensemble (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.tol, options.realizations)
+def told(values):
+    """Print the long run."""
     print(f"Escape rate {values['escape_rate']:.6f} a cycle, relative error estimate {values['escape_error']:.1e}")
     print(f"Mean number of the cycle of overturning {values['mean_cycles']:.2f}")
     print(f"A start is forgotten by a factor e in {values['memory_cycles']:.2f} cycles")
     for cycles, (survival, error) in values["survival"].items():
         print(f"S({cycles}) = {survival:.6g} ± {error:.1e}")
-    print(f"Files in {options.out}: attractor.png, attractor.vtu, attractor.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/attractor",
+        "attractor.png",
+        "attractor.vtu",
+        "attractor.json",
+        told=told,
+        tol="of the operator",
+        realizations="of the ensemble",
+    )

@@ -16,11 +16,8 @@ Run time: half a minute on 2 cores, once the kernels are compiled.
 Files: ``overturning_spectrum.png``, ``overturning_spectrum.json`` (the least amplitudes).
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 from matplotlib.colors import ListedColormap
 
 from fpk_rocking import Block, NoNoise, Overturning, Pulse, Scene
@@ -99,7 +96,7 @@ def run(out) -> dict:
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
 
     Returns
@@ -107,7 +104,6 @@ def run(out) -> dict:
     dict
         What ``overturning_spectrum.json`` holds.
     """
-    out = pathlib.Path(out)
     modes, bounds = spectrum(FREQUENCIES, AMPLITUDES)
     draw(out / "overturning_spectrum.png", FREQUENCIES, AMPLITUDES, modes, bounds)
     with_impacts, without = (np.where(np.isnan(column), None, column).tolist() for column in bounds.T)
@@ -121,16 +117,5 @@ def run(out) -> dict:
     return values
 
 
-def main() -> int:
-    """Read the command line, run, say where the files are."""
-    parser = argparse.ArgumentParser(description="Overturning spectrum of one-sine pulses.")
-    out = "results/overturning_spectrum"
-    parser.add_argument("--out", type=pathlib.Path, default=out, help="folder (default: %(default)s)")
-    options = parser.parse_args()
-    run(options.out)
-    print(f"Files in {options.out}: overturning_spectrum.png, overturning_spectrum.json")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/overturning_spectrum", "overturning_spectrum.png", "overturning_spectrum.json")

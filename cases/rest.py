@@ -17,13 +17,11 @@ Run time: about six minutes on 2 cores, once the kernels are compiled; most of i
 Files: ``rest.png``, ``rest.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 import warnings
 
 import numpy as np
+from command import command
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density.memory.resolution import node_grid
@@ -34,7 +32,6 @@ from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output import motion, style, summary
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "rest.toml"
 CYCLES, STEPS, SHOWN = 10, 128, 3.5  # steps in a cycle that is looked into; standard deviations of the noise in (c)
 ANGLE_EDGES = np.linspace(-0.3, 0.3, 61)
 
@@ -44,7 +41,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     cycles : int
         Forcing cycles.
@@ -62,7 +59,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     dict
         What ``rest.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("rest")
     filtered = scene.filtered_equivalent()
     values = {"scene": scene.to_toml(), "filtered": filtered.to_toml(), "realizations": realizations}
     values["sampled"] = {name: _sampled(one, cycles, realizations, seed) for name, one in _noises(scene, filtered)}
@@ -175,21 +172,21 @@ def _by_noise(axes, inside):
     axes.legend(fontsize=9)
 
 
-def main() -> int:
-    """Read the command line, run, print survival."""
-    parser = argparse.ArgumentParser(description="A block that rests, under band, low-pass and white noise.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/rest", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=20_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the densities (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)
+def told(values):
+    """Print survival."""
     for kind in ("sampled", "solved"):
         for name, found in values[kind].items():
             print(f"{kind} {name}: survival {found['survival'][-1]:.4f}, at rest {found['at_rest'][-1]:.4f}")
-    print(f"Files in {options.out}: rest.png, rest.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/rest",
+        "rest.png",
+        "rest.json",
+        told=told,
+        realizations="of an ensemble",
+        tol="tolerance of the densities",
+        seed="of the ensembles",
+    )

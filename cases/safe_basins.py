@@ -20,19 +20,16 @@ Run time: about a minute on 2 cores, once the kernels are compiled.
 Files: ``basins.png``, ``basins.vtu`` (survival at the largest of the shown noises), ``basins.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
+from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, Start, load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.vtk import write_function
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 VARIANCES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.09, 0.16)
 SHOWN = (0.0025, 0.01, 0.04)
 HORIZONS = (10, 50)
@@ -47,7 +44,7 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     variances, shown : sequence of float
         σ² of the erosion curve and, three among them, of the maps; nondimensional.
@@ -63,7 +60,7 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
     dict
         What ``basins.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("main")
     rows, maps, mean = [], {}, None
     for variance in variances:
         operator = CycleOperator(scene.varied(noise={"variance": variance}), tol=tol)
@@ -165,21 +162,14 @@ def _erosion(axes, values):
     axes.set_ylim(bottom=0.0)
 
 
-def main() -> int:
-    """Read the command line, run, print the areas."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=pathlib.Path, default="results/basins", help="folder (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="of the operators (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, tol=options.tol)
+def told(values):
+    """Print the areas."""
     print("safe area after", values["cycles"], "cycles")
     print("without noise", [f"{area:.4f} ± {error:.4f}" for area, error in values["area_without_noise"]])
     for row in values["erosion"]:
         areas = ", ".join(f"{area:.4f} ± {error:.4f}" for area, error in zip(row["area"], row["error"], strict=True))
         print(f"σ² = {row['variance']:<7g} {areas}   escape rate {row['escape_rate']:.3g}")
-    print(f"Files in {options.out}: basins.png, basins.vtu, basins.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(run, "results/basins", "basins.png", "basins.vtu", "basins.json", told=told, tol="of the operators")

@@ -28,22 +28,18 @@ Run time: about five minutes on 2 cores, once the kernels are compiled; half of 
 Files: ``second_harmonic.png``, ``second_harmonic.json``.
 """
 
-import argparse
 import math
-import pathlib
-import sys
 
 import numpy as np
+from command import command
 from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo import overturning_rate, simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "second_harmonic.toml"
 PHASES = {"0": 0.0, "π/2": 0.5 * math.pi, "π": math.pi, "3π/2": 1.5 * math.pi}
 AMPLITUDES = tuple((0.125 * np.arange(17)).tolist())
 PARTS = 24
@@ -58,7 +54,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     amplitudes : sequence of float
         A₂, nondimensional.
@@ -76,7 +72,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
     dict
         What ``second_harmonic.json`` holds.
     """
-    out, scene, sampled = pathlib.Path(out), load_scene(SCENE), (realizations, seed)
+    scene, sampled = load_scene("second_harmonic"), (realizations, seed)
     circle = [2.0 * math.pi * part / parts for part in range(parts)]
     turned = [with_second(scene, scene.forcing.amplitudes[1], psi) for psi in circle]
     values = {
@@ -220,7 +216,7 @@ def _against_amplitude(axes, values):
     for found, colour in zip(values["phases"], style.COLOURS, strict=True):
         axes.plot(values["amplitudes"], found["survival"], color=colour)
         points = (values["amplitudes"], found["sampled_survival"], found["sampled_survival_interval"])
-        error_bars(axes, *points, color=colour)
+        style.error_bars(axes, *points, color=colour)
         place = (1.02 * values["amplitudes"][-1], found["survival"][-1])
         axes.text(*place, f" Ψ₂ = {found['phase']}", va="center", color=colour)
     axes.set(title=f"(b) From rest: survival after {values['cycles']} cycles", ylim=(0.0, 1.0))
@@ -237,7 +233,7 @@ def _shares(axes, found):
         axes.fill_between(phases, edge, border, color=style.COLOURS[k], **look)
         axes.plot(phases, border, color=style.COLOURS[k])
         limits = np.sort(edge + sign * interval[:, k], axis=1)
-        error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=style.COLOURS[k])
+        style.error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=style.COLOURS[k])
     middle = {"ha": "center", "va": "center"}
     axes.text(0.65 * math.pi, 0.85, "overturned to the right", **middle)
     axes.text(1.5 * math.pi, 0.5, "standing", **middle)
@@ -252,7 +248,7 @@ def _rates(axes, found):
         alone, flux_alone = found["rate_without"][k], found["flux_per_cycle_without"][k]
         axes.plot(phases, rate[:, k] / alone, color=colour, label=f"rate of overturning, {name}")
         axes.plot(phases, flux[:, k] / flux_alone, "--", color=colour, label=f"Melnikov flux, {name}")
-        error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
+        style.error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
     axes.set(title="(d) In the long run: each side over A₂ = 0", ylabel="ratio to A₂ = 0", ylim=(0.0, 4.3))
     axes.legend(loc="upper center", ncols=2, fontsize=9)
 
@@ -263,17 +259,8 @@ def _closed(column):
     return np.concatenate([column, column[:1] + (2.0 * math.pi if column.ndim == 1 else 0.0)])
 
 
-def main() -> int:
-    """Read the command line, run, print survival and rates."""
-    parser = argparse.ArgumentParser(description="Survival under a forcing with a second harmonic.")
-    parser.add_argument(
-        "--out", type=pathlib.Path, default="results/second_harmonic", help="folder (default: %(default)s)"
-    )
-    parser.add_argument("--realizations", type=int, default=20_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the densities (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)
+def told(values):
+    """Print survival and rates."""
     for found in values["phases"]:
         print(f"Ψ₂ = {found['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
         for row in zip(values["amplitudes"], found["survival"], found["sampled_survival"], strict=True):
@@ -282,9 +269,16 @@ def main() -> int:
     later = values["long_run"]
     for psi, rate, flux in zip(later["phases"], later["rate"], later["flux_per_cycle"], strict=True):
         print("  {:.3f}  {:.5f} {:.5f}  {:.4f} {:.4f}".format(psi / math.pi, *rate, *flux))
-    print(f"Files in {options.out}: second_harmonic.png, second_harmonic.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/second_harmonic",
+        "second_harmonic.png",
+        "second_harmonic.json",
+        told=told,
+        realizations="of an ensemble",
+        tol="tolerance of the densities",
+        seed="of the ensembles",
+    )

@@ -18,20 +18,15 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
 Files: ``restitution.png``, ``restitution.json``.
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import NoNoise, load_scene, solve_fpk
 from fpk_rocking.output import style, summary
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 RESTITUTIONS = tuple(np.round(np.linspace(0.5, 1.0, 21), 3).tolist())
 DENSITY_RESTITUTIONS = tuple(np.round(np.linspace(0.5, 1.0, 11), 2).tolist())
 CYCLES = (10, 20, 40)
@@ -48,7 +43,7 @@ def run(
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
     restitutions, density_restitutions : sequence of float
         e of the ensembles and of the densities.
@@ -62,7 +57,7 @@ def run(
     dict
         What ``restitution.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(SCENE)
+    scene = load_scene("main")
     sampled = {"cycles": max(CYCLES), "realizations": realizations, "seed": seed}
     ensembles = {band: [simulate(_varied(scene, e, band), **sampled) for e in restitutions] for band in BANDS}
     densities = []
@@ -146,7 +141,7 @@ def _both(axes, values, wedges=False):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
         x, shown, limits = np.array(values["restitutions"])[some], survival[some, column], interval[some, column]
-        error_bars(axes, x, shown, limits, color=colour)
+        style.error_bars(axes, x, shown, limits, color=colour)
         if wedges:
             look = {"color": colour, "markersize": 5}
             axes.plot(np.array(values["restitutions"])[~some], interval[~some, column, 1], "v", **look)
@@ -159,7 +154,7 @@ def _bands(axes, values):
     for found, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
         survival, limits = np.array(found["survival"])[:, column], np.array(found["interval"])[:, column]
         shape = {"marker": marker, "linestyle": "-", "linewidth": 0.8}
-        error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
+        style.error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
         _named_at_peak(axes, values["restitutions"], survival, f"band [0, {found['band'][1]:g}]", colour)
     axes.set(title=f"(c) Three noise bands, {COMPARED_AT} cycles", ylim=(-0.02, 1.02))
 
@@ -169,24 +164,24 @@ def _named_at_peak(axes, places, survival, text, colour):
     style.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
 
 
-def main() -> int:
-    """Read the command line, run, print the survival."""
-    parser = argparse.ArgumentParser(description="Survival against the restitution.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/restitution", help="folder (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=10_000, help="of an ensemble (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="tolerance of the densities (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the ensembles (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, realizations=options.realizations, tol=options.tol, seed=options.seed)
+def told(values):
+    """Print the survival."""
     ours = next(one for one in values["bands"] if one["band"][1] == OURS)
     known = {one["restitution"]: one["survival"] for one in values["density"]}
     print(f"e: survival after {values['cycles']} cycles, Monte Carlo | density; cycles stood without noise")
     for e, row, quiet in zip(values["restitutions"], ours["survival"], values["cycles_without_noise"], strict=True):
         density = "  ".join(f"{one:.5f}" for one in known.get(e, ()))
         print(f"{e:<6g}" + "  ".join(f"{one:.4f}" for one in row) + f" | {density:27} ; {quiet:.1f}")
-    print(f"Files in {options.out}: restitution.png, restitution.json")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/restitution",
+        "restitution.png",
+        "restitution.json",
+        told=told,
+        realizations="of an ensemble",
+        tol="tolerance of the densities",
+        seed="of the ensembles",
+    )

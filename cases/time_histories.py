@@ -20,11 +20,8 @@ Run time: about ten seconds on 2 cores, once the kernels are compiled.
 Files: ``histories.png``, ``histories.json``, ``histories.npz`` (read it with ``montecarlo.Histories.load``).
 """
 
-import argparse
-import pathlib
-import sys
-
 import numpy as np
+from command import command
 
 from fpk_rocking import load_scene
 from fpk_rocking.output import motion, summary
@@ -38,20 +35,19 @@ from montecarlo import (
     simulate,
 )
 
-SCENE = pathlib.Path(__file__).parent / "scenes" / "main.toml"
 SHOWN = 3
 RULES = ("clamped", "left out")
 
 
-def run(out, scene_file=SCENE, cycles=20, realizations=20_000, seed=1) -> dict:
+def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
     """Compute, draw and write everything.
 
     Parameters
     ----------
-    out : path
+    out : pathlib.Path
         Folder for the files; created if missing.
-    scene_file : path
-        The scene.
+    scene : str
+        Scene file, or name of a scene of the package.
     cycles, realizations, seed : int
         Of the ensemble and of each mean map; a fiftieth of the realizations, at least 200, tells the impact speeds.
 
@@ -60,7 +56,7 @@ def run(out, scene_file=SCENE, cycles=20, realizations=20_000, seed=1) -> dict:
     dict
         What ``histories.json`` holds.
     """
-    out, scene = pathlib.Path(out), load_scene(scene_file)
+    scene = load_scene(scene)
     few = histories(scene, cycles=cycles, realizations=SHOWN, seed=seed)
     few.save(out / "histories.npz")
     with reporting("ensemble") as progress:
@@ -109,22 +105,23 @@ def _listed(array) -> list:
     return np.where(np.isnan(array), None, array).tolist()
 
 
-def main() -> int:
-    """Read the command line, run, and say where the files are."""
-    parser = argparse.ArgumentParser(description="Time histories and what many of them have in common.")
-    parser.add_argument("--out", type=pathlib.Path, default="results/histories", help="folder (default: %(default)s)")
-    parser.add_argument("--scene", type=pathlib.Path, default=SCENE, help="scene file (default: the main scene)")
-    parser.add_argument("--cycles", type=int, default=20, help="forcing cycles (default: %(default)s)")
-    parser.add_argument("--realizations", type=int, default=20_000, help="of the ensemble (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of all (default: %(default)s)")
-    options = parser.parse_args()
-    values = run(options.out, options.scene, options.cycles, options.realizations, options.seed)
-    print(f"\nFiles in {options.out}: histories.png, histories.json, histories.npz")
+def told(values):
+    """Print how far maps of two seeds differ."""
     for rule, distances in values["restarts_differ_by"].items():
         worst = max((distance for distance in distances if distance is not None), default=0.0)
         print(f"Two seeds of the restarted map ({rule}) differ by up to {worst:.2g}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command(
+        run,
+        "results/histories",
+        "histories.png",
+        "histories.json",
+        "histories.npz",
+        told=told,
+        scene="scene file, or name of a scene of the package",
+        cycles="forcing cycles",
+        realizations="of the ensemble",
+        seed="of all",
+    )

@@ -17,7 +17,8 @@ import os
 import pathlib
 import sys
 
-from fpk_rocking.output.opengl import probe_rendering
+from opengl import probe_rendering
+
 from fpk_rocking.output.style import OVERTURNED, SURFACE
 
 _HEIGHT = 1.6

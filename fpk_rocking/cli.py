@@ -38,7 +38,86 @@ fpk-rocking COMMAND --help lists the options of a command
 """
 _PRINTED = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
 _SCENE = "scene file (TOML), or the name of a scene of the package"
-_CYCLES, _TOLERANCE, _REALIZATIONS, _SEED = 40, 1e-3, 10_000, 1
+_CYCLES, _REALIZATIONS = 40, 10_000
+
+
+def _value(metavar, text, kind=None, **more):
+    """Return what argparse is told of an option with a value."""
+    return {"metavar": metavar, "type": kind, "help": text} | more
+
+
+_ROWS = {
+    "--cycles": _value("N", f"forcing cycles (default {_CYCLES})", int),
+    "--times": _value(
+        "T",
+        "for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its end)",
+        float,
+        nargs="+",
+    ),
+}
+_SHOWN = {
+    "--report": _value(
+        "FILE", "HTML file to write: numbers, verdict, pictures and the density after every cycle", pathlib.Path
+    ),
+    "--json": {"action": "store_true", "help": "print one JSON object instead of a table"},
+}
+_SEEDED = {"--seed": _value("N", "seed of the random numbers (default 1)", int)}
+_DENSITY = {
+    "--tol": _value("X", "error of survival that the density solver aims at (default 0.001)", float),
+    "--bins-tol": _value(
+        "X",
+        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; inf: any)",
+        float,
+    ),
+    "--closure": _value(
+        "NAME", "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
+    ),
+    "--no-check": {
+        "action": "store_true",
+        "default": None,
+        "help": "where the density solver replaces noise, do not sample the noise of the scene beside it",
+    },
+}
+_ENSEMBLE = {
+    "--realizations": _value("N", f"number of paths (default {_REALIZATIONS:,}, or 1 where nothing is random)", int),
+    **_SEEDED,
+    "--method": _value(
+        "NAME",
+        "for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other noise by "
+        "white noise; filtered, which replaces band noise by low-pass noise (default: exact, white or filtered, "
+        "whichever fits the noise)",
+    ),
+    "--steps-per-cycle": _value("N", "time steps in a forcing cycle (default 200; the method exact takes none)", int),
+    "--tally": {
+        "action": "store_true",
+        "default": None,
+        "help": "keep survival, histograms and moments alone, which takes little memory for any number of paths",
+    },
+    "--checkpoint": _value(
+        "FILE",
+        "with --tally: file that keeps the state of the run; where it exists, the run goes on from it",
+        pathlib.Path,
+    ),
+}
+_FRAGILITY = {
+    "--engine": _value(
+        "NAME", "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
+    ),
+    "--levels": _value(
+        "LIST", "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
+    ),
+    "--over": _value("NAME=LIST", "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"),
+    "--keep-noise": {"action": "store_true", "help": "scale the forcing alone and keep the noise as it is"},
+    "--realizations": _value("N", f"number of paths at each scale (default {_REALIZATIONS:,})", int),
+    "--tol": _value("X", "error that the engine density aims at (default 0.01)", float),
+    **_SEEDED,
+    "--workers": _value(
+        "N", "worker processes, one processor each (default 1: this process alone, on all processors)", int
+    ),
+    "--store": _value(
+        "FILE", "file that keeps the points as they come; where it exists, the run goes on from it", pathlib.Path
+    ),
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -103,123 +182,55 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def command(name, does):
-        return commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {_PRINTED}")
+    def command(name, run, does, told="", **options):
+        made = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {told}")
+        for flag, how in options.items():
+            made.add_argument(flag, **how)
+        made.set_defaults(run=run)
 
-    fpk = command("fpk", "probability density by finite elements (Fokker-Planck equation)")
-    fpk.add_argument("scene", metavar="SCENE", help=_SCENE)
-    _add_common(fpk, "result.npz, summary.json and a VTK series jpdf.pvd")
-    _add_density(fpk)
-    fpk.set_defaults(run=_fpk)
+    def common(files):
+        return _ROWS | {"--out": _value("DIR", f"folder for files: {files}", pathlib.Path)} | _SHOWN
 
-    mc = command("mc", "Monte Carlo simulation of many realizations")
-    mc.add_argument("scene", metavar="SCENE", help=_SCENE)
-    _add_common(mc, "result.npz and summary.json")
-    _add_ensemble(mc)
-    mc.set_defaults(run=_mc)
-
-    both = command("compare", "both engines on one scene, or two saved results, side by side")
+    scene = {"scene": _value("SCENE", _SCENE)}
+    does = "probability density by finite elements (Fokker-Planck equation)"
+    files = common("result.npz, summary.json and a VTK series jpdf.pvd")
+    command("fpk", _fpk, does, _PRINTED, **scene, **files, **_DENSITY)
+    does, files = "Monte Carlo simulation of many realizations", common("result.npz and summary.json")
+    command("mc", _mc, does, _PRINTED, **scene, **files, **_ENSEMBLE)
     inputs = "a scene (file or name) to solve by both engines, or two saved results (.npz)"
-    both.add_argument("inputs", metavar="FILE", nargs="+", help=inputs)
-    _add_common(both, "summary.json, survival.png and, of a scene, density.npz and ensemble.npz")
-    _add_density(both)
-    _add_ensemble(both)
-    both.set_defaults(run=_compare)
-
-    _add_fragility(commands)
+    does = "both engines on one scene, or two saved results, side by side"
+    files = common("summary.json, survival.png and, of a scene, density.npz and ensemble.npz")
+    several = {"inputs": _value("FILE", inputs, nargs="+")}
+    command("compare", _compare, does, _PRINTED, **several, **files, **_DENSITY, **_ENSEMBLE)
+    scenes = {"scenes": _value("SCENE", f"{_SCENE}; several give a curve each", nargs="+")}
+    scales = "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"
+    scenes["--scales"] = _value("LIST", scales, required=True)
+    does = "probability of overturning against the scale of the shaking, with a lognormal fit"
+    files = common("result.npz, summary.json, fragility.csv and fragility.png")
+    command("fragility", _fragility, does, **scenes, **files, **_FRAGILITY)
     does = "compile all engines for this machine now, so that no first run has to wait for it"
-    warmup = commands.add_parser("warmup", help=does, description=f"{does[0].upper()}{does[1:]}.")
-    warmup.set_defaults(run=_warmup)
+    command("warmup", _warmup, does)
     return parser
 
 
-def _add_fragility(commands):
-    does = "probability of overturning against the scale of the shaking, with a lognormal fit"
-    parser = commands.add_parser("fragility", help=does, description=f"{does[0].upper()}{does[1:]}.")
-    parser.add_argument("scenes", metavar="SCENE", nargs="+", help=f"{_SCENE}; several give a curve each")
-    scales = "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"
-    parser.add_argument("--scales", metavar="LIST", required=True, help=scales)
-    _add_common(parser, "result.npz, summary.json, fragility.csv and fragility.png")
-    engine = "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
-    parser.add_argument("--engine", metavar="NAME", help=engine)
-    levels = "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
-    parser.add_argument("--levels", metavar="LIST", help=levels)
-    over = "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"
-    parser.add_argument("--over", metavar="NAME=LIST", help=over)
-    kept = "scale the forcing alone and keep the noise as it is"
-    parser.add_argument("--keep-noise", action="store_true", help=kept)
-    parser.add_argument(
-        "--realizations", type=int, metavar="N", help=f"number of paths at each scale (default {_REALIZATIONS:,})"
-    )
-    parser.add_argument("--tol", type=float, metavar="X", help="error that the engine density aims at (default 0.01)")
-    parser.add_argument("--seed", type=int, metavar="N", help=f"seed of the random numbers (default {_SEED})")
-    workers = "worker processes, one processor each (default 1: this process alone, on all processors)"
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help=workers)
-    store = "file that keeps the points as they come; where it exists, the run goes on from it"
-    parser.add_argument("--store", type=pathlib.Path, metavar="FILE", help=store)
-    parser.set_defaults(run=_fragility)
-
-
-def _add_common(parser, files):
-    parser.add_argument("--cycles", type=int, metavar="N", help=f"forcing cycles (default {_CYCLES})")
-    times = "for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its end)"
-    parser.add_argument("--times", type=float, nargs="+", metavar="T", help=times)
-    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help=f"folder for files: {files}")
-    report = "HTML file to write: numbers, verdict, pictures and the density after every cycle"
-    parser.add_argument("--report", type=pathlib.Path, metavar="FILE", help=report)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-
-
-def _add_density(parser):
-    aim = f"error of survival that the density solver aims at (default {_TOLERANCE:g})"
-    parser.add_argument("--tol", type=float, metavar="X", help=aim)
-    aim = "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; inf: any)"
-    parser.add_argument("--bins-tol", type=float, metavar="X", help=aim)
-    stands = "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
-    parser.add_argument("--closure", metavar="NAME", help=stands)
-    unchecked = "where the density solver replaces noise, do not sample the noise of the scene beside it"
-    parser.add_argument("--no-check", action="store_true", default=None, help=unchecked)
-
-
-def _add_ensemble(parser):
-    paths = f"number of paths (default {_REALIZATIONS:,}, or 1 where nothing is random)"
-    parser.add_argument("--realizations", type=int, metavar="N", help=paths)
-    parser.add_argument("--seed", type=int, metavar="N", help=f"seed of the random numbers (default {_SEED})")
-    parser.add_argument(
-        "--method",
-        metavar="NAME",
-        help="for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other noise by "
-        "white noise; filtered, which replaces band noise by low-pass noise (default: exact, white or filtered, "
-        "whichever fits the noise)",
-    )
-    steps = "time steps in a forcing cycle (default 200; the method exact takes none)"
-    parser.add_argument("--steps-per-cycle", type=int, metavar="N", help=steps)
-    counts = "keep survival, histograms and moments alone, which takes little memory for any number of paths"
-    parser.add_argument("--tally", action="store_true", default=None, help=counts)
-    checkpoint = "with --tally: file that keeps the state of the run; where it exists, the run goes on from it"
-    parser.add_argument("--checkpoint", type=pathlib.Path, metavar="FILE", help=checkpoint)
-
-
 def _fpk(options):
-    from fpk_rocking.compare import shown_cycles
-    from fpk_rocking.output import summary, tables, vtk
-
-    result = _checked(options, _solved(options, _scene(options.scene)))
-    values = summary.result_summary(result)
-    if options.out:
-        result.save(options.out / "result.npz")
-        vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(len(result.times) - 1)}))
-        summary.write_summary(options.out / "summary.json", values)
-    _print(options, result, values, lambda: tables.result_table(result), [result])
+    _finish(options, _checked(options, _solved(options, _scene(options.scene))))
 
 
 def _mc(options):
-    from fpk_rocking.output import summary, tables
+    _finish(options, _simulated(options, _scene(options.scene)))
 
-    result = _simulated(options, _scene(options.scene))
+
+def _finish(options, result):
+    """Save and print the result of one engine, of a density its VTK series too."""
+    from fpk_rocking.compare import shown_cycles
+    from fpk_rocking.output import summary, tables, vtk
+
     values = summary.result_summary(result)
     if options.out:
         result.save(options.out / "result.npz")
+        if result.realizations is None:
+            vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(len(result.times) - 1)}))
         summary.write_summary(options.out / "summary.json", values)
     _print(options, result, values, lambda: tables.result_table(result), [result])
 
@@ -259,20 +270,16 @@ def _fragility(options):
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: _numbers("--over", values)}
-    own = {"realizations": options.realizations, "tol": options.tol, "seed": options.seed}
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
             scale=_numbers("--scales", options.scales),
             **_rows(options, scenes[0]),
-            engine=options.engine,
             levels=_numbers("--levels", options.levels) if options.levels else (),
             over=over,
             scale_noise=not options.keep_noise,
-            workers=options.workers,
-            store=options.store,
             progress=progress,
-            **{name: value for name, value in own.items() if value is not None},
+            **_given(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
     values = result.summary()
     if options.out:
@@ -324,16 +331,9 @@ def _solved(options, scene):
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.progress import reporting
 
-    tolerance = _or(options.tol, _TOLERANCE)
+    own = _rows(options, scene) | _given(options, "tol", "bins_tol", "closure")
     with reporting("density") as progress:
-        return solve_fpk(
-            scene,
-            **_rows(options, scene),
-            tol=tolerance,
-            bins_tol=options.bins_tol,
-            closure=_or(options.closure, "white"),
-            progress=progress,
-        )
+        return solve_fpk(scene, progress=progress, **own)
 
 
 def _checked(options, density, beside=None):
@@ -351,10 +351,12 @@ def _checked(options, density, beside=None):
 
 def _rows(options, scene):
     """Return the cycles or the times that are asked for; without either, the default ones."""
-    rows = {"times": options.times} if options.times is not None else {}
-    if options.cycles is not None or (scene.period is not None and not rows):
-        rows["cycles"] = _or(options.cycles, _CYCLES)
-    return rows
+    return _given(options, "cycles", "times") or ({} if scene.period is None else {"cycles": _CYCLES})
+
+
+def _given(options, *names):
+    """Return those of some options that were given, by name."""
+    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
 def _simulated(options, scene):
@@ -365,17 +367,11 @@ def _simulated(options, scene):
         scene = scene.white_equivalent()
     if options.method == "filtered":
         scene = scene.filtered_equivalent()
-    own = {"steps_per_cycle": options.steps_per_cycle, "checkpoint": options.checkpoint}
+    own = {} if scene.deterministic else {"realizations": _REALIZATIONS}
+    own |= _rows(options, scene)
+    own |= _given(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
     with reporting("Monte Carlo") as progress:
-        return (tally if options.tally else simulate)(
-            scene,
-            **_rows(options, scene),
-            realizations=_or(options.realizations, None if scene.deterministic else _REALIZATIONS),
-            seed=_or(options.seed, _SEED),
-            method=options.method,
-            progress=progress,
-            **{name: value for name, value in own.items() if value is not None},
-        )
+        return (tally if options.tally else simulate)(scene, progress=progress, **own)
 
 
 def _loaded(options) -> list:
@@ -383,32 +379,15 @@ def _loaded(options) -> list:
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
-    for name in (
-        "cycles",
-        "times",
-        "tol",
-        "bins_tol",
-        "closure",
-        "no_check",
-        "realizations",
-        "seed",
-        "method",
-        "steps_per_cycle",
-        "tally",
-        "checkpoint",
-    ):
-        if getattr(options, name) is not None:
-            raise ValueError(f"--{name.replace('_', '-')}: has no effect on saved results, accepted: with a scene file")
+    for flag in _ROWS | _DENSITY | _ENSEMBLE:
+        if _given(options, flag.removeprefix("--").replace("-", "_")):
+            raise ValueError(f"{flag}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}
     for path in options.inputs:
         if result_kind(path) not in kinds:
             accepted = " or ".join(map(repr, kinds))
             raise ValueError(f"{path}: got a saved result of kind {result_kind(path)!r}, accepted: {accepted}")
     return [kinds[result_kind(path)].load(path) for path in options.inputs]
-
-
-def _or(value, default):
-    return default if value is None else value
 
 
 def _print(options, result, values, table, films=()):

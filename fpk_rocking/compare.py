@@ -5,7 +5,7 @@ The results may come from any engine, live or loaded from disk: a density, a Mon
 
 import dataclasses
 import math
-import numbers
+import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,6 +20,7 @@ from fpk_rocking.results.layout import plain
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Result, interval_of
 from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.times import when
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Doubt, Trust, verdict
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
@@ -143,13 +144,15 @@ class Comparison(Shown):
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables: dict[str, Any] = {
-            name: ("cycle", getattr(self, name)) for name in ("difference", "standard_error", "z")
+        variables = {
+            "difference": ("cycle", self.difference),
+            "standard_error": ("cycle", self.standard_error),
+            "z": ("cycle", self.z),
+            "survival": (("cycle", "result"), self.survival),
+            "interval": (("cycle", "result", "limit"), self.interval),
+            "leakage": (("during", "result", "side"), self.leakage),
+            **{name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES},
         }
-        variables |= {"survival": (("cycle", "result"), self.survival)}
-        variables |= {"interval": (("cycle", "result", "limit"), self.interval)}
-        variables |= {"leakage": (("during", "result", "side"), self.leakage)}
-        variables |= {name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES}
         places = {"cycle": self.cycles, "during": self.cycles[1:], "joint_cycle": self.joint_cycles}
         return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
 
@@ -203,11 +206,13 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     TypeError
         A cycle is not a whole number.
     """
+    both, cycles = (first, second), min(len(first.times), len(second.times)) - 1
+    kept = slice(0, cycles + 1)
     _same_problem(first.scene, second.scene)
-    cycles = min(len(first.times), len(second.times)) - 1
-    _same_times(first.times, second.times)
+    # Of whole cycles the fewer are a part of the more.
+    if not np.allclose(first.times[kept], second.times[kept], rtol=1e-12, atol=0.0):
+        raise ValueError("times: got other times in the second result, accepted: two results for the same times")
     joint_cycles = _joint_cycles(joint_cycles, cycles)
-    both, kept = (first, second), slice(0, cycles + 1)
     counts = _count(first), _count(second)
     sizes = [float(count or math.inf) for count in counts]
     survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
@@ -254,37 +259,19 @@ def shown_cycles(cycles: int) -> list[int]:
 
 
 def _same_problem(first, second):
-    parts = {
-        "block.restitution": lambda scene: scene.block.restitution,
-        "forcing": lambda scene: scene.forcing,
-        "start": lambda scene: scene.start,
-        "overturning": lambda scene: scene.overturning,
-    }
-    for name, part in parts.items():
-        if part(first) != part(second):
+    for name in ("block.restitution", "forcing", "start", "overturning"):
+        one, other = map(operator.attrgetter(name), (first, second))
+        if one != other:
             raise ValueError(
-                f"{name}: got {part(first)} in the first result and {part(second)} in the second, "
+                f"{name}: got {one} in the first result and {other} in the second, "
                 "accepted: two results whose scenes differ in the noise alone"
             )
-
-
-def _same_times(first, second):
-    """Refuse results at other times; of whole cycles the fewer are a part of the more."""
-    common = min(len(first), len(second))
-    if not np.allclose(first[:common], second[:common], rtol=1e-12, atol=0.0):
-        raise ValueError("times: got other times in the second result, accepted: two results for the same times")
 
 
 def _joint_cycles(asked: Sequence[int] | None, cycles: int) -> list[int]:
     if asked is None:
         return shown_cycles(cycles)
-    accepted = f"whole numbers from 0 to {cycles}, the cycles that both results have"
-    for cycle in asked:
-        if isinstance(cycle, bool) or not isinstance(cycle, numbers.Integral):
-            raise TypeError(checks.refusal("joint_cycles", cycle, accepted))
-        if not 0 <= cycle <= cycles:
-            raise ValueError(checks.refusal("joint_cycles", cycle, accepted))
-    return [int(cycle) for cycle in asked]
+    return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in asked]
 
 
 def _joint(both, sizes, cycle, edges):
@@ -342,8 +329,7 @@ def _trust(both, difference, standard_error):
     what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(standard_error.any())
     what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
     rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
-    when = f"at τ = {both[0].times[row]:.4g}" if both[0].cycles is None else f"after {row} cycle{'s' * (row != 1)}"
-    sentence = f"Survival differs by {apart[row]:.2g} {when}"
+    sentence = f"Survival differs by {apart[row]:.2g} {'at ' * (both[0].cycles is None)}{when(both[0], row)}"
     if standard_error[row] > 0.0:
         sentence += f" ({apart[row] / standard_error[row]:.1f} standard errors)"
     beyond = float((apart - accepted).max())

@@ -63,8 +63,7 @@ def tally(
     """
     started = time.perf_counter()
     run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
-    if run.realizations > LARGEST:
-        raise ValueError(checks.refusal("realizations", run.realizations, f"a whole number from 1 to {LARGEST}"))
+    checks.count("realizations", run.realizations, at_most=LARGEST)
     angles, velocities = joint_edges(scene)
     edges = _edges("angle_edges", angle_edges, angles), _edges("velocity_edges", velocity_edges, velocities)
     _check_size(run, edges)

@@ -5,6 +5,7 @@ needs the same kernels a little later: who comes second waits for the lock of a 
 (`base.jit`). Helpers say nothing, and end with the process that started them.
 """
 
+import contextlib
 import multiprocessing
 import os
 import pathlib
@@ -145,9 +146,7 @@ def _done(task):
 
 
 def _note(task):
-    try:
+    with contextlib.suppress(OSError):
         place = _place(task)
         place.parent.mkdir(parents=True, exist_ok=True)
         place.touch()
-    except OSError:
-        pass

@@ -10,6 +10,8 @@ import numbers
 import os
 import pathlib
 
+import numpy as np
+
 _LONGEST = 500
 
 
@@ -65,22 +67,41 @@ def number(name, value, *, at_least=None, above=None, at_most=None):
     return converted
 
 
-def count(name, value, at_least=1):
-    """Return an int that is at least 1, or another bound.
+def part(name, value):
+    """Return a float between 0 and 1, neither of them, or raise TypeError or ValueError."""
+    found = number(name, value, above=0.0)
+    if found >= 1.0:
+        raise ValueError(refusal(name, value, "a number above 0 and below 1"))
+    return found
+
+
+def count(name, value, at_least=1, at_most=None):
+    """Return an int that is at least 1, or within other bounds.
 
     Raises
     ------
     TypeError
         The value is not an integer (a bool and 100.0 are not).
     ValueError
-        The value is less than the bound.
+        The value is out of bounds.
     """
-    accepted = f"a whole number >= {at_least}"
+    accepted = f"a whole number {f'>= {at_least}' if at_most is None else f'from {at_least} to {at_most}'}"
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise TypeError(refusal(name, value, accepted))
-    if value < at_least:
+    if value < at_least or (at_most is not None and value > at_most):
         raise ValueError(refusal(name, value, accepted))
     return int(value)
+
+
+def array(name, value, accepted):
+    """Return an array of floats, or raise TypeError where one is no real number; `accepted` completes the message."""
+    try:
+        found = np.asarray(value)
+    except ValueError:
+        raise TypeError(refusal(name, value, accepted)) from None
+    if found.dtype.kind not in "fiu":
+        raise TypeError(refusal(name, value, accepted))
+    return found.astype(float)
 
 
 def several(name, value, *, most, **bounds):

@@ -149,21 +149,19 @@ class CycleOperator(Shown, LinearOperator):
 
     def columns(self) -> dict[str, Array]:
         """Table of the leading eigenvalues: arrays by column name."""
-        parts = {"real": self.eigenvalues.real, "imaginary": self.eigenvalues.imag}
-        return {"mode": np.arange(len(self.eigenvalues)), "modulus": np.abs(self.eigenvalues)} | parts
+        found = self.eigenvalues
+        return {"mode": np.arange(len(found)), "modulus": np.abs(found), "real": found.real, "imaginary": found.imag}
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Eigenvalues and binned quasi-stationary density: arrays with named dimensions, and their coordinates."""
         edges = self._shown_edges()
-        middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
-        variables: dict[str, Any] = {
-            name: ("mode", values) for name, values in self.columns().items() if name != "mode"
+        angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
+        variables = {
+            **{name: ("mode", values) for name, values in self.columns().items() if name != "mode"},
+            "leakage": ("side", self.leakage),
+            "bin_probability": (("bin_angle", "bin_velocity"), self.quasi_stationary.bin_probabilities(*edges)),
         }
-        variables |= {"leakage": ("side", self.leakage)}
-        variables |= {
-            "bin_probability": (("bin_angle", "bin_velocity"), self.quasi_stationary.bin_probabilities(*edges))
-        }
-        return variables, {"side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
+        return variables, {"side": ["left", "right"], "bin_angle": angle, "bin_velocity": velocity}
 
     def plot(self) -> Any:
         """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib figure."""

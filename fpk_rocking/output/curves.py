@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 from fpk_rocking.base.types import File
 from fpk_rocking.compare import compare
 from fpk_rocking.output import style
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Result, label_of
 from fpk_rocking.results.times import shown_times, time_name
@@ -85,7 +84,7 @@ def _survival(axes, result, label, colour, marker):
     if result.deterministic:
         axes.plot(cycles, survival, **_points(marker) | look)
         return
-    error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
+    style.error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
 
 
 def _difference(axes, comparison, times, place):

@@ -7,7 +7,6 @@ import numpy as np
 
 from fpk_rocking.base.types import File
 from fpk_rocking.output import style
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import label_of
 
@@ -120,5 +119,5 @@ def _means(axes, maps, column):
 def _bars(axes, histogram, title, label):
     middles = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
     axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
-    error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")
+    style.error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")
     axes.set(title=title, xlabel=label, ylim=(0.0, None), xlim=(histogram.edges[0], histogram.edges[-1]))

@@ -16,7 +16,7 @@ from fpk_rocking.results.pictures import edges_of
 from fpk_rocking.results.result import label_of
 from fpk_rocking.results.shown import picture_html, trust_html
 from fpk_rocking.results.storage import write_text
-from fpk_rocking.results.times import shown_times
+from fpk_rocking.results.times import when
 
 __all__ = ["write_report"]
 
@@ -130,7 +130,7 @@ def _film(results):
     first = results[0]
     standing = np.flatnonzero(np.asarray(first.survival)[rows] > 1e-3)
     return {
-        "when": [_when(first, time) for time in shown_times(first)[rows].tolist()],
+        "when": [when(first, row) for row in rows],
         "angle": edges[0].tolist(),
         "velocity": edges[1].tolist(),
         "most": most.tolist(),
@@ -139,10 +139,6 @@ def _film(results):
         "overturned": OVERTURNED,
         "films": lists,
     }
-
-
-def _when(result, time):
-    return f"τ = {time:.4g}" if result.cycles is None else f"after {time:g} cycle{'s' * (time != 1)}"
 
 
 def _film_html(film):

@@ -4,10 +4,12 @@ import contextlib
 import pathlib
 import textwrap
 
+import numpy as np
+
 from fpk_rocking.base.look import COLOURS, OVERTURNED, SURFACE, drawing
 from fpk_rocking.results.storage import replaced_atomically
 
-__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "named", "page", "save", "shades"]
+__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "error_bars", "named", "page", "save", "shades"]
 
 _NOTE_WIDTH = 13.0  # letters an inch
 
@@ -61,6 +63,25 @@ def named(axes, text, point, colour, offset=(5.0, -3.0), **look):
         As ``axes.annotate`` takes it.
     """
     axes.annotate(text, point, xytext=offset, textcoords="offset points", color=colour, **look)
+
+
+def error_bars(axes, x, values, interval, **look):
+    """Draw values with the limits of their intervals.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    x, values : array_like, shape (n,)
+    interval : array_like, shape (n, 2)
+        Lower and upper limits.
+    **look
+        Colour, label and marker, as ``axes.errorbar`` takes them; open circles without a line by default.
+    """
+    values, (low, high) = np.asarray(values), np.asarray(interval).T
+    # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
+    bars = np.maximum([values - low, high - values], 0.0)
+    shape = {"marker": "o", "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none", "elinewidth": 1.2}
+    axes.errorbar(x, values, bars, **(shape | look))
 
 
 def save(figure, path) -> pathlib.Path:

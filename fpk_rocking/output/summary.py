@@ -31,16 +31,12 @@ def result_summary(result) -> dict:
     """
     common = {
         "noise": noise_text(result.scene.noise),
-        **_counted(result),
+        **({"times": result.times.tolist()} if result.cycles is None else {"cycles": int(result.cycles)}),
         "survival": np.asarray(result.survival).tolist(),
         "overturned": np.asarray(result.overturned).tolist(),
         "wall_s": float(result.wall_s),
     }
     return common | result.facts | {"trust": result.trust.plain, "remarks": list(remarks(result))}
-
-
-def _counted(result):
-    return {"times": np.asarray(result.times).tolist()} if result.cycles is None else {"cycles": int(result.cycles)}
 
 
 def write_summary(path, values):

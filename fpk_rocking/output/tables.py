@@ -1,7 +1,9 @@
 """Results as tables on standard output."""
 
 import math
+from collections.abc import Iterable, Sequence
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -10,9 +12,11 @@ from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import interval_of, label_of
 from fpk_rocking.results.times import shown_times
 
-__all__ = ["comparison_table", "result_table", "show", "told"]
+__all__ = ["comparison_table", "result_table", "show", "text_table", "told"]
 
 _NARROWEST = 100
+_INTERVAL = "95 % interval"
+_SIDES = {"result": "left", _INTERVAL: "center", "95 %": "center", "± estimate": "center"}
 
 
 def show(title, table, sentences):
@@ -28,25 +32,21 @@ def show(title, table, sentences):
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     """Return title, table and closing sentences for survival and overturned probability after each cycle or time."""
-    table = _table()
-    table.add_column("τ" if result.cycles is None else "cycles", justify="right")
-    table.add_column("survival", justify="right")
+    left, right = np.transpose(result.overturned)
+    columns = {
+        "τ" if result.cycles is None else "cycles": [f"{time:g}" for time in shown_times(result)],
+        "survival": [f"{value:.5f}" for value in result.survival],
+    }
     interval = interval_of(result)
     if interval is not None:
-        table.add_column("95 % interval", justify="center")
-    total = result.total_error if result.replacement is not None else None
-    if total is not None:
-        table.add_column("total ±", justify="right")
-    table.add_column("overturned left", justify="right")
-    table.add_column("overturned right", justify="right")
-    shown = [f"{time:g}" for time in shown_times(result)]
-    for cycle, (left, right) in enumerate(result.overturned):
-        limits = [] if interval is None else [_limits(interval[cycle], 5)]
-        limits += [] if total is None else [f"{total[cycle, 0]:.5f}"]
-        table.add_row(shown[cycle], f"{result.survival[cycle]:.5f}", *limits, f"{left:z.5f}", f"{right:z.5f}")
+        columns[_INTERVAL] = [_limits(limits, 5) for limits in interval]
+    if result.replacement is not None:
+        columns["total ±"] = [f"{error:.5f}" for error in result.total_error[:, 0]]
+    columns["overturned left"] = [f"{value:z.5f}" for value in left]
+    columns["overturned right"] = [f"{value:z.5f}" for value in right]
     return (
         f"{label_of(result)}: {noise_text(result.scene.noise)}{', ' * result.deterministic}{result.outcome}",
-        table,
+        text_table(columns, zip(*columns.values(), strict=True)),
         told(result.trust, result.account, *remarks(result)),
     )
 
@@ -66,25 +66,8 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
         For each cycle one row for the reference and one for each result held against it.
     sentences : tuple of str
     """
-    table = _table()
-    table.add_column("cycles", justify="right")
-    table.add_column("result")
-    table.add_column("survival", justify="right")
-    table.add_column("95 % interval", justify="center")
-    table.add_column("z", justify="right")
-    table.add_column("L1 (floor)", justify="right")
-    table.add_column("Hellinger (floor)", justify="right")
-    for place, cycle in enumerate(comparisons[0].joint_cycles):
-        table.add_row(str(cycle), *_survival(comparisons[0], cycle, 1), "", "", "")
-        for compared in comparisons:
-            table.add_row(
-                "",
-                *_survival(compared, cycle, 0),
-                "" if math.isnan(compared.z[cycle]) else f"{compared.z[cycle]:+.1f}",
-                f"{compared.l1[place]:.4f} ({compared.l1_floor[place]:.4f})",
-                f"{compared.hellinger[place]:.4f} ({compared.hellinger_floor[place]:.4f})",
-            )
-        table.add_section()
+    names = "cycles", "result", "survival", _INTERVAL, "z", "L1 (floor)", "Hellinger (floor)"
+    table = text_table(names, *(_compared(comparisons, *place) for place in enumerate(comparisons[0].joint_cycles)))
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
     note = (
@@ -99,13 +82,37 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
     return title, table, said
 
 
+def _compared(comparisons, place, cycle):
+    """Rows of one cycle: the reference, and below it each result held against it."""
+    yield str(cycle), *_survival(comparisons[0], cycle, 1), "", "", ""
+    for compared in comparisons:
+        yield (
+            "",
+            *_survival(compared, cycle, 0),
+            "" if math.isnan(compared.z[cycle]) else f"{compared.z[cycle]:+.1f}",
+            f"{compared.l1[place]:.4f} ({compared.l1_floor[place]:.4f})",
+            f"{compared.hellinger[place]:.4f} ({compared.hellinger_floor[place]:.4f})",
+        )
+
+
 def told(trust, *sentences) -> tuple[str, ...]:
     """Return the verdict, and below it those sentences that are no reason of it."""
     return str(trust), *(sentence for sentence in sentences if sentence not in trust.reasons)
 
 
-def _table() -> Table:
-    return Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
+    """Return a table of texts below the names of its columns, with a line between groups of rows.
+
+    Numbers stand to the right, their intervals in the middle, names of results to the left.
+    """
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    for name in names:
+        table.add_column(name, justify=_SIDES.get(name, "right"))
+    for rows in groups:
+        for row in rows:
+            table.add_row(*row)
+        table.add_section()
+    return table
 
 
 def _sizes(comparisons) -> list[str]:

@@ -53,9 +53,7 @@ def write_series(folder: File, name: str, result: Result, cycles: Sequence[int])
     pathlib.Path
         The .pvd file, which lists the others. It is written last.
     """
-    folder = pathlib.Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    entries = []
+    folder, entries = pathlib.Path(folder), []
     for cycle in cycles:
         file = folder / f"{name}_{cycle:04d}.vtu"
         _write_mesh(file, _mesh(result, cycle), _fields(result, cycle))
@@ -82,8 +80,6 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
     pathlib.Path
         The file written.
     """
-    file = pathlib.Path(file)
-    file.parent.mkdir(parents=True, exist_ok=True)
     pieces = max(function.degree, 1)
     lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in function.mesh_lines]
     points, quads = _lattice_mesh(*lines)
@@ -92,7 +88,7 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
     values = np.ascontiguousarray(function.cell_values(pieces + 1)).ravel()
     with replaced_atomically(file) as temporary:
         meshio.Mesh(points, [("quad", quads)], point_data={name: values}).write(temporary, file_format="vtu")
-    return file
+    return pathlib.Path(file)
 
 
 def _mesh(result, cycle):

@@ -36,16 +36,11 @@ def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
         Fewer than two edges, or they are nan, infinite against the rule, or do not ascend.
     """
     accepted = f"two or more {'finite ' if finite else ''}numbers in ascending order"
-    try:
-        edges = np.asarray(value)
-    except ValueError:
-        raise TypeError(checks.refusal(name, value, accepted)) from None
-    if edges.dtype.kind not in "fiu":
-        raise TypeError(checks.refusal(name, value, accepted))
+    edges = checks.array(name, value, accepted)
     ascending = edges.ndim == 1 and edges.size >= 2 and np.all(edges[:-1] < edges[1:])
     if not ascending or (finite and not np.isfinite(edges).all()):
         raise ValueError(checks.refusal(name, value, accepted))
-    return edges.astype(float)
+    return edges
 
 
 def centred_edges(low: float, high: float, count: int) -> Array:

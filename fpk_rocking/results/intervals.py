@@ -28,12 +28,9 @@ def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.
     TypeError, ValueError
         The level is not a number above 0 and below 1.
     """
-    level = checks.number("level", level, above=0.0)
-    if level >= 1.0:
-        raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
     from scipy import special
 
-    z = special.ndtri(0.5 + 0.5 * level)
+    z = special.ndtri(0.5 + 0.5 * checks.part("level", level))
     share = np.asarray(successes) / trials
     scale = 1.0 / (1.0 + z * z / trials)
     centre = scale * (share + 0.5 * z * z / trials)

@@ -8,7 +8,7 @@ import numpy as np
 from fpk_rocking.base.look import COLOURS, SURFACE, drawing
 from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import shown_edges
-from fpk_rocking.results.times import shown_times, time_name
+from fpk_rocking.results.times import shown_times, time_name, when
 
 __all__ = ["edges_of", "figure_of", "function_panel", "plane_panel", "result_panels", "survival_panel"]
 
@@ -45,12 +45,12 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
         edges = edges_of([result], [cycle])
         areas = np.multiply.outer(*map(np.diff, edges))
         plane_panel(figure, axes, edges, result.bin_probabilities(cycle, *edges) / areas, "probability in a bin / area")
-        axes.set_title(_when(result, cycle))
+        axes.set_title(_title(result, cycle))
 
     def density(figure, axes):
         edges = edges_of([result], [cycle])
         function_panel(figure, axes, result.at(cycle), edges, "density")
-        axes.set_title(_when(result, cycle))
+        axes.set_title(_title(result, cycle))
 
     panels = {"survival": survival, "bins": bins, "density": density}
     return [panels[one] for one in ([what] if what else ["survival", "bins"])]
@@ -105,7 +105,5 @@ def function_panel(
     plane_panel(figure, axes, fine, values, name, power)
 
 
-def _when(result, cycle):
-    if result.cycles is None:
-        return f"τ = {result.times[cycle]:.4g}, survival {result.survival[cycle]:.4f}"
-    return f"after {cycle} cycle{'s' * (cycle != 1)}, survival {result.survival[cycle]:.4f}"
+def _title(result, cycle):
+    return f"{when(result, cycle)}, survival {result.survival[cycle]:.4f}"

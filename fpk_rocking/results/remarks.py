@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base import checks
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
@@ -58,10 +57,8 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
 def closure_of(scene: Scene, solved: Scene) -> str:
     """Say which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
     noise = scene.noise
-    if noise == solved.noise:
+    if noise.kind != "band" or noise == solved.noise:
         return ""
-    if noise.kind != "band":
-        raise ValueError(checks.refusal("noise.kind", noise.kind, "'band', the noise that is replaced"))
     low, high = noise.band
     instead = (
         f"white noise of equal Melnikov variance, D = {solved.noise.diffusion:.6g}"
@@ -104,19 +101,14 @@ def doubts(result: Any) -> list[Doubt]:
 
     A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
     """
-    found = _squat(result.scene.block.dimensions)
-    if result.unresolved:
-        found.append(Doubt(CAUTION, result.unresolved, "unresolved"))
-    return found + _unchecked("" if result.replacement else result.closure)
+    return scene_doubts(result.scene, "" if result.replacement else result.closure, result.unresolved)
 
 
-def scene_doubts(scene: Scene, closure: str) -> list[Doubt]:
+def scene_doubts(scene: Scene, closure: str, unresolved: str = "") -> list[Doubt]:
     """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
-    return _squat(scene.block.dimensions) + _unchecked(closure)
-
-
-def _unchecked(closure):
-    return [Doubt(CAUTION, UNCHECKED, "unchecked")] if closure else []
+    found = _squat(scene.block.dimensions)
+    found += [Doubt(CAUTION, unresolved, "unresolved")] * bool(unresolved)
+    return found + [Doubt(CAUTION, UNCHECKED, "unchecked")] * bool(closure)
 
 
 def _squat(size):

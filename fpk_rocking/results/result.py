@@ -168,27 +168,27 @@ class SurvivalResult(Shown, _Result):
 
     def columns(self) -> dict[str, Array]:
         """Table of survival and overturned to either side, a row a time: arrays by column name."""
-        found = {} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}
-        found |= {"time": self.times, "survival": self.survival}
-        interval = interval_of(self)
-        if interval is not None:
-            found |= dict(zip(("survival_low", "survival_high"), np.asarray(interval).T, strict=True))
-        return found | dict(zip(("overturned_left", "overturned_right"), np.asarray(self.overturned).T, strict=True))
+        interval, (left, right) = interval_of(self), np.asarray(self.overturned).T
+        return {
+            **({} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}),
+            "time": self.times,
+            "survival": self.survival,
+            **({} if interval is None else {"survival_low": interval[:, 0], "survival_high": interval[:, 1]}),
+            "overturned_left": left,
+            "overturned_right": right,
+        }
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        edges, rows = self.bin_edges, range(len(self.times))
-        bins = np.array([self.bin_probabilities(row, *edges) for row in rows])
+        edges, interval = self.bin_edges, interval_of(self)
+        angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
+        bins = np.array([self.bin_probabilities(row, *edges) for row in range(len(self.times))])
         variables: dict[str, Any] = {
             "survival": ("time", self.survival),
             "overturned": (("time", "side"), self.overturned),
             "bin_probability": (("time", "bin_angle", "bin_velocity"), bins),
         }
-        coordinates: dict[str, Any] = {"time": self.times, "side": ["left", "right"]}
-        coordinates |= {
-            name: 0.5 * (line[1:] + line[:-1]) for name, line in zip(("bin_angle", "bin_velocity"), edges, strict=True)
-        }
-        interval = interval_of(self)
+        coordinates = {"time": self.times, "side": ["left", "right"], "bin_angle": angle, "bin_velocity": velocity}
         if interval is not None:
             variables["survival_interval"] = ("time", "limit"), interval
             coordinates["limit"] = ["low", "high"]

@@ -5,13 +5,15 @@ version, the kind of result, the scene as TOML, the scalar attributes and the ve
 """
 
 import contextlib
+import csv
 import importlib.metadata
+import io
 import json
 import os
 import pathlib
 import secrets
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -21,7 +23,6 @@ from fpk_rocking.base.types import ArrayLike, File
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.scene.scene import Scene
 
-KINDS = ("evolution", "ensemble", "tally", "histories", "fragility")
 _FORMAT = 5
 _HEADER = "header"
 _HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
@@ -63,6 +64,13 @@ def write_text(path: File, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
+def write_csv(path: File, names: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a table as a CSV file in UTF-8, whole or not at all."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([names, *rows])
+    write_text(path, text.getvalue())
+
+
 def write_result(
     path: File, kind: str, scene: Scene, arrays: Mapping[str, ArrayLike], attributes: dict[str, Any]
 ) -> None:
@@ -77,25 +85,15 @@ def write_result(
     scene : Scene
         The scene as it was asked for.
     arrays : dict of str to array_like
-        Numeric, boolean or text arrays; "header" is not available as a name.
+        Numbers or booleans.
     attributes : dict of str
         What JSON holds: numbers, strings, None, lists, dicts.
 
     Raises
     ------
     TypeError
-        An array would need pickling, or an attribute is not JSON.
-    ValueError
-        The kind is unknown, or an array is called "header".
+        An attribute is not JSON.
     """
-    if kind not in KINDS:
-        raise ValueError(f"kind: got {kind!r}, accepted: {', '.join(map(repr, KINDS))}")
-    kept = {name: np.asarray(values) for name, values in arrays.items()}
-    for name, values in kept.items():
-        if name == _HEADER:
-            raise ValueError(f"arrays: got the name {name!r}, accepted: any other name")
-        if values.dtype.hasobject:
-            raise TypeError(f"arrays[{name!r}]: got dtype {values.dtype}, accepted: numbers, booleans or text")
     header = {
         "format": _FORMAT,
         "kind": kind,
@@ -103,30 +101,28 @@ def write_result(
         "attributes": attributes,
         "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
     }
-    try:
-        text = json.dumps(header)
-    except TypeError as error:
-        raise TypeError(f"attributes: {error}, accepted: numbers, strings, None, lists, dicts") from None
+    text = json.dumps(header)
     with replaced_atomically(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{_HEADER: np.array(text)}, **kept)  # type: ignore[arg-type]  # none is called allow_pickle
+        np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
 
 
-def read_result(path: File, kind: str, *layouts: Layout) -> tuple[Scene, dict[str, Any], dict[str, Any]]:
+def read_result(path: File, kind: str, *layouts: Layout, make: Callable[..., Any] | None = None) -> Any:
     """Load a result that `write_result` saved, all that is read of it held against its checksum.
 
     Parameters
     ----------
     path : str or pathlib.Path
     kind : str
-        The kind that is wanted, one of `KINDS`.
+        The kind that is wanted.
     *layouts : fpk_rocking.results.layout.Layout
         What it has to hold: one of these, which differ in the names of their arrays.
+    make : callable, optional
+        Makes the result of scene, arrays and attributes, which come back as they are without it.
 
     Returns
     -------
-    scene : Scene
-    arrays : dict of str to numpy.ndarray
-    attributes : dict of str
+    result
+        What `make` returns.
 
     Raises
     ------
@@ -143,7 +139,8 @@ def read_result(path: File, kind: str, *layouts: Layout) -> tuple[Scene, dict[st
     layout = next((one for one in layouts if one.arrays.keys() == arrays.keys()), layouts[0])
     try:
         layout.check(arrays, header["attributes"])
-        return Scene.from_toml(header["scene"]), arrays, header["attributes"]
+        found = Scene.from_toml(header["scene"]), arrays, header["attributes"]
+        return found if make is None else make(*found)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: not the content of a saved result: {error}") from None
 
@@ -189,11 +186,7 @@ class Saved:
         ValueError
             The file is damaged, or holds something else.
         """
-        found = read_result(path, cls._kind, *cls._layouts)
-        try:
-            return cls._restored(*found)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+        return read_result(path, cls._kind, *cls._layouts, make=cls._restored)
 
     def _stored(self) -> tuple[Any, dict[str, Any], dict[str, Any]]:
         """Return the scene, the arrays and the attributes to save."""
@@ -208,7 +201,7 @@ class Saved:
 
 
 def result_kind(path: File) -> str:
-    """Return the kind of a saved result, one of `KINDS`; raises as `read_result`."""
+    """Return the kind of a saved result; raises as `read_result`."""
     with _opened(path) as (header, _):
         return header["kind"]
 
@@ -255,12 +248,11 @@ def _header(path, archive):
     try:
         header = json.loads(text)
         found = header["format"]
-        if found == _FORMAT:
-            whole = [isinstance(header[name], cls) for name, cls in _HEADER_PARTS.items()]
+        whole = found != _FORMAT or all(isinstance(header[name], cls) for name, cls in _HEADER_PARTS.items())
     except (KeyError, TypeError, ValueError, RecursionError):
         raise ValueError(strange) from None
     if found != _FORMAT:
         raise ValueError(f"{path}: got format {found!r}, accepted: {_FORMAT} (saved by another version)")
-    if not all(whole):
+    if not whole:
         raise ValueError(strange)
     return header

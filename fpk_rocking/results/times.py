@@ -46,10 +46,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
         if times is not None:
             accepted = "nothing, as this forcing repeats; use cycles"
             raise ValueError(checks.refusal("times", times, accepted))
-        count = checks.count("cycles", cycles)
-        if count > _MOST_CYCLES:
-            raise ValueError(checks.refusal("cycles", cycles, f"a whole number from 1 to {_MOST_CYCLES}"))
-        return scene.period * np.arange(count + 1)
+        return scene.period * np.arange(checks.count("cycles", cycles, at_most=_MOST_CYCLES) + 1)
     if cycles is not None:
         raise ValueError(
             checks.refusal("cycles", cycles, f"nothing, as a {scene.forcing.kind} has no cycles; use times")
@@ -58,13 +55,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
     if times is None:
         return np.append(duration * np.arange(PARTS + 1) / PARTS, duration + SETTLING)
     accepted = f"1 to {_MOST} finite numbers from 0 on, ascending, the last above 0"
-    try:
-        found = np.asarray(times)
-    except ValueError:
-        raise TypeError(checks.refusal("times", times, accepted)) from None
-    if found.dtype.kind not in "fiu":
-        raise TypeError(checks.refusal("times", times, accepted))
-    found = found.astype(float)
+    found = checks.array("times", times, accepted)
     rising = found.ndim == 1 and 1 <= found.size <= _MOST and (found[1:] > found[:-1]).all()
     if not rising or not found[0] >= 0.0 or not 0.0 < found[-1] < np.inf:
         raise ValueError(checks.refusal("times", times, accepted))
@@ -84,3 +75,8 @@ def time_name(scene: Scene) -> str:
 def shown_times(result: Any) -> Array:
     """Return the rows as a reader counts them: whole cycles, or times τ."""
     return np.asarray(result.times) if result.scene.period is None else np.arange(len(result.times))
+
+
+def when(result: Any, row: int) -> str:
+    """Return the time of a row as a text, as in "after 3 cycles" or "τ = 2.5"."""
+    return f"τ = {result.times[row]:.4g}" if result.cycles is None else f"after {row} cycle{'s' * (row != 1)}"

@@ -235,9 +235,8 @@ class Start:
 def _covariance(value):
     name = "start.covariance"
     accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
-    if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 2) == 0:
-        raise TypeError(checks.refusal(name, value, accepted))
-    rows = tuple(checks.vector(f"{name}[{i}]", row, "a row of two numbers") for i, row in enumerate(value))
+    given = checks.sequence(name, value, accepted)
+    rows = tuple(checks.vector(f"{name}[{i}]", row, "a row of two numbers") for i, row in enumerate(given))
     if len(rows) != 2:
         raise ValueError(checks.refusal(name, value, accepted))
     (xx, xv), (vx, vv) = rows

@@ -3,7 +3,7 @@
 from typing import Any
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.types import Progress
 from fpk_rocking.density import Evolution, solve_fpk
 from fpk_rocking.scene.scene import Scene
 from montecarlo import simulate
@@ -16,30 +16,18 @@ SEED = 2
 """Another than that of `simulate`, so that an ensemble beside a check is independent of it."""
 
 
-def solve_checked(
-    scene: Scene,
-    *,
-    cycles: int | None = None,
-    times: ArrayLike | None = None,
-    tol: float = 1e-3,
-    bins_tol: float | None = None,
-    closure: str = "white",
-    realizations: int | None = None,
-    seed: int = SEED,
-    progress: Progress | None = None,
-) -> Evolution:
+def solve_checked(scene: Scene, *, realizations: int | None = None, seed: int = SEED, **options: Any) -> Evolution:
     """Solve the Fokker-Planck equation of a scene, and measure what the replacement of its noise changes.
 
     `solve_fpk`, and where it replaced the noise, `checked`.
 
     Parameters
     ----------
-    scene, cycles, times, tol, bins_tol, closure
-        As for `solve_fpk`.
+    scene : Scene
     realizations, seed
         As for `checked`.
-    progress : callable, optional
-        Called as ``progress(done, total)`` while the density is solved.
+    **options
+        The other parameters of `solve_fpk`; `progress` is called while the density is solved.
 
     Returns
     -------
@@ -57,10 +45,7 @@ def solve_checked(
         As `solve_fpk` and `checked`.
     """
     realizations, seed = _asked(scene, realizations, seed)
-    density = solve_fpk(
-        scene, cycles=cycles, times=times, tol=tol, bins_tol=bins_tol, closure=closure, progress=progress
-    )
-    return checked(density, realizations=realizations, seed=seed)
+    return checked(solve_fpk(scene, **options), realizations=realizations, seed=seed)
 
 
 def checked(

@@ -51,15 +51,15 @@ class LognormalFit(NamedTuple):
         Why there is no fit; empty where there is one.
     """
 
-    median: float
-    dispersion: float
-    median_interval: tuple[float, float]
-    dispersion_interval: tuple[float, float]
-    misfit: float
-    deviance: float
-    p_value: float
-    level: float
-    reason: str
+    median: float = math.nan
+    dispersion: float = math.nan
+    median_interval: tuple[float, float] = (math.nan, math.nan)
+    dispersion_interval: tuple[float, float] = (math.nan, math.nan)
+    misfit: float = math.nan
+    deviance: float = math.nan
+    p_value: float = math.nan
+    level: float = 0.95
+    reason: str = ""
 
     @property
     def rejected(self) -> bool:
@@ -115,9 +115,7 @@ def fit_lognormal(
     -------
     LognormalFit
     """
-    level = checks.number("level", level, above=0.0)
-    if level >= 1.0:
-        raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    level = checks.part("level", level)
     scale, probability = np.asarray(scale, float), np.asarray(probability, float)
     known = np.isfinite(probability)
     trials = np.broadcast_to(np.asarray(1.0 if realizations is None else realizations, float), scale.shape)[known]
@@ -125,29 +123,31 @@ def fit_lognormal(
     count = share * trials if realizations is None else np.round(share * trials)
     reason = _undetermined(logs, count, trials)
     if reason:
-        return no_fit(level, reason)
+        return LognormalFit(level=level, reason=reason)
     curve, information = _maximize(logs, count[None], trials)
     if not 0.0 < curve[0, 1] < _STEEPEST:
-        return no_fit(level, "the probability does not rise with the scale")
+        return LognormalFit(level=level, reason="the probability does not rise with the scale")
     intercept, slope = curve[0]
     fitted = special.ndtr(intercept + slope * logs)
     median, dispersion = math.exp(-intercept / slope), 1.0 / float(slope)
-    middles, spreads = (math.nan, math.nan), (math.nan, math.nan)
-    deviance = p_value = math.nan
-    if realizations is not None:
-        # Errors of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
-        change = np.array([[-1.0 / slope, intercept / slope**2], [0.0, -1.0 / slope]])
-        errors = np.sqrt(np.diag(change @ np.linalg.inv(information[0]) @ change.T))
-        reach = np.exp(special.ndtri(0.5 + 0.5 * level) * errors)
-        middles = float(median / reach[0]), float(median * reach[0])
-        spreads = float(dispersion / reach[1]), float(dispersion * reach[1])
-        deviance = float(_deviance(logs, count[None], trials, curve)[0])
-        drawn = np.random.default_rng(seed).binomial(trials.astype(int), fitted, (samples, logs.size)).astype(float)
-        lost = _deviance(logs, drawn, trials, _maximize(logs, drawn, trials, curve)[0])
-        # What rounding leaves of two equal deviances is no difference.
-        p_value = float((1 + np.count_nonzero(lost >= deviance - _SMALL * (1.0 + deviance))) / (samples + 1))
-    misfit = float(np.abs(fitted - share).max())
-    return LognormalFit(median, dispersion, middles, spreads, misfit, deviance, p_value, level, "")
+    fit = LognormalFit(median, dispersion, misfit=float(np.abs(fitted - share).max()), level=level)
+    if realizations is None:
+        return fit
+    # Errors of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
+    change = np.array([[-1.0 / slope, intercept / slope**2], [0.0, -1.0 / slope]])
+    errors = np.sqrt(np.diag(change @ np.linalg.inv(information[0]) @ change.T))
+    reach = np.exp(special.ndtri(0.5 + 0.5 * level) * errors)
+    deviance = float(_deviance(logs, count[None], trials, curve)[0])
+    drawn = np.random.default_rng(seed).binomial(trials.astype(int), fitted, (samples, logs.size)).astype(float)
+    lost = _deviance(logs, drawn, trials, _maximize(logs, drawn, trials, curve)[0])
+    # What rounding leaves of two equal deviances is no difference.
+    as_far = np.count_nonzero(lost >= deviance - _SMALL * (1.0 + deviance))
+    return fit._replace(
+        median_interval=(float(median / reach[0]), float(median * reach[0])),
+        dispersion_interval=(float(dispersion / reach[1]), float(dispersion * reach[1])),
+        deviance=deviance,
+        p_value=float((1 + as_far) / (samples + 1)),
+    )
 
 
 def refitted(scale: ArrayLike, shares: Array) -> Array:
@@ -172,12 +172,6 @@ def refitted(scale: ArrayLike, shares: Array) -> Array:
     intercept, slope = _maximize(logs, shares[known], trials)[0].T
     rises = (slope > 0.0) & (slope < _STEEPEST)
     return np.stack([np.exp(-intercept[rises] / slope[rises]), 1.0 / slope[rises]], axis=-1)
-
-
-def no_fit(level: float, reason: str) -> LognormalFit:
-    """Return a fit that there is not, with the reason."""
-    nothing = math.nan, math.nan
-    return LognormalFit(math.nan, math.nan, nothing, nothing, math.nan, math.nan, math.nan, level, reason)
 
 
 def _undetermined(logs, count, trials):

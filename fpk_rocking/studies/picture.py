@@ -8,7 +8,6 @@ import numpy as np
 
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.output import style
-from fpk_rocking.output.intervals import error_bars
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 from fpk_rocking.studies.lognormal import P_VALUE
@@ -90,10 +89,7 @@ def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathl
     """
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
-        axes = figure.subplots()
-        filled = draw_surface(axes, result, which)
-        axes.legend(**_ABOVE)
-        figure.colorbar(filled, ax=axes, label=_event(result, which))
+        _surface(figure, figure.subplots(), result, which)
     return pathlib.Path(path)
 
 
@@ -121,13 +117,8 @@ def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
 
 def small_figure(result: Any) -> Any:
     """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
-
-    def surface(figure, axes):
-        figure.colorbar(draw_surface(axes, result), ax=axes, label=_event(result, 0))
-        axes.legend(**_ABOVE)
-
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
-        return figure_of(surface)
+        return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
     shown, count = range(len(result.names)), len(result.place)
     panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
     figure = figure_of(*panels)
@@ -139,6 +130,12 @@ def small_figure(result: Any) -> Any:
         samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
         axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
     return figure
+
+
+def _surface(figure, axes, result, which):
+    filled = draw_surface(axes, result, which)
+    axes.legend(**_ABOVE)
+    figure.colorbar(filled, ax=axes, label=_event(result, which))
 
 
 def _curves(axes, result, m, shown):
@@ -160,7 +157,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
         look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
         axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
         return
-    error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
+    style.error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:

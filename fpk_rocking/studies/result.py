@@ -1,9 +1,7 @@
 """The result of `fragility`: probabilities against the scale of the shaking, with their errors and fits."""
 
-import csv
 import dataclasses
 import functools
-import io
 from collections.abc import Iterator
 from typing import Any, ClassVar, Self
 
@@ -13,11 +11,11 @@ from fpk_rocking.base.types import Array, File
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.layout import Layout, plain
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.storage import Saved, write_text
+from fpk_rocking.results.storage import Saved, write_csv
 from fpk_rocking.results.trust import Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.doubts import doubts_of
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, no_fit
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.measures import Intensities, intensities
 from montecarlo.results.sample import EXACT_PATH
 
@@ -153,20 +151,17 @@ class Fragility(Saved, Shown):
         The outcomes of one deterministic scene are not fitted. A mixture of such scenes is, without intervals: its
         probabilities are no counts of independent samples.
         """
-        return [[self._fit(curve, still) for curve in curves] for curves, still in self._curves]
+        found = zip(self.probability, self.deterministic, strict=True)
+        return [[self._fit(curve, still) for curve in curves] for curves, still in found]
 
     @property
     def tested(self) -> bool:
         """Whether a fit has a p-value."""
         return any(np.isfinite(fit.p_value) for fits in self.fits for fit in fits)
 
-    @property
-    def _curves(self):
-        return zip(self.probability, self.deterministic, strict=True)
-
     def _fit(self, curve, deterministic):
         if deterministic and not self.mixture:
-            return no_fit(_LEVEL, f"deterministic: {_outcomes(self.scale, curve)}")
+            return LognormalFit(level=_LEVEL, reason=f"deterministic: {_outcomes(self.scale, curve)}")
         return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None, level=_LEVEL)
 
     @functools.cached_property
@@ -331,11 +326,8 @@ class Fragility(Saved, Shown):
         path : str or pathlib.Path
             File to write.
         """
-        rows, text = list(self.rows()), io.StringIO()
-        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-        write_text(path, text.getvalue())
+        rows = list(self.rows())
+        write_csv(path, rows[0], (row.values() for row in rows))
 
     def summary(self) -> dict[str, Any]:
         """Return all but the scenes as plain values, for JSON."""

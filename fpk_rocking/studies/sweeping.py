@@ -2,11 +2,9 @@
 
 import concurrent.futures
 import contextlib
-import csv
 import dataclasses
 import functools
 import importlib.metadata
-import io
 import itertools
 import time
 from collections.abc import Callable, Sequence
@@ -17,7 +15,7 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.storage import write_csv
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, Trust, verdict
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution.cells import Cell, seed_of
@@ -90,24 +88,22 @@ class Sweep(Shown):
         path : str or pathlib.Path
             File to write.
         """
-        names, text = self._names(), io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(["cell", "seed", *self.axes, *names, "wall_s", "reason"])
-        for row in self.rows:
-            own = (row["values"].get(name, "") for name in names)
-            table.writerow([row["cell"], row["seed"], *self._parameters(row), *own, row["wall_s"], row["reason"]])
-        write_text(path, text.getvalue())
+        found = self._table("")
+        write_csv(path, found, zip(*found.values(), strict=True))
 
-    def _names(self):
-        """Names of the values that are one number or text."""
-        return list(
-            dict.fromkeys(
-                key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
-            )
+    def _table(self, missing):
+        """Columns of numbers and texts by name; `missing` stands where a row has no value of a name."""
+        names = dict.fromkeys(
+            key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
         )
-
-    def _parameters(self, row):
-        return Grid((), self.axes).parameters(row["cell"]).values() if self.axes else ()
+        return {
+            "cell": [row["cell"] for row in self.rows],
+            "seed": [row["seed"] for row in self.rows],
+            **dict(zip(self.axes, zip(*itertools.product(*self.axes.values()), strict=True), strict=True)),
+            **{name: [row["values"].get(name, missing) for row in self.rows] for name in names},
+            "wall_s": [row["wall_s"] for row in self.rows],
+            "reason": [row["reason"] for row in self.rows],
+        }
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -141,12 +137,8 @@ class Sweep(Shown):
         return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
 
     def columns(self) -> dict[str, Array]:
-        """Table of `to_csv`: arrays by column name."""
-        found: dict[str, Sequence[Any]] = {"cell": [row["cell"] for row in self.rows]}
-        found |= dict(zip(self.axes, zip(*map(self._parameters, self.rows), strict=True), strict=True))
-        found |= {name: [row["values"].get(name, np.nan) for row in self.rows] for name in self._names()}
-        found |= {name: [row[name] for row in self.rows] for name in ("wall_s", "reason")}
-        return {name: np.array(values) for name, values in found.items()}
+        """Table of `to_csv` without the seeds: arrays by column name."""
+        return {name: np.array(values) for name, values in self._table(np.nan).items() if name != "seed"}
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """All numbers among the values over the axes of the grid, or over the scenes of a list, for `to_xarray`."""

@@ -3,10 +3,9 @@
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.table import Table
 
-from fpk_rocking.output.tables import told
+from fpk_rocking.output.tables import text_table, told
 from fpk_rocking.studies.lognormal import P_VALUE
 
 __all__ = ["fragility_table", "size_of"]
@@ -34,16 +33,13 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     sentences : tuple of str
         The verdict, the fits, notes on the columns, the seconds, and the remarks.
     """
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     many, still = len(result.place) > 1, result.deterministic
-    for name in ([result.axis] if many else []) + ["scale", "p PGV / (g tan θ_cr)"]:
-        table.add_column(name, justify="right")
-    limits = result.interval()
+    names = [result.axis] * many + ["scale", "p PGV / (g tan θ_cr)"]
     for name in result.names:
-        table.add_column(name, justify="right")
-        if not still.all():
-            table.add_column("95 %" if result.realizations else "± estimate", justify="center")
-    for m, place in enumerate(result.place):
+        names += [name] + ["95 %" if result.realizations else "± estimate"] * (not still.all())
+    limits = result.interval()
+
+    def rows(m, place):
         for n, scale in enumerate(result.scale):
             velocity = scale * result.intensities[m].relative_velocity
             cells = [f"{place:g}"] * many + [f"{scale:.4g}", f"{velocity:.3f}" if np.isfinite(velocity) else "-"]
@@ -52,10 +48,11 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
                 error = "exact" if still[m] else f"{low:.4f}–{high:.4f}"
                 shown = [f"{value:z.4f}", error] if np.isfinite(value) else ["-", "-"]
                 cells += shown[: 1 if still.all() else 2]
-            table.add_row(*cells)
-        table.add_section()
+            yield cells
+
     title = f"Fragility by {result.engine}, {size_of(result)}"
     fits = [result.describe(m, which) for m in range(len(result.place)) for which in range(len(result.names))]
     notes = [P_VALUE] if result.tested else []
     notes.append("p PGV / (g tan θ_cr): peak velocity of the shaking without noise, nondimensional.")
+    table = text_table(names, *(rows(*place) for place in enumerate(result.place)))
     return title, table, told(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)

@@ -167,15 +167,24 @@ class Splitting(Shown):
 
     def columns(self) -> dict[str, Array]:
         """Table of the probability of having overturned and its standard error by cycle: arrays by column name."""
-        sides = dict(zip(("overturned_left", "overturned_right"), self.overturned.T, strict=True))
-        cycle = np.arange(self.cycles + 1)
-        return {"cycle": cycle, "probability": self.probability, "standard_error": self.standard_error} | sides
+        left, right = self.overturned.T
+        return {
+            "cycle": np.arange(self.cycles + 1),
+            "probability": self.probability,
+            "standard_error": self.standard_error,
+            "overturned_left": left,
+            "overturned_right": right,
+        }
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {name: ("cycle", getattr(self, name)) for name in ("probability", "standard_error")}
-        variables["repeat_overturned"] = ("repeat", "cycle", "side"), self.repeat_overturned
-        variables |= {name: ("repeat", getattr(self, name)) for name in ("levels", "killed")}
+        variables = {
+            "probability": ("cycle", self.probability),
+            "standard_error": ("cycle", self.standard_error),
+            "repeat_overturned": (("repeat", "cycle", "side"), self.repeat_overturned),
+            "levels": ("repeat", self.levels),
+            "killed": ("repeat", self.killed),
+        }
         return variables, {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]}
 
     def plot(self) -> Any:
@@ -247,8 +256,8 @@ def split(
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
     refuse_transient(scene.forcing, "splitting")
     refuse_envelope(scene.noise, "splitting")
-    walkers = _at_least("walkers", walkers, _FEWEST_WALKERS)
-    repeats = _at_least("repeats", repeats, _FEWEST_REPEATS)
+    walkers = checks.count("walkers", walkers, at_least=_FEWEST_WALKERS)
+    repeats = checks.count("repeats", repeats, at_least=_FEWEST_REPEATS)
     run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
     problem, keys = problem_of(scene, run.steps_per_cycle), stream_keys(run.seed)
     if problem.count > _INTERVALS:
@@ -288,10 +297,3 @@ def _refuse_large(name, number, each):
     """Refuse more states than 2.5 GiB hold, `each` of a number of walkers or repeats."""
     if number * (each + 1) > _STATES:
         raise ValueError(checks.refusal(name, number, f"at most {_STATES // (each + 1)} with {each} steps of a path"))
-
-
-def _at_least(name, value, least):
-    value = checks.count(name, value)
-    if value < least:
-        raise ValueError(checks.refusal(name, value, f"a whole number >= {least}"))
-    return value

@@ -110,6 +110,10 @@ class Ensemble(Saved, Sample):
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, those of every realization among them, and their coordinates."""
         variables, coordinates = super().grids()
-        states = {name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")}
-        ends = {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
-        return variables | states | ends, coordinates
+        own = {
+            "angle": (("realization", "time"), self.angle),
+            "velocity": (("realization", "time"), self.velocity),
+            "overturn_time": ("realization", self.overturn_time),
+            "overturn_side": ("realization", self.overturn_side),
+        }
+        return variables | own, coordinates

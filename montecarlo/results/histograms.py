@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike
+from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.intervals import wilson_interval
 from montecarlo.results.ensemble import Ensemble
@@ -114,6 +114,27 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
     np.divide(share * (1.0 - share), variance, out=independent, where=variance > 0.0)
     trials = np.minimum(independent, total)
     return _histogram(edges, counts, total, wilson_interval(share * trials, trials, level))
+
+
+def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
+    """Return the sampling error of each bin's probability, as `Ensemble.bin_probabilities` estimates them.
+
+    Parameters
+    ----------
+    probabilities : array_like
+        Estimates, each a count over `realizations`.
+    realizations : int
+        Size of the sample.
+
+    Returns
+    -------
+    ndarray, shape of the probabilities
+        Half the width of Wilson's interval of one standard deviation: √(p (1 - p)/n) in a bin of many realizations, and
+        about 1/(2 n) in an empty one, where that would be 0.
+    """
+    share = np.asarray(probabilities, float)
+    trials = checks.count("realizations", realizations)
+    return np.sqrt(share * (1.0 - share) / trials + 0.25 / trials**2) / (1.0 + 1.0 / trials)
 
 
 def _histogram(edges, counts, trials, interval):

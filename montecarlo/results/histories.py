@@ -127,17 +127,22 @@ class Histories(Saved, Shown):
 
     def columns(self) -> dict[str, Array]:
         """Table of the states of all realizations below each other: arrays by column name."""
-        numbers = np.repeat(np.arange(self.realizations), self.time.size)
-        states = {"angle": self.angle.ravel(), "velocity": self.velocity.ravel()}
-        return {"realization": numbers, "time": np.tile(self.time, self.realizations)} | states
+        return {
+            "realization": np.repeat(np.arange(self.realizations), self.time.size),
+            "time": np.tile(self.time, self.realizations),
+            "angle": self.angle.ravel(),
+            "velocity": self.velocity.ravel(),
+        }
 
     def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables: dict[str, Any] = {
-            name: (("realization", "time"), getattr(self, name)) for name in ("angle", "velocity")
+        variables = {
+            "angle": (("realization", "time"), self.angle),
+            "velocity": (("realization", "time"), self.velocity),
+            "overturn_time": ("realization", self.overturn_time),
+            "overturn_side": ("realization", self.overturn_side),
+            **{name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")},
         }
-        variables |= {name: ("realization", getattr(self, name)) for name in ("overturn_time", "overturn_side")}
-        variables |= {name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")}
         return variables, {"time": self.time}
 
     def plot(self, realizations: int = 3) -> Any:

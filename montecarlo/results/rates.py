@@ -60,9 +60,7 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     if ensemble.deterministic:
         accepted = "a scene with noise or a start that is spread; one path has a time of overturning and no rate"
         raise ValueError(checks.refusal("ensemble", "a deterministic scene", accepted))
-    after, level = checks.count("after", after), checks.number("level", level, above=0.0)
-    if level >= 1.0:
-        raise ValueError(checks.refusal("level", level, "a number above 0 and below 1"))
+    after, level = checks.count("after", after), checks.part("level", level)
     if isinstance(side, bool) or not (side is None or (isinstance(side, numbers.Integral) and abs(side) == 1)):
         raise ValueError(checks.refusal("side", side, "None, or -1 (left) or 1 (right)"))
     cycles, period = known(ensemble.cycles), known(ensemble.scene.period)

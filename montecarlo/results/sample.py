@@ -154,9 +154,4 @@ class Sample(SurvivalResult):
         return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits
 
     def _checked_cycle(self, cycle):
-        accepted = f"a whole number from 0 to {len(self.times) - 1}"
-        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer):
-            raise TypeError(checks.refusal("cycle", cycle, accepted))
-        if not 0 <= cycle < len(self.times):
-            raise ValueError(checks.refusal("cycle", cycle, accepted))
-        return int(cycle)
+        return checks.count("cycle", cycle, at_least=0, at_most=len(self.times) - 1)

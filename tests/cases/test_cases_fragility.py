@@ -8,7 +8,6 @@ import pathlib
 import re
 
 import numpy as np
-import pytest
 from test_cases_montecarlo import written
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "fragility.md"
@@ -55,23 +54,3 @@ def test_examples_of_the_document(tmp_path, monkeypatch, capsys):
         exec(compile(text.replace("4.0, 20)", "4.0, 5)"), DOCUMENT, "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {"rack.csv", "rack.npz"}
     assert "Lognormal (overturned): " in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("name", ["fragility_of_blocks", "fragility_surface"])
-def test_command_lines_of_the_cases(case, name, monkeypatch):
-    """Every option of a command line reaches the case."""
-    module, asked = case(name), {}
-
-    def run(out, **options):
-        asked.update(out=str(out), **options)
-        return {key: {"engine": "", "axis": "", "wall_s": 0.0, "fits": [], "place": []} for key in KEYS} | {
-            "blocks": {}
-        }
-
-    monkeypatch.setattr(module, "run", run)
-    monkeypatch.setattr("sys.argv", [name, "--out", "folder", "--realizations", "7", "--seed", "3"])
-    assert module.main() == 0
-    assert (asked["out"], asked["realizations"], asked["seed"]) == ("folder", 7, 3)
-
-
-KEYS = "paths", "density", "by_size", "by_slenderness"

@@ -225,7 +225,7 @@ def test_second_harmonic(case, tmp_path, monkeypatch):
     assert later["rate_without"] == pytest.approx([0.00277, 0.00277], rel=0.02)
     for rates, intervals in zip(later["rate"], later["interval"], strict=True):
         assert all(0.8 * low < rate < 1.25 * high for rate, (low, high) in zip(rates, intervals, strict=True))
-    scene = module.load_scene(module.SCENE)
+    scene = module.load_scene("second_harmonic")
     both = melnikov.phase_flux(scene.forcing, 0.6, scene.noise) * scene.period
     assert np.mean(module.side_fluxes(scene)) == pytest.approx(both, rel=1e-9)
     # Over the right saddle most where the force peaks to the right: Ψ₂ = π.

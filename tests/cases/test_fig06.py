@@ -10,9 +10,10 @@ import fakes
 import matplotlib.image
 import meshio
 import numpy as np
+import opengl
 import pytest
 
-from fpk_rocking.output import opengl, vtk
+from fpk_rocking.output import vtk
 
 CASES = pathlib.Path(__file__).parents[2] / "cases"
 

@@ -17,9 +17,7 @@ CASES = pathlib.Path(__file__).parents[2] / "cases"
 def coarse(case, tmp_path_factory):
     """Folder and numbers of a coarse run of the second scene."""
     folder = tmp_path_factory.mktemp("histories")
-    return folder, case("time_histories").run(
-        folder, CASES / "scenes" / "second.toml", cycles=4, realizations=3000, seed=3
-    )
+    return folder, case("time_histories").run(folder, "second", cycles=4, realizations=3000, seed=3)
 
 
 def test_numbers_agree_with_each_other(coarse):

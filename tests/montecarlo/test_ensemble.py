@@ -72,7 +72,7 @@ def test_progress_is_told_and_may_interrupt():
     [
         ({"realizations": 0}, ValueError, "realizations: got 0, accepted: a whole number >= 1"),
         ({"realizations": 10.0}, TypeError, "realizations: got 10.0, accepted: a whole number >= 1"),
-        ({"cycles": 0}, ValueError, "cycles: got 0, accepted: a whole number >= 1"),
+        ({"cycles": 0}, ValueError, "cycles: got 0, accepted: a whole number from 1 to"),
         ({"cycles": True}, TypeError, "cycles: got True"),
         ({"steps_per_cycle": 7}, ValueError, "steps_per_cycle: got 7, accepted: a whole number from 8 to"),
         ({"steps_per_cycle": 8.5}, TypeError, "steps_per_cycle: got 8.5"),

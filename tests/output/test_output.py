@@ -8,11 +8,12 @@ import sys
 import fakes
 import matplotlib.image
 import numpy as np
+import opengl
 import pytest
 
 from fpk_rocking import BandNoise, Block, Harmonic, Scene
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, maps, opengl, progress, style, summary, surfaces, tables
+from fpk_rocking.output import curves, maps, progress, style, summary, surfaces, tables
 from fpk_rocking.results.binning import joint_edges
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))

@@ -169,7 +169,7 @@ def test_noise_may_differ_and_is_named():
 
 @pytest.mark.parametrize(("cycles", "error"), [([11], ValueError), ([-1], ValueError), ([1.0], TypeError)])
 def test_cycles_that_are_not_there_are_refused(cycles, error):
-    with pytest.raises(error, match=r"joint_cycles: got .* whole numbers from 0 to 10"):
+    with pytest.raises(error, match=r"joint_cycles: got .* a whole number from 0 to 10"):
         compare(fakes.FakeEvolution(MAIN), fakes.FakeEvolution(MAIN), joint_cycles=cycles)
 
 

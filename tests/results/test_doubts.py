@@ -15,7 +15,7 @@ from fpk_rocking.results import trust
 from fpk_rocking.results.remarks import doubts, remarks
 from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.studies.doubts import doubts_of
-from fpk_rocking.studies.lognormal import LognormalFit, no_fit
+from fpk_rocking.studies.lognormal import LognormalFit
 from montecarlo import Splitting
 
 LIMITS = {
@@ -181,7 +181,7 @@ def test_curves_without_an_answer_are_of_no_use():
     [
         (fit(0.3, 0.01), fit(0.3, math.nextafter(0.01, 0.0)), "(p = 0.01, below 0.01): it is off by up to 0.3. "),
         (fit(0.05), fit(math.nextafter(0.05, 1.0)), "(misfit above 0.05): it is off by up to 0.05. "),
-        (no_fit(0.95, "too few"), fit(0.3, 0.0), "(p = 0, below 0.01): it is off by up to 0.3. "),
+        (LognormalFit(reason="too few"), fit(0.3, 0.0), "(p = 0, below 0.01): it is off by up to 0.3. "),
     ],
 )
 def test_a_fit_is_rejected_beyond_its_limits(inside, outside, rule):

@@ -165,7 +165,7 @@ def solved(monkeypatch, result):
 
 def test_solving_and_checking_are_one_call(monkeypatch):
     """The paths are those of `simulate` with this number and seed; noise that is not replaced is not sampled."""
-    solved(monkeypatch, lambda scene, asked: fakes.FakeEvolution(scene, cycles=asked["cycles"], tol=asked["tol"]))
+    solved(monkeypatch, lambda scene, asked: fakes.FakeEvolution(scene, **asked))
     found = checking.solve_checked(MAIN, cycles=3, tol=1e-2, realizations=500, seed=7)
     paths = simulate(MAIN, cycles=3, realizations=500, seed=7)
     assert found.tol == 1e-2

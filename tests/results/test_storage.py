@@ -126,23 +126,9 @@ def test_other_files_are_refused(tmp_path):
         storage.read_result(tmp_path / "absent.npz", "ensemble", LAYOUT)
 
 
-@pytest.mark.parametrize(
-    ("keywords", "error", "message"),
-    [
-        (
-            {"kind": "orbit"},
-            ValueError,
-            r"kind: got 'orbit', accepted: 'evolution', 'ensemble', 'tally', 'histories', 'fragility'$",
-        ),
-        ({"arrays": {"header": [1.0]}}, ValueError, r"^arrays: got the name 'header'"),
-        ({"arrays": {"mixed": np.array([1, None])}}, TypeError, r"^arrays\['mixed'\]: got dtype object"),
-        ({"attributes": {"seed": np.int64(1)}}, TypeError, r"^attributes: .*int64"),
-    ],
-)
-def test_what_cannot_be_saved_is_refused_and_leaves_no_file(tmp_path, keywords, error, message):
-    values = {"kind": "ensemble", "scene": SCENE, "arrays": ARRAYS, "attributes": ATTRIBUTES} | keywords
-    with pytest.raises(error, match=message):
-        storage.write_result(tmp_path / "result.npz", **values)
+def test_what_json_does_not_hold_is_refused_and_leaves_no_file(tmp_path):
+    with pytest.raises(TypeError, match="int64"):
+        storage.write_result(tmp_path / "result.npz", "ensemble", SCENE, ARRAYS, {"seed": np.int64(1)})
     assert list(tmp_path.iterdir()) == []
 
 

@@ -10,13 +10,13 @@ import pytest
 from test_risk import SCALES, curve_of
 
 from fpk_rocking.risk import IntensityCurve, to_csv, to_nrml, to_pelicun
-from fpk_rocking.studies.lognormal import no_fit
+from fpk_rocking.studies.lognormal import LognormalFit
 
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 
 
 def refused(curve):
-    return IntensityCurve(**{**vars(curve), "fit": no_fit(0.95, "made so")})
+    return IntensityCurve(**{**vars(curve), "fit": LognormalFit(reason="made so")})
 
 
 def test_a_lognormal_curve_in_nrml(tmp_path):

@@ -9,7 +9,7 @@ from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, 
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
 from fpk_rocking.risk.curve import intensity_of
 from fpk_rocking.studies import fragility
-from fpk_rocking.studies.lognormal import fit_lognormal, no_fit
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.measures import intensities
 from fpk_rocking.studies.result import Fragility
 
@@ -19,7 +19,7 @@ SCALES = np.geomspace(0.1, 3.0, 12)
 
 def curve_of(median=0.7, spread=0.4, records=1, replicates=None):
     """Make a curve whose points lie on a lognormal one."""
-    fit = no_fit(0.95, "")._replace(median=median, dispersion=spread, misfit=0.0)
+    fit = LognormalFit(median, spread, misfit=0.0)
     share = fit(SCALES)
     limits = np.stack([0.9 * share, np.minimum(1.0, 1.1 * share)], axis=-1)
     own = np.empty((0, 2)) if replicates is None else np.asarray(replicates, float)
@@ -56,7 +56,7 @@ def test_the_frequency_is_that_of_sampled_intensities():
 
 def test_a_curve_of_points_is_joined_by_lines_in_the_logarithm():
     curve = curve_of()
-    points = IntensityCurve(**{**vars(curve), "fit": no_fit(0.95, "none")})
+    points = IntensityCurve(**{**vars(curve), "fit": LognormalFit(reason="none")})
     hazard = Hazard.power_law(1e-3, 2.0)
     grid = np.linspace(math.log(SCALES[0]), math.log(SCALES[-1]) + 20.0, 2_000_001)
     middle = 0.5 * (grid[1:] + grid[:-1])
@@ -146,7 +146,7 @@ def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():
     """Medians of 60 records with β_R = .4, curves of β_N = .3: total .5; 4 standard errors of 60, false alarm 1e-4."""
     medians = np.exp(0.4 * np.random.default_rng(3).standard_normal(60))
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9))) for n in range(60)]
-    shares = [no_fit(0.95, "")._replace(median=m, dispersion=0.3)(SCALES) for m in medians]
+    shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
     curve = IntensityCurve.of(made(shares, scenes, 1_000_000), "PGV", samples=400)
     assert curve.within == pytest.approx(0.3, abs=0.003)
     assert curve.between == pytest.approx(np.log(medians).std(), abs=0.02)
@@ -166,7 +166,7 @@ def test_intervals_over_records_cover():
     rng, hits = np.random.default_rng(5), 0
     for _ in range(200):
         medians = 0.7 * np.exp(0.4 * rng.standard_normal(30))
-        shares = [no_fit(0.95, "")._replace(median=m, dispersion=0.3)(SCALES) for m in medians]
+        shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
         low, high = IntensityCurve.of(made(shares, scenes, 10_000), "PGV", samples=100).fit.median_interval
         hits += low <= 0.7 <= high
     assert 180 <= hits <= 198

@@ -17,12 +17,13 @@ from fpk_rocking import Start
 from fpk_rocking.density import Evolution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.replacement import Replacement
-from fpk_rocking.results.storage import KINDS, result_kind
+from fpk_rocking.results.storage import result_kind
 from fpk_rocking.studies import Fragility, fragility
 from montecarlo import Ensemble, Histories, Tally, histories, simulate, tally
 
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01))))
 EDGES = {"angle_edges": [-1.0, 0.0, 1.0], "velocity_edges": [-2.0, 0.0, 2.0]}
+KINDS = "evolution", "ensemble", "tally", "histories", "fragility"
 ASKED = {"scene": WHITE, "cycles": 2, "realizations": 6}
 
 

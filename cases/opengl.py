@@ -61,7 +61,7 @@ def probe_rendering(timeout_s=60.0) -> Rendering:
     """
     command = [sys.executable, "-c", _PROBE]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)  # noqa: S603 - own text
+        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
     except subprocess.TimeoutExpired:
         return Rendering(False, (), f"the off-screen rendering probe did not answer within {timeout_s:g} s")
     except OSError as error:

@@ -1,0 +1,33 @@
+"""The command line that all cases share."""
+
+import argparse
+import inspect
+import pathlib
+
+
+def command(run, folder, *files, told=None, **options) -> None:
+    """Read the command line, run a case, and print what it found and where its files are.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(out, ...)``: computes, writes the files and returns the values of the JSON file.
+    folder : str
+        Where the files go unless ``--out`` names another folder.
+    *files : str
+        Names of the files.
+    told : callable, optional
+        Prints the main of these values.
+    **options : str
+        What a keyword of `run` is, for the option of the same name and default.
+    """
+    parser = argparse.ArgumentParser(description=run.__globals__["__doc__"].partition("\n")[0])
+    parser.add_argument("--out", type=pathlib.Path, default=folder, help="folder (default: %(default)s)")
+    for name, what in options.items():
+        default = inspect.signature(run).parameters[name].default
+        parser.add_argument(f"--{name}", type=type(default), default=default, help=f"{what} (default: %(default)s)")
+    given = parser.parse_args()
+    values = run(**vars(given))
+    if told is not None:
+        told(values)
+    print(f"Files in {given.out}: {', '.join(files)}")
