@@ -1,4 +1,4 @@
-"""The command line: ``fpk-rocking fpk|mc|compare|fragility|warmup``.
+"""The command line: ``fpk-rocking fpk|mc|compare|fragility|risk|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
 what the machine refuses, 130 when interrupted, 143 when terminated. Files are whole or not there.
@@ -29,6 +29,8 @@ examples:
       two saved results
   fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
       probability of overturning against the scale of the shaking, with a lognormal fit
+  fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --intensities 0.1:3:12 --out results/risk
+      annual frequency of overturning, with curves that OpenQuake and pelicun read
   fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
   fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
@@ -120,6 +122,23 @@ _FRAGILITY = {
 }
 
 
+_RISK = {
+    "--records": _value(
+        "FILE", "recorded motions (.AT2, .ASC or two columns); the scene gives block and noise", nargs="+"
+    ),
+    "--hazard": _value("FILE", "two columns: intensity (g or m/s) and annual rate of exceedance", required=True),
+    "--intensities": _value(
+        "LIST", "intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing", required=True
+    ),
+    "--measure": _value("NAME", "intensity of the motion: PGV in m/s (default) or PGA in g"),
+    "--units": _value("NAME", "unit of the records where their files do not say it: g, m/s2 or cm/s2"),
+    "--realizations": _value("N", f"number of paths of a record at each intensity (default {_REALIZATIONS:,})", int),
+    "--keep-noise": {"action": "store_true", "help": "scale the records alone and keep the noise as it is"},
+    "--name": _value("NAME", "identifier of the block in the exported files (default rocking_block)"),
+    **_SEEDED,
+}
+
+
 class _Parser(argparse.ArgumentParser):
     """Refuses bad input in one line, as the rest of the command line does."""
 
@@ -208,6 +227,11 @@ def _parser() -> argparse.ArgumentParser:
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     files = common("result.npz, summary.json, fragility.csv and fragility.png")
     command("fragility", _fragility, does, **scenes, **files, **_FRAGILITY)
+    does = "annual frequency of overturning, from records and a hazard curve"
+    files = {
+        "--out": _value("DIR", "folder for files: all of --json, curves for other programs and risk.png", pathlib.Path)
+    }
+    command("risk", _risk, does, **scene, **_RISK, **files, **{"--json": _SHOWN["--json"]})
     does = "compile all engines for this machine now, so that no first run has to wait for it"
     command("warmup", _warmup, does)
     return parser
@@ -291,6 +315,29 @@ def _fragility(options):
         else:
             surface_figure(options.out / "fragility.png", result, "Fragility")
     _print(options, result, values, lambda: fragility_table(result))
+
+
+def _risk(options):
+    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.risk.study import study
+
+    intensities = _numbers("--intensities", options.intensities)
+    with reporting("records") as progress:
+        found = study(
+            _scene(options.scene),
+            options.records or (),
+            options.hazard,
+            intensities,
+            scale_noise=not options.keep_noise,
+            progress=progress,
+            **_given(options, "measure", "units", "realizations", "seed", "name"),
+        )
+    if options.out:
+        found.write(options.out)
+    if options.json:
+        sys.stdout.write(json.dumps(found.summary(), allow_nan=False, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(found.text() + "\n")
 
 
 def _numbers(name, text):

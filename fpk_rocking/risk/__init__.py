@@ -9,13 +9,16 @@ from fpk_rocking.risk.curve import IntensityCurve, at_intensity
 from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.frequency import Risk, annual_frequency
 from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.study import Study, study
 
 __all__ = [
     "Hazard",
     "IntensityCurve",
     "Risk",
+    "Study",
     "annual_frequency",
     "at_intensity",
+    "study",
     "to_csv",
     "to_nrml",
     "to_pelicun",

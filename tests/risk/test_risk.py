@@ -1,11 +1,12 @@
 """From a fragility to an annual frequency: curves over records, hazards, closed forms."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
 from fpk_rocking.risk.curve import intensity_of
 from fpk_rocking.studies import fragility
@@ -201,3 +202,35 @@ def test_what_is_no_suite_is_refused_by_name():
     shares[2, 3] = np.nan
     with pytest.raises(ValueError, match="no probability at 1 points"):
         IntensityCurve.of(made(shares, equal, 100), "PGV")
+
+
+def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
+    """Six records from files by the command line; the figures of its JSON are those of the parts, one by one."""
+    scene = Scene(Block(0.9, SIZE), Harmonic(1.0, 2.0), BandNoise(0.02, (0.0, 8.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    (tmp_path / "h.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
+    files = [tmp_path / f"{n}.txt" for n in range(6)]
+    for n, file in enumerate(files):
+        file.write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(record(n).samples)))
+    arguments = [
+        "risk",
+        str(tmp_path / "rack.toml"),
+        "--records",
+        *map(str, files),
+        "--hazard",
+        str(tmp_path / "h.csv"),
+    ]
+    arguments += ["--intensities", "0.2:3:7", "--units", "m/s2", "--realizations", "200", "--name", "rack"]
+    assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 0
+    assert "return period" in capsys.readouterr().out
+    names = {file.name for file in (tmp_path / "out").iterdir()}
+    assert names >= {"result.npz", "risk.json", "risk.txt", "curve.csv", "rack.xml", "risk.png"}
+    values = json.loads((tmp_path / "out" / "risk.json").read_text())
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), scene.noise)) for n in range(6)]
+    found = fragility(scenes, scale=np.geomspace(0.2, 3.0, 7), realizations=200)
+    assert values["fragility"]["overturned"] == found.overturned.tolist()
+    risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
+    assert values["risk"]["rate"] == risk.rate
+    assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
+    assert cli.main([*arguments, "--measure", "PGD"]) == 2
+    assert "measure: got 'PGD', accepted: 'PGA', 'PGV'" in capsys.readouterr().err
