@@ -125,13 +125,19 @@ def _lifetime(scene, amplitude, cycles):
     return found
 
 
+def _orbits(scene, amplitude):
+    """Return the symmetric orbits of a scene's block under another amplitude."""
+    block = scene.block
+    frequency, angle = scene.forcing.frequency, block.critical_angle
+    return symmetric_orbits(amplitude, frequency, block.restitution, critical_angle=angle)
+
+
 def _stable_up_to(scene):
     """Amplitude at which the stable symmetric orbit of the lowest amplitude loses its stability, to 1e-9."""
     low, high = AMPLITUDES[0], BRACKET[0]
     while high - low > 1e-9:
         middle = 0.5 * (low + high)
-        orbits = symmetric_orbits(middle, scene.forcing.frequency, scene.block.restitution)
-        low, high = (middle, high) if any(orbit.stable for orbit in orbits) else (low, middle)
+        low, high = (middle, high) if any(orbit.stable for orbit in _orbits(scene, middle)) else (low, middle)
     return low
 
 
@@ -166,7 +172,7 @@ def _symmetric(scene, amplitudes):
     """Velocities (2, amplitudes) on the stable and on the unstable symmetric orbit, nan where there is none."""
     found = np.full((2, amplitudes.size), np.nan)
     for place, amplitude in enumerate(amplitudes):
-        for orbit in symmetric_orbits(amplitude, scene.forcing.frequency, scene.block.restitution):
+        for orbit in _orbits(scene, amplitude):
             found[0 if orbit.stable else 1, place] = orbit.state(scene.forcing.phase)[1]
     return found
 

@@ -287,17 +287,18 @@ def _joint(both, sizes, cycle, edges):
 
 
 def _melnikov(both) -> dict:
-    forcing, restitution = both[0].scene.forcing, both[0].scene.block.restitution
+    forcing, block = both[0].scene.forcing, both[0].scene.block
+    restitution, angle = block.restitution, block.critical_angle
     if forcing.period is None:
         names = "melnikov_amplitude", "melnikov_loss", "melnikov_deviation", "melnikov_margin", "phase_flux"
         return dict.fromkeys(names)
     noise = [result.scene.noise for result in both]
     return {
-        "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing)),
-        "melnikov_loss": float(melnikov.impact_loss(restitution)),
-        "melnikov_deviation": np.sqrt([melnikov.noise_variance(one) for one in noise]),
-        "melnikov_margin": melnikov.margin(forcing, restitution, noise),
-        "phase_flux": melnikov.phase_flux(forcing, restitution, noise),
+        "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing, angle)),
+        "melnikov_loss": float(melnikov.impact_loss(restitution, angle)),
+        "melnikov_deviation": np.sqrt([melnikov.noise_variance(one, angle) for one in noise]),
+        "melnikov_margin": melnikov.margin(forcing, restitution, noise, angle),
+        "phase_flux": melnikov.phase_flux(forcing, restitution, noise, angle),
     }
 
 

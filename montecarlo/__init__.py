@@ -1,11 +1,13 @@
 """Ensembles of rocking blocks: Monte Carlo engines, independent of the density solver.
 
 ``simulate`` keeps every realization of a scene (``Ensemble``), ``tally`` counts alone, for ensembles of any size
-(``Tally``), ``histories`` whole time histories with their impacts. ``split`` estimates small probabilities of
-overturning. ``mean_poincare_map``, ``restarted_poincare_map``, ``correlation_dimension``, ``first_passage``,
-``overturning_rate``, ``impact_speeds`` and ``bin_errors`` are statistics of realizations with their sampling errors.
+(``Tally``), ``histories`` whole time histories with their impacts, ``contact_forces`` the friction that these need.
+``split`` estimates small probabilities of overturning. ``mean_poincare_map``, ``restarted_poincare_map``,
+``correlation_dimension``, ``first_passage``, ``overturning_rate``, ``impact_speeds`` and ``bin_errors`` are statistics
+of realizations with their sampling errors.
 """
 
+from montecarlo.forces import ContactForces, contact_forces
 from montecarlo.history import histories
 from montecarlo.poincare import correlation_dimension, mean_poincare_map, restarted_poincare_map
 from montecarlo.rare.splitting import Splitting, split
@@ -18,11 +20,13 @@ from montecarlo.simulation import simulate
 from montecarlo.tallying import tally
 
 __all__ = [
+    "ContactForces",
     "Ensemble",
     "Histories",
     "Splitting",
     "Tally",
     "bin_errors",
+    "contact_forces",
     "correlation_dimension",
     "first_passage",
     "histories",

@@ -19,6 +19,11 @@ def enveloped() -> None:
     _simulate(BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)), "exact")
 
 
+def nonlinear() -> None:
+    """Event-driven paths of an exact block."""
+    _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact", Block(0.9, critical_angle=0.3))
+
+
 def rk4() -> None:
     """Runge-Kutta paths."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "rk4")
@@ -34,5 +39,5 @@ def filtered() -> None:
     _simulate(FilteredNoise("low-pass", 0.04, 9.0, 0.7), "filtered")
 
 
-def _simulate(noise, method):
-    simulate(dataclasses.replace(_QUIET, noise=noise), cycles=1, realizations=1, seed=1, method=method)
+def _simulate(noise, method, block=_QUIET.block):
+    simulate(dataclasses.replace(_QUIET, noise=noise, block=block), cycles=1, realizations=1, seed=1, method=method)

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpk_rocking.analytics.inputs import deviations, numbers
-from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss
+from fpk_rocking.analytics.inputs import deviations, numbers, refuse_exact
+from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
@@ -21,7 +21,11 @@ _SHARES = {"peak": 1.0, "mean square": 0.5}
 
 
 def critical_amplitude(
-    frequency: ArrayLike, restitution: ArrayLike, noise: Noise | Sequence[Noise], criterion: str = "peak"
+    frequency: ArrayLike,
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    criterion: str = "peak",
+    critical_angle: float = 0.0,
 ) -> Number:
     """Smallest amplitude A of the forcing that meets a Melnikov criterion.
 
@@ -36,6 +40,8 @@ def critical_amplitude(
     criterion : {"peak", "mean square"}
         "peak" is the paper's eq. 14, D_m² + σ_M² >= M²: the peak of the harmonic part squared, plus the mean square of
         the noise. "mean square" is D_m²/2 + σ_M² >= M², with the mean square of both.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -51,15 +57,16 @@ def critical_amplitude(
         accepted = " or ".join(map(repr, _SHARES))
         raise ValueError(checks.refusal("criterion", criterion, accepted))
     omega = numbers("frequency", frequency, above=0.0)
-    loss, sigma = impact_loss(restitution), deviations(noise)
+    loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
     lacking = np.maximum(loss - sigma, 0.0) * (loss + sigma)
-    return (0.5 * (1.0 + omega**2) * np.sqrt(lacking / _SHARES[criterion]))[()]
+    needed = 0.5 * (1.0 + omega**2) if critical_angle == 0.0 else 1.0 / np.abs(transfer(omega, critical_angle))
+    return (needed * np.sqrt(lacking / _SHARES[criterion]))[()]
 
 
-def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Number:
-    """Amplitude from which the stable and unstable manifolds cross without noise, exactly (derived in docs/theory).
+def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
+    """Amplitude from which the manifolds of a slender block cross without noise, exactly (derived in docs/theory).
 
-    Flights are linear, so both manifolds are known at x = 0 in closed form. They cross from
+    Its flights are linear, so both manifolds are known at x = 0 in closed form. They cross from
     A = (1 - e)(1 + Ω²)/√((1 + e)² + (1 - e)²Ω²) on (cf. Hogan 1992; Lenci and Rega 2006). The Melnikov criterion,
     `critical_amplitude`, agrees with it to first order in 1 - e. At high frequencies they differ: this amplitude grows
     like Ω, the other like Ω².
@@ -70,6 +77,8 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Nu
         Frequency Ω of the forcing, above 0.
     restitution : array_like
         Restitution e, from 0 to 1; it broadcasts with `frequency`.
+    critical_angle : float
+        α of the block, 0: a block with another is refused.
 
     Returns
     -------
@@ -81,13 +90,17 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike) -> Nu
     TypeError, ValueError
         A parameter is refused.
     """
+    refuse_exact(critical_angle, "the exact critical amplitude")
     omega = numbers("frequency", frequency, above=0.0)
     e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
     return ((1.0 - e) * (1.0 + omega**2) / np.hypot(1.0 + e, (1.0 - e) * omega))[()]
 
 
 def margin(
-    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    critical_angle: float = 0.0,
 ) -> Number:
     """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).
 
@@ -99,6 +112,8 @@ def margin(
         Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
         Amplitudes, frequencies, restitutions and noises broadcast. Without noise the margin is D_m - M.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -110,4 +125,5 @@ def margin(
     TypeError, ValueError
         A parameter is refused.
     """
-    return (np.hypot(harmonic_amplitude(forcing), deviations(noise)) - impact_loss(restitution))[()]
+    size = np.hypot(harmonic_amplitude(forcing, critical_angle), deviations(noise, critical_angle))
+    return (size - impact_loss(restitution, critical_angle))[()]

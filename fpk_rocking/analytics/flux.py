@@ -1,7 +1,8 @@
 """Phase flux: the mean positive part of the Melnikov process (paper eqs. 17 to 20).
 
 Φ is the phase-space area that crosses the separatrix of one saddle per unit time, to first order; the area inside the
-heteroclinic orbits is 2. With y₁ a standard normal number and y₂ the cosine of a uniform phase
+heteroclinic orbits is (16/α²)(1 - cos(α/2)), 2 for a slender block. With y₁ a standard normal number and y₂ the cosine
+of a uniform phase
 
     Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] = (1/π) ∫₀^π σ_M [φ(u) + u N(u)] dθ,    u = (D_m cos θ - M)/σ_M,
 
@@ -16,8 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpk_rocking.analytics.excess import density, mean_excess, rounding
-from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises
-from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
+from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises, refuse_exact
+from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, seen
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
@@ -29,7 +30,10 @@ _EQUATIONS = (17, 18)
 
 
 def phase_flux(
-    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], restitution: ArrayLike, noise: Noise | Sequence[Noise]
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    critical_angle: float = 0.0,
 ) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
 
@@ -42,6 +46,8 @@ def phase_flux(
         e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
         Amplitudes, frequencies, restitutions and noises broadcast.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -55,9 +61,10 @@ def phase_flux(
         A parameter is refused.
     """
     if not isinstance(forcing, Harmonics):
-        return _excess(harmonic_amplitude(forcing), impact_loss(restitution), deviations(noise))
-    along = forcing.filtered(transfer)
-    pairs = np.broadcast(impact_loss(restitution), deviations(noise))
+        loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
+        return _excess(harmonic_amplitude(forcing, critical_angle), loss, sigma)
+    along = seen(forcing, critical_angle)
+    pairs = np.broadcast(impact_loss(restitution, critical_angle), deviations(noise, critical_angle))
     return np.reshape([_excess_of_sum(along, *pair) for pair in pairs], pairs.shape)[()]
 
 
@@ -66,8 +73,9 @@ def phase_flux_as_printed(
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
     equation: int = 17,
+    critical_angle: float = 0.0,
 ) -> Number:
-    """Phase flux with the paper's misprints, only for comparison with its figures.
+    """Phase flux of a slender block with the paper's misprints, only for comparison with its figures.
 
     Eq. 17 as printed multiplies the noise by σ σ_M, although the σ_M of eq. 15 contains σ already. Eq. 18 has the same
     factor and does not divide by it where the variable is normalized. The sign and the √2 of erf in eq. 18 and the
@@ -84,6 +92,8 @@ def phase_flux_as_printed(
         White noise is refused, as it has no σ.
     equation : {17, 18}
         Equation of the paper.
+    critical_angle : float
+        α of the block, 0: a block with another is refused.
 
     Returns
     -------
@@ -95,6 +105,7 @@ def phase_flux_as_printed(
     TypeError, ValueError
         A parameter is refused.
     """
+    refuse_exact(critical_angle, "the flux as printed")
     if equation not in _EQUATIONS:
         raise ValueError(checks.refusal("equation", equation, " or ".join(map(str, _EQUATIONS))))
     harmonic, loss = _single(forcing), impact_loss(restitution)
@@ -114,6 +125,7 @@ def phase_flux_sampled(
     strata: int = 256,
     repeats: int = 16,
     seed: int = 1,
+    critical_angle: float = 0.0,
 ) -> tuple[Number, Number]:
     """Phase flux by Monte Carlo of the expectation, a check of `phase_flux`.
 
@@ -128,6 +140,8 @@ def phase_flux_sampled(
         Number of strata along each axis, at least 1, and of repeats, at least 2.
     seed : int
         Seed of numpy's default generator.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -144,7 +158,8 @@ def phase_flux_sampled(
     strata, repeats = checks.count("strata", strata), checks.count("repeats", repeats)
     if repeats == 1:
         raise ValueError(checks.refusal("repeats", repeats, "a whole number >= 2"))
-    parameters = (_single(forcing), impact_loss(restitution), deviations(noise))
+    loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
+    parameters = (_single(forcing, critical_angle), loss, sigma)
     harmonic, loss, sigma = (part[..., None, None] for part in np.broadcast_arrays(*parameters))
     generator, corners = np.random.default_rng(seed), np.arange(strata)
     means = []
@@ -156,10 +171,9 @@ def phase_flux_sampled(
     return np.mean(means, axis=0)[()], (np.std(means, axis=0, ddof=1) / math.sqrt(repeats))[()]
 
 
-def _single(forcing):
+def _single(forcing, critical_angle=0.0):
     """Return D_m of a harmonic forcing, refusing others."""
-    amplitude, frequency = amplitude_and_frequency(forcing)
-    return amplitude * transfer(frequency)
+    return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 
 
 def _excess_of_sum(along, loss, sigma):

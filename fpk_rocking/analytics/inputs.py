@@ -57,6 +57,12 @@ def numbers(
     return array
 
 
+def refuse_exact(critical_angle: float, what: str) -> None:
+    """Refuse what is known for a slender block alone where the block has a critical angle above 0."""
+    if checks.number("critical_angle", critical_angle, at_least=0.0) > 0.0:
+        raise ValueError(checks.refusal("critical_angle", critical_angle, f"0 (block.slender = true) for {what}"))
+
+
 def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
     """Return A and Ω as arrays, from a Harmonic or from a pair (amplitude, frequency) of arrays."""
     if isinstance(forcing, Harmonic):
@@ -80,7 +86,7 @@ def noises(noise: Any) -> Array:
     return array
 
 
-def deviations(noise: Any) -> Array:
+def deviations(noise: Any, critical_angle: float = 0.0) -> Array:
     """Return σ_M as an array, from one noise or a nested sequence of noises."""
     array = noises(noise)
-    return np.sqrt([noise_variance(entry) for entry in array.flat]).reshape(array.shape)
+    return np.sqrt([noise_variance(entry, critical_angle) for entry in array.flat]).reshape(array.shape)

@@ -9,8 +9,10 @@ rocking from overturning. Its variance σ_M² (eq. 15) also says which white noi
 * Criteria: `critical_amplitude` (14, and its mean-square variant), `margin`, `exact_critical_amplitude`.
 * Phase flux: `phase_flux` (17, corrected), `phase_flux_as_printed`, `phase_flux_sampled`.
 
-Amplitudes, frequencies, restitutions and noises may be arrays or sequences, which broadcast. Everything is derived in
-docs/theory, "Melnikov process and phase flux".
+Amplitudes, frequencies, restitutions and noises may be arrays or sequences, which broadcast. The critical angle α of
+the block is a number: 0, a slender block (the paper), or `scene.block.critical_angle`. `exact_critical_amplitude` and
+`phase_flux_as_printed` refuse any but 0. Everything is derived in docs/theory, "Melnikov process and phase
+flux".
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996.

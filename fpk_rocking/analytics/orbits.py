@@ -1,4 +1,4 @@
-"""Symmetric periodic orbits of the forced block without noise, in closed form (derived in docs/theory).
+"""Symmetric periodic orbits of the forced slender block without noise, in closed form (derived in docs/theory).
 
 A symmetric orbit has the forcing's period 2h = 2π/Ω and one impact in each half of it; the second half is the first one
 seen from the other side. A flight that joins two such impacts obeys four linear equations; that the forcing has a
@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from fpk_rocking.analytics.inputs import refuse_exact
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 
@@ -84,9 +85,13 @@ class SymmetricOrbit:
 
 
 def symmetric_orbits(
-    amplitude: float, frequency: float, restitution: float, cutoff: float = math.pi / 2
+    amplitude: float,
+    frequency: float,
+    restitution: float,
+    cutoff: float = math.pi / 2,
+    critical_angle: float = 0.0,
 ) -> tuple[SymmetricOrbit, ...]:
-    """Find all symmetric orbits with one impact in each half cycle, without noise.
+    """Find all symmetric orbits of a slender block with one impact in each half cycle, without noise.
 
     Parameters
     ----------
@@ -98,6 +103,8 @@ def symmetric_orbits(
         Restitution e, from 0 to 1.
     cutoff : float
         Angle that counts as overturning, in units of the critical angle, above 0. Orbits that reach it are left out.
+    critical_angle : float
+        α of the block, 0: a block with another is refused.
 
     Returns
     -------
@@ -113,6 +120,7 @@ def symmetric_orbits(
     -----
     Derived in docs/theory, "Symmetric orbits".
     """
+    refuse_exact(critical_angle, "symmetric orbits")
     a = checks.number("amplitude", amplitude, above=0.0)
     omega = checks.number("frequency", frequency, at_least=0.01)
     e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)

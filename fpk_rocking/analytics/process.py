@@ -6,7 +6,9 @@ the time τ₀ passes the other saddle with the excess energy (paper eqs. 12 to 
 
     M(τ₀) = ∫ v₀(τ) f(τ + τ₀) dτ - M,    M = (1 - e²)/2,    v₀ = e^(-|τ|)
 
-for the orbit from left to right. Where it is positive, blocks cross the separatrix and leave.
+for the orbit from left to right. Where it is positive, blocks cross the separatrix and leave. This is for a slender
+block. With a critical angle α > 0 the energy is v²/2 - (1 - cos φ)/α², φ = α (1 - |x|). The kernel v cos φ takes the
+place of v₀ in the integral, and M = (1 - e²) (2/α²) sin²(α/2), see `physics.motion.separatrix`.
 """
 
 import math
@@ -17,61 +19,71 @@ from fpk_rocking.analytics.inputs import amplitude_and_frequency, numbers
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
+from fpk_rocking.physics.motion import separatrix
 from fpk_rocking.physics.noise.kinds import Noise
 from fpk_rocking.scene.parts import BandNoise
 
 
-def heteroclinic_orbit(times: ArrayLike) -> tuple[Number, Number]:
+def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[Number, Number]:
     """Orbit from the saddle x = -1 to the saddle x = 1 without forcing and losses; it meets x = 0 at the time 0.
 
     Parameters
     ----------
     times : array_like
         Times τ, nondimensional.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
     angle, velocity : ndarray or float
-        sgn(τ)(1 - e^(-|τ|)) and e^(-|τ|), nondimensional, of the shape of `times`.
+        sgn(τ)(1 - e^(-|τ|)) and e^(-|τ|) for a slender block, else sgn(τ)(1 - φ/α) and (2/α) sin(φ/2) with
+        tan(φ/4) = tan(α/4) e^(-|τ|); nondimensional, of the shape of `times`.
 
     Raises
     ------
     TypeError, ValueError
         `times` are not finite numbers.
     """
-    tau = numbers("times", times)
-    return (-np.sign(tau) * np.expm1(-np.abs(tau)))[()], np.exp(-np.abs(tau))[()]
+    return separatrix.orbit(numbers("times", times), critical_angle)
 
 
-def transfer(frequency: ArrayLike) -> Number:
-    """Fourier transform 2/(1 + ω²) of the orbit's velocity e^(-|τ|) (paper eq. 16).
+def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
+    """Fourier transform of the kernel of the process: 2/(1 + ω²) for a slender block (paper eq. 16).
 
     Parameters
     ----------
     frequency : array_like
         Angular frequency ω, nondimensional.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
     ndarray or float
-        Work that a force cos ωτ does along the orbit, nondimensional, of the shape of `frequency`.
+        Work that a force cos ωτ does along the orbit, nondimensional, of the shape of `frequency`. Where
+        cos α < 2/3 it is negative at high frequencies.
 
     Raises
     ------
     TypeError, ValueError
         `frequency` is not of finite numbers.
     """
-    return (2.0 / (1.0 + numbers("frequency", frequency) ** 2))[()]
+    return 2.0 * separatrix.halves(numbers("frequency", frequency), critical_angle)[0]
 
 
-def harmonic_amplitude(forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike]) -> Number:
-    """Amplitude D_m = 2A/(1 + Ω²) of the periodic part of the Melnikov process (paper eqs. 12 to 14).
+def harmonic_amplitude(
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], critical_angle: float = 0.0
+) -> Number:
+    """Amplitude D_m of the periodic part of the Melnikov process, 2A/(1 + Ω²) for a slender block (paper eqs. 12-14).
 
     Parameters
     ----------
     forcing : Harmonic, Harmonics or (amplitude, frequency)
         The pair holds array_like A >= 0 and Ω > 0, which broadcast. For several harmonics D_m is the largest absolute
         value of their sum, each multiplied by its `transfer`.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -84,23 +96,31 @@ def harmonic_amplitude(forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLik
         `forcing` is none of these, or a value is refused.
     """
     if isinstance(forcing, Harmonics):
-        return forcing.filtered(transfer).largest
+        return seen(forcing, critical_angle).largest
     amplitude, frequency = amplitude_and_frequency(forcing)
-    return amplitude * transfer(frequency)
+    return amplitude * np.abs(transfer(frequency, critical_angle))
 
 
-def impact_loss(restitution: ArrayLike) -> Number:
-    """Energy M = (1 - e²)/2 that the impact takes from a block on the heteroclinic orbit.
+def seen(forcing: Harmonics, critical_angle: float) -> Harmonics:
+    """Return the forcing as the Melnikov process has it, each harmonic multiplied by its `transfer`."""
+    return forcing.filtered(lambda frequency: transfer(frequency, critical_angle))
+
+
+def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
+    """Energy M = (1 - e²) v₀²/2 that the impact takes from a block on the heteroclinic orbit.
 
     Parameters
     ----------
     restitution : array_like
         Restitution e, from 0 to 1.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
     ndarray or float
-        Nondimensional, of the shape of `restitution`.
+        Nondimensional, of the shape of `restitution`. The speed v₀ of the orbit at x = 0 is 1 for a slender block,
+        else (2/α) sin(α/2).
 
     Raises
     ------
@@ -108,14 +128,16 @@ def impact_loss(restitution: ArrayLike) -> Number:
         `restitution` is not of numbers from 0 to 1.
     """
     e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
-    return (0.5 * (1.0 - e) * (1.0 + e))[()]
+    return (0.5 * (1.0 - e) * (1.0 + e) * separatrix.speed(critical_angle) ** 2)[()]
 
 
-def process_mean(forcing: Harmonic | Harmonics, restitution: ArrayLike, times: ArrayLike) -> Number:
+def process_mean(
+    forcing: Harmonic | Harmonics, restitution: ArrayLike, times: ArrayLike, critical_angle: float = 0.0
+) -> Number:
     """Mean of the Melnikov process over the noise, for the orbit from left to right (paper eqs. 12 to 14).
 
-    It is -D_m cos(Ωτ₀ + Ψ) - M for a harmonic forcing, and -Σ D_k cos(kΩτ₀ + Ψ_k) - M with D_k = 2A_k/(1 + k²Ω²) for
-    several harmonics.
+    It is -D_m cos(Ωτ₀ + Ψ) - M for a harmonic forcing, and -Σ D_k cos(kΩτ₀ + Ψ_k) - M for several harmonics, with D_k
+    the amplitude A_k times the `transfer` of kΩ.
 
     Parameters
     ----------
@@ -125,6 +147,8 @@ def process_mean(forcing: Harmonic | Harmonics, restitution: ArrayLike, times: A
         Restitution e, from 0 to 1; it broadcasts with `times`.
     times : array_like
         Times τ₀ at which the orbit meets x = 0, nondimensional.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -140,10 +164,10 @@ def process_mean(forcing: Harmonic | Harmonics, restitution: ArrayLike, times: A
     refuse_transient(forcing, "the Melnikov process")
     tau = numbers("times", times)
     waves = (
-        a * transfer(k * forcing.frequency) * np.cos(k * forcing.frequency * tau + phase)
+        a * transfer(k * forcing.frequency, critical_angle) * np.cos(k * forcing.frequency * tau + phase)
         for k, a, phase in forcing.components
     )
-    return -sum(waves) - impact_loss(restitution)
+    return -sum(waves) - impact_loss(restitution, critical_angle)
 
 
 def sampled_process(
@@ -153,6 +177,7 @@ def sampled_process(
     times: ArrayLike,
     frequencies: ArrayLike,
     phases: ArrayLike,
+    critical_angle: float = 0.0,
 ) -> Array:
     """Melnikov process of given realizations of band noise, in closed form.
 
@@ -168,6 +193,8 @@ def sampled_process(
         Times τ₀ at which the orbit meets x = 0, nondimensional.
     frequencies, phases : array_like, shape (..., N)
         Frequencies ν_n and phases φ_n of the realizations (paper eq. 4).
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -186,6 +213,6 @@ def sampled_process(
     if nu.shape[-1:] != (banded.harmonics,):
         accepted = f"(..., {banded.harmonics}), the number of harmonics of the noise"
         raise ValueError(checks.refusal("shape of frequencies and phases", nu.shape, accepted))
-    weights = math.sqrt(2.0 * banded.variance / banded.harmonics) * transfer(nu)
+    weights = math.sqrt(2.0 * banded.variance / banded.harmonics) * transfer(nu, critical_angle)
     waves = np.cos(nu[..., None, :] * tau[:, None] + phi[..., None, :])
-    return np.einsum("...tn,...n->...t", waves, weights) + process_mean(forcing, e, tau)
+    return np.einsum("...tn,...n->...t", waves, weights) + process_mean(forcing, e, tau, critical_angle)

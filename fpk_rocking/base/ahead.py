@@ -18,6 +18,7 @@ TASKS = {
     "fpk_rocking.density.ahead:filtered": 3,
     "montecarlo.ahead:exact": 7,
     "montecarlo.ahead:enveloped": 7,
+    "montecarlo.ahead:nonlinear": 11,
     "montecarlo.ahead:rk4": 7,
     "montecarlo.ahead:white": 6,
     "montecarlo.ahead:filtered": 6,

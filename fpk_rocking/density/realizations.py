@@ -138,14 +138,16 @@ class RealizationAverage(DensityResult):
         return np.tensordot(self.weights, parts, 1)
 
 
-def realized_diffusions(noise: BandNoise, restitution: float, samples: int, seed: int) -> Array:
+def realized_diffusions(
+    noise: BandNoise, restitution: float, samples: int, seed: int, critical_angle: float = 0.0
+) -> Array:
     """Draw the diffusions (samples,) that single realizations of a band noise stand for; nondimensional."""
     rng, (low, high) = np.random.default_rng(seed), noise.band
     total = np.zeros(samples)
     for _ in range(noise.harmonics):
-        total += response(rng.uniform(low, high, samples), restitution)
-    mean = noise.harmonics * jump_diffusion(noise, restitution) / noise.variance
-    return equivalent_diffusion(noise) * total / mean
+        total += response(rng.uniform(low, high, samples), restitution, critical_angle)
+    mean = noise.harmonics * jump_diffusion(noise, restitution, critical_angle) / noise.variance
+    return equivalent_diffusion(noise, critical_angle) * total / mean
 
 
 def gauss_quadrature(values: Array, count: int) -> tuple[Array, Array]:
@@ -206,7 +208,8 @@ def solve_realizations(scene: Scene, *, cycles: int, tol: float = 1e-3, nodes: i
         raise ValueError(checks.refusal("nodes", nodes, "a whole number from 2 to 12"))
     if scene.noise.kind != "band" or scene.noise.harmonics < 2 or scene.noise.variance == 0.0:
         raise ValueError(checks.refusal("noise", scene.noise, "band noise of two harmonics or more"))
-    drawn = realized_diffusions(scene.noise, scene.block.restitution, _SAMPLES, _SEED)
+    block = scene.block
+    drawn = realized_diffusions(scene.noise, block.restitution, _SAMPLES, _SEED, block.critical_angle)
     diffusions, weights = gauss_quadrature(drawn, nodes)
     evolutions = tuple(
         solve_fpk(dataclasses.replace(scene, noise=WhiteNoise(float(diffusion))), cycles=cycles, tol=tol)

@@ -146,7 +146,7 @@ class Resolution:
         )
         angle = graded_lines(far, angle_cells, grading)
         velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
-        rests = scene.forcing.longest_rest > _RESTS
+        rests = scene.forcing.against(scene.block.lift_off).longest_rest > _RESTS
         step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
         steps = self.steps / 16 * period / step
         fewest = FEWEST * period / scene.forcing.shortest_period

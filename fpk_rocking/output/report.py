@@ -25,10 +25,11 @@ _COLOURS = 256
 _CANVAS = 460, 360
 _UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
 _LEFT_OUT = (
-    "The model is one rigid, slender block that rocks in a plane on a rigid base. It leaves out sliding, vertical "
+    "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
     "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
     "bases and contents, and the scatter of restitution. No error stated here contains these."
 )
+_SLENDER = ", with the equation of motion of a slender one"
 _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
     "side, 1 at full height. The arrow keys move the slider, too."
@@ -70,7 +71,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
-        f"<p>{_LEFT_OUT}</p>",
+        f"<p>{_left_out(scenes)}</p>",
         f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_UNITS}</p>",
         _json_html("summary", values),
         f"{_json_html('film', made)}<script>{script}</script>" if made else "",
@@ -79,6 +80,13 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
     return len(page.encode())
+
+
+def _left_out(scenes):
+    """Say what the model of some scenes leaves out."""
+    slender = [scene.block.critical_angle == 0.0 for scene in scenes]
+    which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
+    return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "")
 
 
 def _table_html(columns):

@@ -15,9 +15,6 @@ __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
-SLENDER = 0.05
-"""Error of the linearized moments up to which a block counts as slender."""
-
 
 def scene_text(scene: Scene) -> str:
     """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
@@ -74,8 +71,9 @@ def closure_of(scene: Scene, solved: Scene) -> str:
 def remarks(*results: Any) -> tuple[str, ...]:
     """Return the sentences that a reader of some results needs, each once.
 
-    They say where the block is too squat for the model, what the scene remarks on its noise, which noise replaced band
-    noise and what that changes, what a density does not resolve, and what a check that failed may be due to.
+    They say with which friction a block slides before it rocks, where one of some size is taken as slender, what the
+    scene remarks on its noise, which noise replaced band noise and what that changes, what a density does not resolve,
+    and what a check that failed may be due to.
 
     Parameters
     ----------
@@ -89,7 +87,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     """
     sentences: list[str] = []
     for result in results:
-        sentences += filter(None, (result.scene.noise.remark, result.closure))
+        sentences += filter(None, (result.scene.noise.remark, _sliding(result.scene.block), result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]
         sentences += filter(None, [result.check])
         sentences += _explained(result)
@@ -106,21 +104,28 @@ def doubts(result: Any) -> list[Doubt]:
 
 def scene_doubts(scene: Scene, closure: str, unresolved: str = "") -> list[Doubt]:
     """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
-    found = _squat(scene.block.dimensions)
+    found = _slender(scene.block)
     found += [Doubt(CAUTION, unresolved, "unresolved")] * bool(unresolved)
     return found + [Doubt(CAUTION, UNCHECKED, "unchecked")] * bool(closure)
 
 
-def _squat(size):
-    """Say how wrong the moments of a slender block are for one that is not."""
-    if size is None or max(size.slenderness_error) <= SLENDER:
+def _sliding(block):
+    least = block.least_friction
+    return "" if least is None else f"A block with a friction coefficient below {least:.3g} slides before it rocks."
+
+
+def _slender(block):
+    """Say how wrong the moments are where a block is taken as slender in spite of its dimensions."""
+    if not block.slender or block.dimensions is None:
         return []
+    size = block.dimensions
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Squat block: {size.width:.3g} m by {size.height:.3g} m is treated as slender: the moment of gravity is then "
-        f"too large by up to {gravity:.2g} % and that of the shaking by up to {shaking:.2g} %."
+        f"Slender block: {size.width:.3g} m by {size.height:.3g} m is treated as slender, as block.slender asks. The "
+        f"moment of gravity is then too large by up to {gravity:.2g} %, that of the shaking by up to {shaking:.2g} %: "
+        "fpk_rocking.studies.slenderness_cost(scene) measures what this changes."
     )
-    return [Doubt(CAUTION, sentence, "squat")]
+    return [Doubt(CAUTION, sentence, "slender")]
 
 
 def _explained(result):
@@ -136,11 +141,12 @@ def _explained(result):
     yield (
         f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
     )
-    noise, restitution = result.scene.noise, result.scene.block.restitution
-    part, spread = equivalence.cover(noise), equivalence.realized_spread(noise, restitution)
+    noise, block = result.scene.noise, result.scene.block
+    part = equivalence.cover(noise, block.critical_angle)
+    spread = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
     rest = (
-        f"; the forcing alone reaches {result.scene.forcing.largest:.3g}, a block at rest lifts off above 1, and under "
-        "white noise none rests"
+        f"; the forcing alone reaches {result.scene.forcing.largest:.3g}, a block at rest lifts off above "
+        f"{block.lift_off:.4g}, and under white noise none rests"
     )
     yield (
         f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "

@@ -23,7 +23,7 @@ from fpk_rocking.base.types import ArrayLike, File
 from fpk_rocking.results.layout import Layout
 from fpk_rocking.scene.scene import Scene
 
-_FORMAT = 5
+_FORMAT = 6
 _HEADER = "header"
 _HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
 _PIECE = 2**20

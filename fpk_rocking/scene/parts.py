@@ -6,10 +6,14 @@ from typing import ClassVar, Literal, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import known
+from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.noise.envelope import ENVELOPES, Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS, Filter
 from fpk_rocking.physics.noise.state_space import StateSpace
 from fpk_rocking.scene.units import Dimensions
+
+_AS_MEASURED = 1e-3
+"""Relative difference from the dimensions that a given critical angle may have."""
 
 
 def _set(value, name, checked):
@@ -26,12 +30,19 @@ class Block:
         Velocity after an impact over that before it, from 0 to 1 (paper eq. 3). By default it follows from the
         dimensions, `Dimensions.restitution`.
     dimensions : Dimensions, optional
-        Size of the block, for conversions to units. A record and a default restitution need it; otherwise the
-        nondimensional motion does not depend on it.
+        Size of the block, for conversions to units. A record, a default restitution and a default critical angle need
+        it.
+    critical_angle : float, optional
+        Critical angle α of the equation of motion, radians, from 0 to π/2. By default that of the
+        dimensions, which a given one must match to 1e-3; without dimensions 0, the limit of a slender block (paper).
+    slender : bool
+        Take the equation of a slender block in spite of the dimensions: the critical angle is 0.
     """
 
     restitution: float = None  # type: ignore[assignment]  # None until it follows from the dimensions
     dimensions: Dimensions | None = None
+    critical_angle: float = None  # type: ignore[assignment]  # likewise
+    slender: bool = False
 
     def __post_init__(self):
         if self.dimensions is not None:
@@ -41,6 +52,28 @@ class Block:
                 raise ValueError("block.restitution: missing, required without block.dimensions")
             _set(self, "restitution", self.dimensions.restitution)
         _set(self, "restitution", checks.number("block.restitution", self.restitution, at_least=0.0, at_most=1.0))
+        checks.instance("block.slender", self.slender, bool)
+        own = 0.0 if self.dimensions is None or self.slender else self.dimensions.critical_angle
+        given = own if self.critical_angle is None else self.critical_angle
+        angle = checks.number("block.critical_angle", given, at_least=0.0, at_most=0.5 * math.pi)
+        if angle != own and (self.slender or (self.dimensions and abs(angle - own) > _AS_MEASURED * own)):
+            accepted = f"{own!r}, as block.{'slender' if self.slender else 'dimensions'} says, or nothing"
+            raise ValueError(checks.refusal("block.critical_angle", angle, accepted))
+        _set(self, "critical_angle", angle)
+
+    @property
+    def lift_off(self) -> float:
+        """Largest nondimensional force |f| under which the block stays at rest: tan(α)/α, 1 for a slender block."""
+        return lift_off(self.critical_angle)
+
+    @property
+    def least_friction(self) -> float | None:
+        """Friction coefficient below which the block slides before it lifts off: tan α, width over height.
+
+        None for a slender block without dimensions.
+        """
+        angle = self.critical_angle or (self.dimensions.critical_angle if self.dimensions else 0.0)
+        return math.tan(angle) if angle > 0.0 else None
 
 
 def _check_envelope(envelope):

@@ -5,6 +5,7 @@ docs/theory.md. A scene says nothing about how it is solved.
 """
 
 import dataclasses
+import math
 import pathlib
 import tomllib
 from typing import Any, Self
@@ -49,7 +50,7 @@ class Scene:
     TypeError
         A part has the wrong type.
     ValueError
-        The start is at or beyond overturning, or a record has no dimensions.
+        The start is at or beyond overturning, overturning is beyond 1 + π/(2α), or a record has no dimensions.
     """
 
     block: Block
@@ -65,6 +66,7 @@ class Scene:
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
         object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
+        _check_cutoff(self.overturning.angle, self.block.critical_angle)
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
@@ -92,7 +94,7 @@ class Scene:
         ----------
         **parts : dict or part of a scene
             New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A change
-            of the noise drops its ``remark``, unless a new one is given.
+            of the noise drops its ``remark``, and new dimensions the critical angle, unless a new one is given.
 
         Returns
         -------
@@ -108,7 +110,8 @@ class Scene:
         for name, given in parts.items():
             if isinstance(given, dict):
                 cls = type(own[name])
-                kept = {key: value for key, value in _fields(own[name]).items() if key != "remark"}
+                dropped = {"remark"} | ({"critical_angle"} if given.keys() & {"dimensions", "slender"} else set())
+                kept = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
                 parts[name] = cls(**checks.arguments(name, kept | given, cls))
         return dataclasses.replace(self, **parts)
 
@@ -125,7 +128,8 @@ class Scene:
         """
         if self.noise.kind == "white":
             return self
-        return dataclasses.replace(self, noise=WhiteNoise(equivalent_diffusion(self.noise), self.noise.envelope))
+        diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
+        return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
     def filtered_equivalent(self) -> Self:
         """Return the same scene with low-pass noise in place of band noise.
@@ -149,8 +153,8 @@ class Scene:
             return self
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
-        ratio = noise_variance(noise) / noise.variance
-        frequency = low_pass_frequency(ratio)
+        ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
+        frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle)
         if frequency is None:
             accepted = (
                 "a band that low-pass noise can replace; none has this Melnikov variance, "
@@ -179,14 +183,14 @@ class Scene:
         gravity: float = 9.80665,
         start: Start = Start(),
         overturning: Overturning = Overturning(),
+        slender: bool = False,
     ) -> Self:
-        """Build a scene from the size of a slender block and the shaking of its base.
+        """Build a scene from the size of a block and the shaking of its base.
 
         Parameters
         ----------
         width, height : float
-            Full width and height, metres. The equation of motion is linearized for a slender block;
-            `Dimensions.slenderness_error` is the error.
+            Full width and height, metres.
         peak_acceleration : float, optional
             Amplitude of a harmonic base acceleration, or peak of a pulse, m/s². Required without a record.
         frequency_hz : float, optional
@@ -211,6 +215,8 @@ class Scene:
             Acceleration of gravity, m/s².
         start, overturning : Start, Overturning
             Nondimensional, angles in units of the critical angle.
+        slender : bool
+            Take the equation of motion of a slender block instead of the exact one.
 
         Returns
         -------
@@ -233,7 +239,7 @@ class Scene:
             low, high = checks.interval("noise_band_hz", noise_band_hz)
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
         return cls(
-            block=Block(size.restitution if restitution is None else restitution, size),
+            block=Block(restitution, size, slender=slender),  # type: ignore[arg-type]  # None: from the size
             forcing=forcing,
             noise=noise,
             start=start,
@@ -322,6 +328,13 @@ def load_scene(path: File) -> Scene:
 def _fields(value):
     """Return the fields of a dataclass, themselves and not copied."""
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+
+
+def _check_cutoff(cutoff, critical_angle):
+    """Refuse an angle of overturning at which gravity would turn a block back."""
+    if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
+        most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
+        raise ValueError(checks.refusal("overturning.angle", cutoff, most))
 
 
 def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):

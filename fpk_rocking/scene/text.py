@@ -47,7 +47,7 @@ def table_of(name: str, part: Any) -> str:
         lines.append(f"kind = {_literal(part.kind)}")
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)
-        if value not in (None, "") and not dataclasses.is_dataclass(value):
+        if value not in (None, "") and value is not False and not dataclasses.is_dataclass(value):
             lines.append(f"{field.name} = {_literal(value)}")
     return "\n".join(lines) + "\n"
 
@@ -100,5 +100,7 @@ _READERS = {
 def _literal(value):
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, bool):
+        return str(value).lower()
     # Python's shortest exact forms of int and float are TOML too.
     return "[" + ", ".join(map(_literal, value)) + "]" if isinstance(value, tuple) else repr(value)

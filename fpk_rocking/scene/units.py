@@ -1,10 +1,10 @@
 """Metres, seconds and hertz of a rectangular block against the nondimensional scene.
 
 A rigid block of width 2b and height 2h on a rigid base turns about a bottom corner. With the half diagonal R, the
-critical angle θ_cr = atan(b/h) and I = 4mR²/3, linearizing sin(θ_cr - θ) and cos(θ_cr - θ) for a slender block gives
-d²θ/dt² = p²(θ - s θ_cr) + p² a(t)/g with p² = 3g/(4R). In Θ = θ/θ_cr and τ = pt this is the scene's equation, with a
-base acceleration a in the place of an amplitude a/(g θ_cr). The linearization costs about θ_cr²/6 of the restoring
-moment and up to θ_cr²/2 of the forcing: 1 % and 3 % at θ_cr = 0.25. a counts positive towards θ < 0.
+critical angle θ_cr = atan(b/h) and I = 4mR²/3 it obeys d²θ/dt² = p² [-s sin(θ_cr - sθ) + cos(θ_cr - sθ) a(t)/g] with
+p² = 3g/(4R). In Θ = θ/θ_cr and τ = pt this is the scene's equation, with a base acceleration a in the place of an
+amplitude a/(g θ_cr). Taken as slender, sine linear and cosine 1, a block has a restoring moment too large by about
+θ_cr²/6 and a forcing too large by up to θ_cr²/2: 1 % and 3 % at θ_cr = 0.25. a counts positive towards θ < 0.
 """
 
 import dataclasses

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike
-from fpk_rocking.scene.parts import Start
+from fpk_rocking.scene.parts import Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import Dimensions
 
@@ -181,7 +181,7 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     forcing = scene.forcing
     return dataclasses.replace(
         scene,
-        block=dataclasses.replace(scene.block, restitution=new.restitution if housner else own, dimensions=new),
+        block=Block(new.restitution if housner else own, new, slender=scene.block.slender),
         forcing=forcing if forcing.dimensional else forcing.scaled(angle, rate),
         noise=scene.noise.scaled(angle, rate),
         start=Start(start.angle * angle, start.velocity * angle * rate, covariance),

@@ -6,13 +6,15 @@ Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Prob
 import math
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.body import body_in, by_body
 from fpk_rocking.physics.motion.contact import impact
-from fpk_rocking.physics.motion.events import safe_time
+from fpk_rocking.physics.motion.equation import lift, pulls
 from fpk_rocking.physics.motion.gaussian import noise_factor
-from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import block_in, flight, lift, pulls
+from fpk_rocking.physics.motion.polynomial import polynomial, safe_time
+from fpk_rocking.physics.motion.slender import flight
 from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal
+from montecarlo.engines.steps import nystrom
 
 FAST = 1e-3
 """A block arrives at a barrier after t at speed w, all but certainly and nearly on time, if 2 D t < FAST w^2."""
@@ -54,7 +56,7 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     latest time for it: `end`, or that of a step that was to end with it.
     """
     restitution = problem.restitution
-    pull = lift(u, side, polynomial(segment.force, end)[0])
+    pull = lift(u, side, polynomial(segment.force, end)[0], body_in(problem))
     square = w * w - 2.0 * pull * u
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
@@ -70,6 +72,24 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     return u, w, side, end
 
 
+@kernel(inline="always")
+def _slender_mean(x, v, side, segment, start, end, block):
+    x, v = flight(x, v, side, segment, start, end, block)
+    return x, v, 1.0
+
+
+@kernel(inline="always")
+def _exact_mean(x, v, side, segment, start, end, block):
+    begin, middle = polynomial(segment.force, start)[0], polynomial(segment.force, 0.5 * (start + end))[0]
+    last = polynomial(segment.force, end)[0]
+    u, w, strength = nystrom(side * x, side * v, side, begin, middle, last, end - start, block)
+    return side * u, side * w, strength
+
+
+_mean = by_body(_slender_mean, _exact_mean)
+"""Angle and velocity after a step without noise, and the factor by which the noise enters in it."""
+
+
 @kernel(forceinline=True, borrows=True)  # see events.next_event
 def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin):
     """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
@@ -77,13 +97,13 @@ def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin)
     u >= cutoff means overturned.
     """
     cutoff, left, diffusion, reach = problem.cutoff, limit - start, problem.diffusion[j], problem.reach[j]
-    fall, rise = pulls(side, segment.force_low, segment.force_high, block_in(problem))
+    fall, rise = pulls(side, segment.force_low, segment.force_high, body_in(problem))
     down = safe_step(u, w, min(0.0, -fall), reach, left, problem.shortest)
     up = safe_step(cutoff - u, -w, min(0.0, -rise), reach, left, problem.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
         duration = min(max(duration, problem.shortest), left)
-        pull = lift(u, side, polynomial(segment.force, start)[0])
+        pull = lift(u, side, polynomial(segment.force, start)[0], body_in(problem))
         falls = down <= up
         needed = safe_time(u, w, -pull) if falls else safe_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0
@@ -92,8 +112,8 @@ def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin)
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
     end = limit if duration == left else start + duration
-    x, v = flight(side * u, side * w, side, segment, start, end)
-    xx, vx, vv = noise_factor(diffusion, end - start)
+    x, v, strength = _mean(side * u, side * w, side, segment, start, end, body_in(problem))
+    xx, vx, vv = noise_factor(diffusion * strength * strength, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:

@@ -13,9 +13,10 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.body import body_in
 from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.equation import cosine, lift, steepness
 from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import lift
 from fpk_rocking.physics.motion.transition import record
 from montecarlo.engines.random import normal, uniform
 
@@ -112,12 +113,14 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
     values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
-    diffusion, span = problem.diffusion[j], problem.spacing
+    block, span = body_in(problem), problem.spacing
+    share = cosine(0.0, block)
+    diffusion = problem.diffusion[j] * share * share
     force, slope = polynomial(problem.force[j], time)
-    pull = -lift(0.0, side, force)
+    pull = -lift(0.0, side, force, block)
     if not w < problem.brief * pull:
         return w, 0, time
-    disc = pull * pull - 8.0 / 3.0 * side * slope * w
+    disc = pull * pull - 8.0 / 3.0 * side * share * slope * w
     if not disc > 0.5 * pull * pull:
         return w, 0, time
     half = 2.0 * w / (pull + math.sqrt(disc))
@@ -126,9 +129,9 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     else:
         middle, rate = polynomial(problem.force[(j + 1) % problem.low.size], time + half - span)
     chord = (middle - force) / half
-    growth = -side * (rate + 0.6 * (slope + rate) - 1.2 * chord)
+    growth = -side * share * (rate + 0.6 * (slope + rate) - 1.2 * chord)
     mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
-    pull = -lift(0.0, side, mean) - half * (w / 3.0 + growth)
+    pull = -lift(0.0, side, mean, block) - half * (steepness(0.0, side, mean, block) * w / 3.0 + growth)
     if not w * pull > _SLOWEST * diffusion:
         return w, 0, time
     noise = SURE * _WIDTH * math.sqrt(diffusion)

@@ -1,10 +1,10 @@
 """The engines there are, which of them simulates a scene, and what it compiles before."""
 
 from fpk_rocking.base import checks
-from montecarlo.engines import enveloped, exact, filtered, rk4, white
+from montecarlo.engines import enveloped, exact, filtered, nonlinear, rk4, white
 
-ENGINES = exact, enveloped, rk4, white, filtered
-"""All engines. Of those that take a scene the first is the default; two of one method take different scenes."""
+ENGINES = exact, enveloped, nonlinear, rk4, white, filtered
+"""All engines. Of those that take a scene the first is the default; those of one method take different scenes."""
 
 METHODS = tuple(dict.fromkeys(engine.METHOD for engine in ENGINES))
 """Names of the methods that a user may ask for."""

@@ -1,4 +1,4 @@
-"""Event-driven realizations under band noise with an envelope: the engine `exact` for η(τ) g(τ).
+"""Event-driven realizations of a slender block under band noise with an envelope: the engine `exact` for η(τ) g(τ).
 
 The noise η is band-limited and a polynomial between the points of a coarse grid (`physics.noise.bandlimited`); so
 is g, in pieces of its own where a kink of it falls into an interval. Their product is the force, in closed form as in
@@ -13,17 +13,10 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import is_eventless
+from fpk_rocking.physics.motion.body import body_in, body_of
+from fpk_rocking.physics.motion.events import can_lift_off, is_eventless
 from fpk_rocking.physics.motion.particular import added, continued, ends_of
-from fpk_rocking.physics.motion.slender import (
-    block_in,
-    block_of,
-    can_lift_off,
-    force_bounds,
-    hyperbolic_turn,
-    respond,
-    segment_of,
-)
+from fpk_rocking.physics.motion.slender import force_bounds, hyperbolic_turn, respond, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
@@ -39,7 +32,7 @@ METHOD = "exact"
 RENEWS = False
 BLOCK = 64
 
-_ORDER = 8
+ORDER = 8
 """Coefficients of g in a piece; of a linear one 2 are used."""
 
 _NEAR = 1e-9
@@ -47,7 +40,7 @@ _NEAR = 1e-9
 
 def takes(scene):
     """Whether this engine simulates a scene."""
-    return scene.noise.kind == "band" and scene.noise.envelope is not None
+    return scene.noise.kind == "band" and scene.noise.envelope is not None and scene.block.critical_angle == 0.0
 
 
 class Problem(NamedTuple):
@@ -61,6 +54,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     low_ratio: float
     ratio_width: float
@@ -93,10 +87,10 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     band = band_of(scene, grid.duration)
     least, most = np.empty((2, grid.count))
     force_bounds(forced, half, least, most)
-    largest = band.weight * band.harmonics * _largest(envelope, grid)
-    order = 2 if math.isinf(envelope.spacing) else _ORDER
+    largest = band.weight * band.harmonics * largest_strengths(envelope, grid)
+    order = 2 if math.isinf(envelope.spacing) else ORDER
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         start_numbers(scene.start),
         *band,
         *grid,
@@ -104,7 +98,7 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
         compensation(),
         2.0 * OVERSAMPLING / grid.count,
         forced,
-        *_pieces(envelope, middles, half, order),
+        *pieces_of(envelope, middles, half, order),
         np.stack([_response(np.pad(shapes, ((0, 0), (k, 0)))[:, :TERMS], half) for k in range(order)]),
         _added(forced, half).T.copy(),
         least - largest,
@@ -112,7 +106,7 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     )
 
 
-def _largest(envelope, grid):
+def largest_strengths(envelope, grid):
     """Return the largest g in each interval (m,)."""
     edges = grid.spacing * np.arange(grid.count + 1)
     values = envelope.value(edges)
@@ -124,7 +118,7 @@ def _largest(envelope, grid):
     return largest
 
 
-def _pieces(envelope, middles, half, order):
+def pieces_of(envelope, middles, half, order):
     """Return `piece`, `ends` and `strength` of a `Problem`."""
     piece, ends, centres, owners = [0], [], [], []
     kinks = np.sort(envelope.kinks)
@@ -211,11 +205,11 @@ def coast(state, side, number, j, problem, room):
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
     low, high, (x, v) = problem.low[j], problem.high[j], state
     if side == 0:
-        return not can_lift_off(low, high), state
+        return not can_lift_off(low, high, body_in(problem)), state
     if problem.piece[j + 1] > problem.piece[j] + 1:
         return False, state
     ahead = _after(x, v, side, j, number % CHUNK, problem, room)
-    return is_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, block_in(problem)), ahead
+    return is_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, body_in(problem)), ahead
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -248,7 +242,7 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
         for n in range(TERMS):
             room.particular[n] += problem.forced[j, n]
         segment = segment_of(room.particular, room.force, half)
-        x, v, side, time = advance(x, v, side, segment, begin, end, block_in(problem), impacts, origin)
+        x, v, side, time = advance(x, v, side, segment, begin, end, body_in(problem), impacts, origin)
         if abs(x) >= problem.cutoff:
             break
         begin = end

@@ -14,15 +14,16 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_through, state_at
 from fpk_rocking.physics.motion.particular import ends_of
-from fpk_rocking.physics.motion.slender import block_in, block_of, fold, force_bounds, pulls, split, stiffness
+from fpk_rocking.physics.motion.slender import fold, force_bounds, pulls, split, stiffness
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
 from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import marcher, realizer
-from montecarlo.engines.samples import CHUNK, allocate, first_samples, more_samples
+from montecarlo.engines.samples import CHUNK, allocate, first_samples, interpolate, more_samples
 from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
 
@@ -36,7 +37,8 @@ FEWEST, LONGEST = 12, 0.2
 
 def takes(scene):
     """Whether this engine simulates a scene."""
-    return scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
+    plain = scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
+    return plain and scene.block.critical_angle == 0.0
 
 
 class Problem(NamedTuple):
@@ -52,6 +54,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     low_ratio: float
     ratio_width: float
@@ -78,7 +81,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     longest = min(LONGEST, forcing.shortest_period / FEWEST)
     grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
     intervals, spacing = grid.count, grid.spacing
-    block, band = block_of(scene), band_of(scene, grid.duration)
+    block, band = body_of(scene), band_of(scene, grid.duration)
     forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
     shapes, half = pieces(spacing), 0.5 * spacing
     return Problem(
@@ -125,21 +128,6 @@ def _set_nodes(samples, node, ends):
         a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
         for k in range(CHUNK):
             node[k] += (a * samples[k + i] + b * samples[k + i + 1]) + (c * samples[k + i + 2] + d * samples[k + i + 3])
-
-
-# Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _open(particular, forced, i, s, g, k):
-    """Write P in interval i of a cycle, k of a chunk: polynomials `s` (WIDTH, TERMS), weighted with samples `g`."""
-    a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
-    k += 8
-    b0, b1, b2, b3, b4, b5, b6, b7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
-    for n in range(particular.size):
-        first = (a0 * s[0, n] + a1 * s[1, n]) + (a2 * s[2, n] + a3 * s[3, n])
-        second = (a4 * s[4, n] + a5 * s[5, n]) + (a6 * s[6, n] + a7 * s[7, n])
-        third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
-        fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
-        particular[n] = forced[i, n] + ((first + second) + (third + fourth))
 
 
 @kernel(fastmath={"contract", "reassoc"}, borrows=True)
@@ -204,13 +192,13 @@ def coast(state, side, number, j, problem, room):
 @kernel(forceinline=True, borrows=True)
 def resolve(number, j, problem, room):
     """Write P in an interval."""
-    _open(room.interval.particular, problem.forced, j, problem.pieces, room.samples, number % CHUNK)
+    interpolate(room.interval.particular, problem.forced[j], problem.pieces, room.samples, number % CHUNK)
 
 
 @kernel(forceinline=True, borrows=True)
 def look(state, side, number, j, share, problem, room):  # noqa: ARG001
     """Angle and velocity in a resolved interval, nan if overturned."""
-    return state_at(room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, block_in(problem))
+    return state_at(room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, body_in(problem))
 
 
 @kernel(forceinline=True, borrows=True)
@@ -219,7 +207,7 @@ def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
     middle = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
     node = problem.node[j, 0] + room.node[number % CHUNK]
     grow, decay, u, side, time = pass_through(
-        room.interval, node, state[0], state[1], state[2], ahead[2], side, block_in(problem), impacts, middle
+        room.interval, node, state[0], state[1], state[2], ahead[2], side, body_in(problem), impacts, middle
     )
     return (grow, decay, u), side, time
 

@@ -11,6 +11,9 @@ mean of the noise given all that, but for terms of relative order (interval time
 What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md). Under
 an envelope, linear in pieces that end at its kinks, the product of both is taken in flights too.
 
+For an exact block the polynomial is the force in every flight (`physics.motion.collocation`). It moves a slender block
+as was drawn, so that what it leaves out acts in a flight through the curvature of the equation of motion alone.
+
 The noise is the same function of time for any samples, and for runs that begin at any cycle.
 """
 
@@ -22,19 +25,14 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import load
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import is_eventless
-from fpk_rocking.physics.motion.particular import added, ends_of, hyperbolic, response
+from fpk_rocking.physics.motion.body import body_in, body_of, by_body
+from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, carried, cruise, cruise_tables
+from fpk_rocking.physics.motion.events import can_lift_off, is_eventless
+from fpk_rocking.physics.motion.particular import added, ends_of, force_of, hyperbolic, response
 from fpk_rocking.physics.motion.polynomial import move_origin
-from fpk_rocking.physics.motion.slender import (
-    block_in,
-    block_of,
-    can_lift_off,
-    force_bounds,
-    hyperbolic_turn,
-    respond,
-    segment_of,
-)
+from fpk_rocking.physics.motion.slender import force_bounds, hyperbolic_turn, respond, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise.state_space import transition
 from montecarlo.engines import start
@@ -89,12 +87,15 @@ class Problem(NamedTuple):
     `begins`, `ends` (pieces,): times since the interval's begin. `strength` (pieces, 2): the envelope at a piece's
     begin and its slope. `strongest` (m,): its largest value in an interval. `response` (m, 2, d + 1): angle and
     velocity that the Bernstein polynomials, times the envelope, add to a flight.
-    `forced` (m, TERMS): P of the forcing since the interval's begin; `low`, `high` (m,): bounds of the forcing; `drift`
-    (m, 2): angle and velocity that it adds to a flight.
+    `forced` (m, TERMS): P of the forcing since the interval's begin, or the forcing itself for an exact block; `low`,
+    `high` (m,): bounds of the forcing; `drift` (m, 2): angle and velocity that it adds to a flight.
+    At the points of `physics.motion.collocation`: `pushes` (m, NODES): the forcing, `basis` (d + 1, NODES): Bernstein
+    polynomials, `factors` (m, NODES): the envelope; `points` to `sinh`: see `Cruise`.
     """
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     count: int
     spacing: float
@@ -115,6 +116,13 @@ class Problem(NamedTuple):
     low: np.ndarray
     high: np.ndarray
     drift: np.ndarray
+    pushes: np.ndarray
+    basis: np.ndarray
+    factors: np.ndarray
+    points: np.ndarray
+    inner: np.ndarray
+    cosh: float
+    sinh: float
 
 
 class Room(NamedTuple):
@@ -147,20 +155,26 @@ def problem_of(scene, steps_per_cycle, times=None):
 
 def on_grid(scene, grid):
     """Return the `Problem` of a scene for the intervals of a grid."""
-    span = grid.spacing
-    forced = scene.forcing.pieces(np.arange(grid.count) * span)
+    span, envelope, degree = grid.spacing, scene.noise.envelope, _DEGREE[scene.noise.space.smooth]
+    begins = np.arange(grid.count) * span
+    forced = scene.forcing.pieces(begins)
     low, high, drift = _forcing_tables(forced, span)
+    force = force_of(forced)
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         start_numbers(scene.start),
         *grid,
         hyperbolic(span),
         *_noise_tables(scene.noise, span),
-        forced,
-        *_envelope_tables(scene.noise.envelope, grid, _DEGREE[scene.noise.space.smooth]),
+        force if scene.block.critical_angle else forced,
+        *_envelope_tables(envelope, grid, degree),
         low,
         high,
         drift,
+        force @ (span * PLACES) ** np.arange(TERMS)[:, None],
+        _bernstein(degree, PLACES),
+        np.empty((0, NODES)) if envelope is None else envelope.value(begins[:, None] + span * PLACES),
+        *cruise_tables(span),
     )
 
 
@@ -360,17 +374,44 @@ def _added(j, problem, room):
     return x, v
 
 
+@kernel(forceinline=True, borrows=True)
+def _fly_slender(x, v, side, j, problem, room, block):  # noqa: ARG001
+    """Angle and velocity after interval j if nothing happens in it, and whether that is known."""
+    push, kick = _added(j, problem, room)
+    end, speed = hyperbolic_turn(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
+    return end + side + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick, True
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _fly_exact(x, v, side, j, problem, room, block):
+    """Angle and velocity after interval j if nothing happens in it, and whether that is known."""
+    if problem.first.size > 0 and problem.first[j + 1] > problem.first[j] + 1:
+        return x, v, False
+    noise = room.bernstein[0] * load(problem.basis, 0)
+    for i in range(1, room.bernstein.size):
+        noise = noise + room.bernstein[i] * load(problem.basis, i)
+    if problem.factors.shape[0] > 0:
+        noise = load(problem.factors, j) * noise
+    push, tables = load(problem.pushes, j) + noise, Cruise(problem.points, problem.inner, problem.cosh, problem.sinh)
+    end, speed, _, found = cruise(side * x, side * v, side * push, tables, problem.spacing, block)
+    return side * end, side * speed, found
+
+
+_fly = by_body(_fly_slender, _fly_exact)
+
+
 @kernel(forceinline=True, borrows=True)  # see events.next_event
 def coast(state, side, number, j, problem, room):  # noqa: ARG001
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
     low, high = bound_noise(j, problem, room)
     low, high, (x, v) = low + problem.low[j], high + problem.high[j], state
     if side == 0:
-        return not can_lift_off(low, high), state
-    push, kick = _added(j, problem, room)
-    end, speed = hyperbolic_turn(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
-    end, speed = end + side + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick
-    return is_eventless(side * x, side * end, side, low, high, problem.spacing, block_in(problem)), (end, speed)
+        return not can_lift_off(low, high, body_in(problem)), state
+    end, speed, known = _fly(x, v, side, j, problem, room, body_in(problem))
+    return known and is_eventless(side * x, side * end, side, low, high, problem.spacing, body_in(problem)), (
+        end,
+        speed,
+    )
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -385,27 +426,59 @@ def _write_signal(problem, room):
 
 @kernel(fastmath={"contract"}, borrows=True)
 def resolve(number, j, problem, room):  # noqa: ARG001
-    """Write P of forcing and noise in an interval; under an envelope, the noise alone.
+    """Write P of forcing and noise in an interval, the force for an exact block; under an envelope, the noise alone.
 
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
     """
     _write_signal(problem, room)
     if problem.strength.size == 0:
-        respond(room.signal, room.particular)
+        _answer(room.signal, room.particular, body_in(problem))
         for k in range(TERMS):
             room.particular[k] += problem.forced[j, k]
 
 
+@kernel(forceinline=True, borrows=True)
+def _respond_slender(force, particular, block):  # noqa: ARG001
+    """Write P of the force."""
+    respond(force, particular)
+
+
+@kernel(forceinline=True, borrows=True)
+def _respond_exact(force, particular, block):  # noqa: ARG001
+    """Write the force itself."""
+    for k in range(TERMS):
+        particular[k] = force[k]
+
+
+_answer = by_body(_respond_slender, _respond_exact)
+
+
+@kernel(forceinline=True, borrows=True)
+def _advance_slender(x, v, side, start, end, span, room, impacts, origin, block):
+    """Carry a block under the force that `room` knows."""
+    segment = segment_of(room.particular, room.force, span)
+    return advance(x, v, side, segment, start, end, block, impacts, origin)
+
+
+@kernel(forceinline=True, borrows=True)
+def _advance_exact(x, v, side, start, end, span, room, impacts, origin, block):
+    """Carry a block under the force that `room` knows."""
+    return carried(room.particular, span, x, v, side, start, end, block, impacts, origin)
+
+
+_advance = by_body(_advance_slender, _advance_exact)
+
+
 @kernel(fastmath={"contract"}, borrows=True)
 def _open_piece(j, piece, problem, room):
-    """Write P of forcing and noise in a piece of the envelope in interval j, in the time since the piece's begin."""
+    """Write P of forcing and noise in a piece of the envelope, or the force, in the time since the piece's begin."""
     particular, force, share = room.particular, room.force, room.share
     begin, value, slope = problem.begins[piece], problem.strength[piece, 0], problem.strength[piece, 1]
     move_origin(room.signal, begin, share)
     for k in range(TERMS):
         force[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
-    respond(force, share)
+    _answer(force, share, body_in(problem))
     move_origin(problem.forced[j], begin, particular)
     for k in range(TERMS):
         particular[k] += share[k]
@@ -420,8 +493,8 @@ def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
         if begin >= until:
             break
         _open_piece(j, piece, problem, room)
-        segment = segment_of(room.particular, room.force, end - begin)
-        x, v, side, time = advance(x, v, side, segment, 0.0, end - begin, block_in(problem), impacts, origin + begin)
+        last, block = end - begin, body_in(problem)
+        x, v, side, time = _advance(x, v, side, 0.0, last, last, room, impacts, origin + begin, block)
         time += begin
         if abs(x) >= problem.cutoff:
             break
@@ -435,8 +508,8 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
     if problem.strength.size > 0:
         x, v, side, time = _through_pieces(x, v, side, j, until, problem, room, impacts, origin)
     else:
-        segment = segment_of(room.particular, room.force, problem.spacing)
-        x, v, side, time = advance(x, v, side, segment, 0.0, until, block_in(problem), impacts, origin)
+        span, block = problem.spacing, body_in(problem)
+        x, v, side, time = _advance(x, v, side, 0.0, until, span, room, impacts, origin, block)
     return x, v, side, origin + time
 
 

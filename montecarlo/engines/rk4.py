@@ -1,9 +1,10 @@
 """Classical Runge-Kutta of order 4 with Shinozuka noise: the paper's method.
 
-Steps of T/n see the forcing at their begin, middle and end. Between impacts the motion is linear, so the four stages
-add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or uplift cannot be excluded
-takes the forcing as the parabola through its three values and follows the block in closed form (`fpk_rocking.physics`):
-impacts, chatter, rest and first passage are located there, and order 4 is kept because such steps are few.
+Steps of T/n see the forcing at their begin, middle and end. Between impacts the motion of a slender block is linear, so
+the four stages add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or uplift
+cannot be excluded takes the forcing as the parabola through its three values and follows the block without error
+(`fpk_rocking.physics`): impacts, chatter, rest and first passage are located there, and order 4 is kept because such
+steps are few.
 """
 
 import sys
@@ -13,15 +14,9 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import reach
-from fpk_rocking.physics.motion.slender import (
-    block_in,
-    block_of,
-    can_lift_off,
-    runge_kutta,
-    runge_kutta_push,
-    segment_of,
-)
+from fpk_rocking.physics.motion.body import body_in, body_of, by_body
+from fpk_rocking.physics.motion.events import can_lift_off, reach
+from fpk_rocking.physics.motion.slender import runge_kutta, runge_kutta_push, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise import band
 from montecarlo.engines import shinozuka
@@ -29,6 +24,7 @@ from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import carriers, marcher, realizer, the_state
 from montecarlo.engines.shinozuka import band_of
 from montecarlo.engines.start import start_numbers
+from montecarlo.engines.steps import classical
 
 METHOD = "rk4"
 RENEWS = False
@@ -53,6 +49,7 @@ class Problem(NamedTuple):
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     start: np.ndarray
     count: int
     spacing: float
@@ -70,7 +67,7 @@ class Room(NamedTuple):
 
     `noise` (2 m + 1,) at the half steps; `force` (m, 3) with it at begin, middle and end of the steps; `low`, `high`
     (m,) bound the parabola through the three values of a step; `push` (m, 2) is the forcing's contribution to angle and
-    velocity over a step. `particular`, `scratch` (TERMS,) are room for a `Segment`.
+    velocity of a slender block over a step. `particular`, `scratch` (TERMS,) are room for a `Segment`.
     """
 
     harmonics: band.Realization
@@ -87,7 +84,7 @@ def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
     grid = grid_of(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         start_numbers(scene.start),
         *grid,
         scene.forcing.stages(grid.spacing, grid.count),
@@ -162,15 +159,30 @@ def _extend(number, first, cycle, problem, room):
         room.push[j, 0], room.push[j, 1] = runge_kutta_push(begin, middle, end, h)
 
 
+@kernel(inline="always")
+def _slender_step(x, v, side, k, h, room, block):  # noqa: ARG001
+    keep, swap, share = runge_kutta(h)
+    return keep * x + swap * v + room.push[k, 0] - side * share, swap * x + keep * v + room.push[k, 1] - side * swap
+
+
+@kernel(inline="always")
+def _exact_step(x, v, side, k, h, room, block):
+    begin, middle, end = room.force[k, 0], room.force[k, 1], room.force[k, 2]
+    u, w = classical(side * x, side * v, side, begin, middle, end, h, block)
+    return side * u, side * w
+
+
+_step = by_body(_slender_step, _exact_step)
+
+
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
 def coast(state, side, number, j, problem, room):  # noqa: ARG001
     """Whether nothing happens in a step, and angle and velocity at its end if so."""
     k, h, (x, v) = j % room.low.size, problem.spacing, state
     if side == 0:
-        return not can_lift_off(room.low[k], room.high[k]), state
-    floor, roof = reach(side * x, side * v, side, room.low[k], room.high[k], h, block_in(problem))
-    keep, swap, share = runge_kutta(h)
-    x, v = keep * x + swap * v + room.push[k, 0] - side * share, swap * x + keep * v + room.push[k, 1] - side * swap
+        return not can_lift_off(room.low[k], room.high[k], body_in(problem)), state
+    floor, roof = reach(side * x, side * v, side, room.low[k], room.high[k], h, body_in(problem))
+    x, v = _step(x, v, side, k, h, room, body_in(problem))
     cutoff = problem.cutoff
     return floor > 0.0 and roof < cutoff and 0.0 < side * x < cutoff, (x, v)
 
@@ -194,7 +206,7 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
     n, h, k = problem.count, problem.spacing, j % room.low.size
     origin = (cycle + number // n) * (n * h) + (j - k) * h
     segment = segment_of(room.particular, room.scratch, h)
-    x, v, side, time = advance(x, v, side, segment, 0.0, h * share, block_in(problem), impacts, origin + k * h)
+    x, v, side, time = advance(x, v, side, segment, 0.0, h * share, body_in(problem), impacts, origin + k * h)
     return x, v, side, origin + (k * h + time)
 
 

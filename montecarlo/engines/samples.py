@@ -59,3 +59,21 @@ def extend(harmonics, samples):
         samples[k] = samples[k + CHUNK]
     samples[WIDTH - 1 :] = 0.0
     band.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
+
+
+# Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def interpolate(out, base, s, g, k):
+    """Write `base` plus the samples `g` from number k on times the columns of `s` (WIDTH, n): the noise in an interval.
+
+    With the polynomials of the interpolant that is the noise as a polynomial, with their values its values.
+    """
+    a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+    k += 8
+    b0, b1, b2, b3, b4, b5, b6, b7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+    for n in range(out.size):
+        first = (a0 * s[0, n] + a1 * s[1, n]) + (a2 * s[2, n] + a3 * s[3, n])
+        second = (a4 * s[4, n] + a5 * s[5, n]) + (a6 * s[6, n] + a7 * s[7, n])
+        third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
+        fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
+        out[n] = base[n] + ((first + second) + (third + fourth))

@@ -1,11 +1,13 @@
-"""White noise: paths of dv = (x - s + f) dt + sqrt(2 D) dW, exact in law between impacts.
+"""White noise: paths of dv = (x - s + f) dt + sqrt(2 D) dW, exact in law between impacts of a slender block.
 
-Away from x = 0 and from the cut-off a step of any length is one draw from the Gaussian of the flight. A step is as
-long as it can be while neither barrier is within `REACH` standard deviations, so steps shrink as a barrier comes near,
-faster than geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over
-the time t that the block needs to the barrier at speed w, one more exact draw carries it to its expected arrival; the
-small miss is made good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low
-bounce, from an impact to the next, BRIEF intervals up and as much down, is one draw: see `montecarlo.engines.bounce`.
+Away from x = 0 and from the cut-off a step of any length is one draw from the Gaussian of the flight. The draw of an
+exact block, dv = (-s sin φ/α + f cos φ) dt + sqrt(2 D) cos φ dW, is about the path without noise, by a method of order
+4, with the covariance of a slender block times the cos² φ halfway: of weak order 2. A step is as long as it can be
+while neither barrier is within `REACH` standard deviations, so steps shrink as a barrier comes near, faster than
+geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < FAST w^2 over the time t
+that the block needs to the barrier at speed w, one more draw carries it to its expected arrival; the small miss is made
+good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low bounce, from an impact
+to the next, BRIEF intervals up and as much down, is one draw: see `montecarlo.engines.bounce`.
 
 No step is shorter than T/(FINEST steps_per_cycle). That resolution matters where impacts are slow, at speeds about
 sqrt(2 D) times its root, as in a start from rest, and it decides about the bias, which is of first order in it.
@@ -22,12 +24,13 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import body_in, body_of, by_body
 from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.physics.motion.events import reach
 from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered, noise_factor
 from fpk_rocking.physics.motion.particular import hyperbolic
 from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, flight, hyperbolic_turn, segment_of
+from fpk_rocking.physics.motion.slender import Segment, flight, hyperbolic_turn, segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo.engines import start as start_of
@@ -37,6 +40,7 @@ from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import realizer
 from montecarlo.engines.random import normal
 from montecarlo.engines.start import start_numbers
+from montecarlo.engines.steps import nystrom
 
 METHOD = "white"
 RENEWS = True
@@ -64,17 +68,19 @@ class Problem(NamedTuple):
     """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
 
     `start` (5,); `count`, `spacing`, `marks`: see `montecarlo.engines.start` and `grid`.
-    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,):
-    segments of the forcing. `diffusion` (m,): D, 0 where it counts as none (`noise.envelope.QUIET`). `drift` (m, 2,
-    2): angle and velocity after an interval from (0, 0), indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh
-    and sinh of an interval's duration; `spread` (m, 3): Cholesky factor of its noise. `shortest`: duration of
-    the shortest step. `brief`: half the duration of the longest bounce that is one draw. `reach`: REACH standard
-    deviations of the angle after a time t <= span are at most reach t^1.5, and `margin` after an interval, (m,) both.
+    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of the forcing; `stages` (m, 3): its
+    values at their begin, middle and end. `diffusion` (m,): D, 0 where it counts as none (`noise.envelope.QUIET`).
+    `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0), indexed [interval, side < 0
+    or > 0]; `hyperbolic` (2,): cosh and sinh of an interval's duration; `spread` (m, 3): Cholesky factor of the noise
+    that a slender block gathers. `shortest`: duration of the shortest step. `brief`: half the duration of the longest
+    bounce that is one draw. `reach`: REACH standard deviations of the angle after a time t <= span are at most reach
+    t^1.5, and `margin` after an interval, (m,) both.
     `repeats`: whether a lap does, and has no kinks, so that a bounce in one draw may go on into the next intervals.
     """
 
     restitution: float
     cutoff: float
+    critical_angle: float | None
     count: int
     spacing: float
     marks: np.ndarray
@@ -85,6 +91,7 @@ class Problem(NamedTuple):
     low: np.ndarray
     high: np.ndarray
     curvature: np.ndarray
+    stages: np.ndarray
     drift: np.ndarray
     hyperbolic: np.ndarray
     spread: np.ndarray
@@ -96,12 +103,14 @@ class Problem(NamedTuple):
 
 
 @kernel
-def _segments(particular, span, force, low, high, curvature, drift):
+def _segments(particular, span, force, low, high, curvature, stages, drift, block):
     for j in range(low.size):
         segment = segment_of(particular[j], force[j], span)
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
+        for k in range(3):
+            stages[j, k] = polynomial(force[j], 0.5 * k * span)[0]
         for k in range(2):
-            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span)
+            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span, block)
 
 
 def _factors(diffusions, envelope, span):
@@ -144,14 +153,15 @@ def problem_of(scene, steps_per_cycle, times=None):
         np.empty(intervals),
         np.empty(intervals),
         np.empty(intervals),
+        np.empty((intervals, 3)),
         np.empty((intervals, 2, 2)),
     )
     particular = scene.forcing.pieces(np.arange(intervals) * span)
-    _segments(particular, span, *tables)
+    _segments(particular, span, *tables, body_of(scene))
     xx, _, _ = flight_covariance(1.0, span)
     roots = np.sqrt(diffusions)
     return Problem(
-        *block_of(scene),
+        *body_of(scene),
         *grid,
         diffusions,
         start_numbers(scene.start),
@@ -167,6 +177,27 @@ def problem_of(scene, steps_per_cycle, times=None):
     )
 
 
+@kernel(inline="always")
+def _slender_draw(u, w, side, first, second, j, problem, block):  # noqa: ARG001
+    drift = problem.drift[j, (side + 1) // 2]
+    keep, swap = problem.hyperbolic
+    xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
+    u, w = hyperbolic_turn(u, w, keep, swap)
+    return u + side * (drift[0] + xx * first), w + side * (drift[1] + vx * first + vv * second)
+
+
+@kernel(inline="always")
+def _exact_draw(u, w, side, first, second, j, problem, block):
+    begin, middle, end = problem.stages[j, 0], problem.stages[j, 1], problem.stages[j, 2]
+    u, w, strength = nystrom(u, w, side, begin, middle, end, problem.spacing, block)
+    xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
+    return u + side * strength * (xx * first), w + side * strength * (vx * first + vv * second)
+
+
+_draw = by_body(_slender_draw, _exact_draw)
+"""Folded angle and velocity after interval j without an event, by two normal numbers."""
+
+
 @kernel(forceinline=True, borrows=True)  # see events.next_event
 def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
     """Take the block from `start` to `end` of interval j of a lap; return u, w, side and the time reached.
@@ -179,11 +210,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
     if start == 0.0 and end == span and is_clear(u, w, side, j, problem):
         first, second = normal(stream), normal(stream)
-        drift = problem.drift[j, (side + 1) // 2]
-        keep, swap = problem.hyperbolic
-        xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
-        u, w = hyperbolic_turn(u, w, keep, swap)
-        u, w = u + side * (drift[0] + xx * first), w + side * (drift[1] + vx * first + vv * second)
+        u, w = _draw(u, w, side, first, second, j, problem, body_in(problem))
         if u >= 0.0:
             return u, w, side, span
         u, w, side, time = land(u, w, side, segment, 0.0, span, span, problem, impacts, origin)
@@ -207,7 +234,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
 def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
     """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
     side = 0 if u == 0.0 and w == 0.0 else side
-    x, v, side, time = advance(side * u, side * w, side, segment, start, end, block_in(problem), impacts, origin)
+    x, v, side, time = advance(side * u, side * w, side, segment, start, end, body_in(problem), impacts, origin)
     if side == 0:
         return 0.0, 0.0, 1, time
     return side * x, side * v, side, time
@@ -216,7 +243,7 @@ def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
 @kernel(borrows=True)
 def is_clear(u, w, side, j, problem):
     """Whether neither barrier is within REACH standard deviations in all of interval j."""
-    below, above = reach(u, w, side, problem.low[j], problem.high[j], problem.spacing, block_in(problem))
+    below, above = reach(u, w, side, problem.low[j], problem.high[j], problem.spacing, body_in(problem))
     return below >= problem.margin[j] and problem.cutoff - above >= problem.margin[j]
 
 

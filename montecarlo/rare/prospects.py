@@ -5,7 +5,8 @@ In the folded plane, u = s x >= 0 and w = s v, a flight has the separatrix z = 0
 escape. The prospect of a state is the largest of its own z and of those right after the impacts of its motion without
 noise within the next `AHEAD`. It does not depend on the noise and stays the same along a path without noise until its
 largest z has passed: only the noise raises it. It is tabulated over angle, velocity and phase; a rough score costs
-accuracy and never brings bias. Everything is nondimensional.
+accuracy and never brings bias. The motion of an exact block is followed as it is, and z, to which its own separatrix
+tends near the saddle, is taken all the same. Everything is nondimensional.
 """
 
 import functools
@@ -17,9 +18,10 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import body_in, body_of
 from fpk_rocking.physics.motion.contact import impact
 from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, next_event
-from fpk_rocking.physics.motion.slender import Segment, block_in, block_of, bounds, escape
+from fpk_rocking.physics.motion.slender import Segment, bounds, escape
 
 AHEAD = 7.0
 """Time for which the motion without noise is followed."""
@@ -50,6 +52,7 @@ class Course(NamedTuple):
     count: int
     restitution: float
     cutoff: float
+    critical_angle: float | None
 
 
 class Prospects(NamedTuple):
@@ -84,7 +87,7 @@ def _course(scene, intervals, span):
     low, high, curvature = np.empty((3, intervals))
     for j in range(intervals):
         low[j], high[j], curvature[j] = bounds(particular[j], duration, force[j])
-    ahead = (duration, stride, math.ceil(AHEAD / duration), *block_of(scene))
+    ahead = (duration, stride, math.ceil(AHEAD / duration), *body_of(scene))
     return Course(particular, force, low, high, curvature, *ahead)
 
 
@@ -97,7 +100,7 @@ def _ahead(u, w, side, j, course):
         segment = Segment(course.particular[j], course.force[j], course.low[j], course.high[j], course.curvature[j])
         t = 0.0
         while t < course.duration and best <= 0.0:
-            kind, t, x, v = next_event(x, v, side, segment, t, course.duration, block_in(course))
+            kind, t, x, v = next_event(x, v, side, segment, t, course.duration, body_in(course))
             if kind == OVERTURNING or (kind == IMPACT and abs(v) < _SLOW):
                 return best
             if kind == IMPACT:

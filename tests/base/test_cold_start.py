@@ -146,8 +146,9 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
     """As many at once as would collide: each answers, and the kernel is compiled once."""
     code = """
 import sys
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.contact import chatter_time
-print(chatter_time(0.25, 0.0, 0.0), sum(chatter_time.stats.cache_misses.values()))
+print(chatter_time(0.25, 0.0, Body(0.0, 1.5)), sum(chatter_time.stats.cache_misses.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     where = {"env": environment, "stdout": subprocess.PIPE, "text": True}
@@ -206,8 +207,9 @@ def test_kernels_give_the_same_where_each_is_compiled_apart(tmp_path):
     """As with a numba whose libraries cannot be extended."""
     code = """
 from fpk_rocking.base import jit
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.contact import chatter_time
-print(jit.WHOLE, chatter_time(0.25, 0.3, 0.7))
+print(jit.WHOLE, chatter_time(0.25, 0.3, Body(0.7, 1.5)))
 """
     answers = []
     for apart in ({}, {"FPK_ROCKING_COMPILE_APART": "1"}):

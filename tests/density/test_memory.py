@@ -331,7 +331,7 @@ def test_a_case_looks_into_a_density():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     module.STEPS = 16
-    scene = load_scene(module.SCENE).filtered_equivalent()
+    scene = load_scene(SCENES / "rest.toml").filtered_equivalent()
     found = module.look_inside(scene, 0)
     resting, noise = np.array(found["resting"]), np.array(found["noise"])
     assert found["times"][0] == 0.0

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.events import next_event
-from fpk_rocking.physics.motion.slender import Segment, Slender
+from fpk_rocking.physics.motion.slender import Segment
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
@@ -57,28 +58,28 @@ def test_returns_have_the_law_of_mckean(speed, growth, latest):
         assert abs(values.mean() - mean) < 4.0 * values.std() / math.sqrt(values.size)
 
 
-def bounce_errors(share, monkeypatch):
+def bounce_errors(share, angle, monkeypatch):
     """Relative errors of arrival speed and duration of bounces without noise that last about 2 share intervals."""
     monkeypatch.setattr(white, "BRIEF", 2.0)
-    problem = white.problem_of(Scene(Block(0.9), Harmonic(0.9, 7.0), WhiteNoise(1e-20)), 200)
+    scene = Scene(Block(0.9, critical_angle=angle), Harmonic(0.9, 7.0), WhiteNoise(1e-20))
+    problem, block = white.problem_of(scene, 200), Body(0.9, 1.5, angle or None)
     stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * problem.spacing, {}
     for j in range(problem.low.size):
         for side in (-1, 1):
-            pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, problem.force[j])
+            pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, problem.force[j]) * math.cos(angle)
             speed = share * problem.spacing * pull
             after, gone, end = bounce(stream, speed, side, j, begin, math.inf, problem, None, 0.0)
             if gone != 0:
                 segment = Segment(problem.particular[j], problem.force[j], -1.0, 1.0, 200.0)
-                _, time, _, v = next_event(
-                    0.0, side * speed, side, segment, begin, 10.0 * problem.spacing, Slender(0.9, 1.5)
-                )
+                _, time, _, v = next_event(0.0, side * speed, side, segment, begin, 10.0 * problem.spacing, block)
                 errors[j, side] = after / (0.9 * abs(v)) - 1.0, (end - begin) / (time - begin) - 1.0
     return errors
 
 
-def test_bounces_under_a_changing_force_converge(monkeypatch):
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_bounces_under_a_changing_force_converge(angle, monkeypatch):
     """Against the exact flight, at most 1e-3 off: fourth order of the duration in speed and third in time."""
-    found = [bounce_errors(share, monkeypatch) for share in (0.5, 0.25, 0.125)]
+    found = [bounce_errors(share, angle, monkeypatch) for share in (0.5, 0.25, 0.125)]
     common = set(found[0]) & set(found[1]) & set(found[2])
     assert len(common) >= 16
     errors = np.array([[run[key] for key in sorted(common)] for run in found])

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.slender import block_of, segment_of
+from fpk_rocking.physics.motion.body import body_of
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import Impacts, advance
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import Histories, histories, simulate
@@ -28,7 +29,7 @@ def exact(scene, x, v, side, times):
         while t < end:
             span = min(end - t, 0.1)
             segment = segment_of(forcing.pieces([t])[0], np.empty(TERMS), span)
-            numbers = (0.0, span, block_of(scene), impacts, t)
+            numbers = (0.0, span, body_of(scene), impacts, t)
             x, v, side, _ = advance(x, v, side, segment, *numbers)
             t = end if span < 0.1 else t + span
         states.append((x, v))

@@ -11,8 +11,9 @@ from two_samples import survival_test
 
 import montecarlo
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.contact import side_of
-from fpk_rocking.physics.motion.slender import Slender, segment_of
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start
 
@@ -35,7 +36,7 @@ def closed_form(scene, x, v, cycles):
     for i in range(16 * cycles):
         segment = segment_of(forcing.pieces([i * span])[0], np.empty(TERMS), span)
         cutoff = scene.overturning.angle
-        x, v, side, _ = advance(x, v, side, segment, 0.0, span, Slender(scene.block.restitution, cutoff))
+        x, v, side, _ = advance(x, v, side, segment, 0.0, span, Body(scene.block.restitution, cutoff))
         if abs(x) >= cutoff:
             break
         if i % 16 == 15:

@@ -103,6 +103,19 @@ MAIN = scene_of(2.5e-4)
 )
 def test_agrees_with_a_plain_ensemble(scene, cycles, which):
     """Each side at three cycles, where any overturned; false alarm 6 x 6e-5."""
+    compare(scene, cycles, which)
+
+
+def test_agrees_with_a_plain_ensemble_of_exact_blocks(monkeypatch):
+    """With a coarse table of prospects; false alarm 6 x 6e-5."""
+    monkeypatch.setattr("montecarlo.rare.prospects._ANGLES", 24)
+    monkeypatch.setattr("montecarlo.rare.prospects._VELOCITIES", 48)
+    scene = scene_of(0.004, 4.0, 0.6, 6.0, SPREAD)
+    compare(scene.varied(block=Block(0.6, critical_angle=0.4)), 2, (0, 1, 2))
+
+
+def compare(scene, cycles, which):
+    """Hold a splitting against plain sampling."""
     plain = simulate(scene, cycles=cycles, realizations=60_000, seed=21)
     rare = split(scene, cycles=cycles, walkers=100, repeats=40, seed=22)
     assert not rare.skewed

@@ -34,6 +34,23 @@ class Block:
     bound: float = 2 * ROUNDING
     overturned: bool = False
     events: list = field(default_factory=list)
+    critical_angle: float = 0.0
+
+    @property
+    def level(self):
+        """Largest |f| under which the block stays at rest."""
+        return math.tan(self.critical_angle) / self.critical_angle if self.critical_angle else 1.0
+
+    def pull(self, x, side, force):
+        """Acceleration at an angle, on a side."""
+        if not self.critical_angle:
+            return x - side + force
+        phi = self.critical_angle * (1.0 - side * x)
+        return -side * math.sin(phi) / self.critical_angle + force * math.cos(phi)
+
+    def _grown(self, time):
+        """Factor by which a flight carries a small difference apart at most."""
+        return math.exp(time * math.sqrt(1.0 + self.critical_angle * self.amplitude))
 
     def force(self, t):
         return -self.amplitude * math.cos(self.frequency * t + self.phase)
@@ -48,7 +65,7 @@ class Block:
 
     def _rest(self, end):
         uplift = self.t
-        if abs(self.force(self.t)) <= 1.0:
+        if abs(self.force(self.t)) <= self.level:
             uplift = self.t + self._wait()
         if uplift >= end:
             self.t = end
@@ -59,15 +76,15 @@ class Block:
 
     def _wait(self):
         """Time until A |cos| passes 1: the angle, modulo pi, must come to pi - arccos(1/A)."""
-        if self.amplitude <= 1.0:
+        if self.amplitude <= self.level:
             return math.inf
         angle = (self.frequency * self.t + self.phase) % math.pi
-        return max(math.pi - math.acos(1.0 / self.amplitude) - angle, 0.0) / self.frequency
+        return max(math.pi - math.acos(self.level / self.amplitude) - angle, 0.0) / self.frequency
 
     def _integrate(self, start, state, end, events=None, first=None):
         side = self.side
         return solve_ivp(
-            lambda t, y: (y[1], y[0] - side + self.force(t)),
+            lambda t, y: (y[1], self.pull(y[0], side, self.force(t))),
             (start, end),
             state,
             method="DOP853",
@@ -108,7 +125,7 @@ class Block:
             path = self._integrate(start, (self.x, self.v), end, (land, overturn), min(first or math.inf, end - start))
         if path.status == 0:
             self.t, (self.x, self.v) = end, path.y[:, -1]
-            self.bound = self.bound * math.exp(end - start) + ROUNDING
+            self.bound = self.bound * self._grown(end - start) + ROUNDING
             return
         landed = path.t_events[0].size > 0
         level = 0.0 if landed else side * self.cutoff
@@ -116,23 +133,23 @@ class Block:
         before = np.flatnonzero(path.t < t - 1e-9)[-1] if path.t[0] < t - 1e-9 else 0
         x, v = self._integrate(path.t[before], path.y[:, before], t).y[:, -1]
         late = (x - level) / v
-        self.t, self.x, self.v = t - late, level, v - late * (x - side + self.force(t))
-        self.bound = self.bound * math.exp(self.t - start) + ROUNDING
+        self.t, self.x, self.v = t - late, level, v - late * self.pull(x, side, self.force(t))
+        self.bound = self.bound * self._grown(self.t - start) + ROUNDING
         if landed:
             self._land()
         else:
-            self.bound *= max(1.0, 1.0 / abs(self.v), abs(self.x - side + self.force(self.t)) / abs(self.v))
+            self.bound *= max(1.0, 1.0 / abs(self.v), abs(self.pull(self.x, side, self.force(self.t))) / abs(self.v))
             self.overturned = True
             self.events.append((self.t, "overturning"))
 
     def _land(self):
         e, force, incoming = self.restitution, self.force(self.t), self.v
         self.events.append((self.t, "impact"))
-        before, after = force - self.side, force + self.side
+        before, after = self.pull(0.0, self.side, force), self.pull(0.0, -self.side, force)
         saltation = np.array([[e, 0.0], [(after - e * before) / incoming, e]])
         self.bound = min(self.bound * np.linalg.norm(saltation, 2) + ROUNDING, 1.0)
         self.v, self.side = e * incoming, -self.side
-        gap = 1.0 - abs(force)
+        gap = self.level - abs(force)
         if abs(self.v) < AT_REST and gap > 0.0 and self._ends_soon(gap):
             self.x, self.v, self.side = 0.0, 0.0, 0
             self.events.append((self.t, "rest"))

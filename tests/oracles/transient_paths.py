@@ -54,9 +54,9 @@ def record_force(record, size):
 class ForcedBlock(oracle.Block):
     """A block under a force of any form with kinks at known times, the last of which is its end."""
 
-    def __init__(self, force, kinks, restitution, cutoff, x, v):
+    def __init__(self, force, kinks, restitution, cutoff, x, v, critical_angle=0.0):
         side = int(math.copysign(1, x or v)) if x or v else 0
-        super().__init__(math.nan, math.nan, math.nan, restitution, cutoff, x, v, side)
+        super().__init__(math.nan, math.nan, math.nan, restitution, cutoff, x, v, side, critical_angle=critical_angle)
         self.course, self.kinks, self.low = force, kinks, 0.0
         self.amplitude = max(abs(force(t)) for t in np.linspace(0.0, kinks[-1], 4001)[:-1])
         self.frequency = 1.0
@@ -84,7 +84,7 @@ class ForcedBlock(oracle.Block):
 
     def _uplift(self, end):
         grid = np.linspace(self.t, end, 201)
-        above = np.array([abs(self.force(t)) > 1.0 for t in grid])
+        above = np.array([abs(self.force(t)) > self.level for t in grid])
         if not above.any():
             return None
         k = int(np.argmax(above))
@@ -93,11 +93,11 @@ class ForcedBlock(oracle.Block):
         low, high = grid[k - 1], grid[k]
         for _ in range(80):
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if abs(self.force(middle)) > 1.0 else (middle, high)
+            low, high = (low, middle) if abs(self.force(middle)) > self.level else (middle, high)
         return float(high)
 
 
-def random_scene(number):
+def random_scene(number, slender=True):
     """One of a sequence of random scenes without noise: shapes of pulses in turn, and records."""
     rng = np.random.default_rng([19, number])
     start = Start(*rng.uniform([-0.4, -0.5], [0.4, 0.5])) if rng.random() < 0.5 else Start()
@@ -105,7 +105,8 @@ def random_scene(number):
     if kind < 5:
         cycles = int(rng.integers(1, 4)) if SHAPES[kind] == "n-sine" else None
         pulse = Pulse(SHAPES[kind], rng.uniform(0.9, 6.0), rng.uniform(0.7, 7.0), cycles)
-        return Scene(Block(rng.uniform(0.3, 0.97)), pulse, NoNoise(), start)
+        block = Block(rng.uniform(0.3, 0.97), critical_angle=0.0 if slender else rng.uniform(0.05, 0.5))
+        return Scene(block, pulse, NoNoise(), start)
     width = rng.uniform(0.3, 1.2)
     size = Dimensions(width, width * rng.uniform(2.5, 6.0))
     interval, count = rng.choice([0.005, 0.01, 0.02]), int(rng.integers(60, 160))
@@ -115,16 +116,15 @@ def random_scene(number):
     scale = rng.uniform(0.08, 0.4)
     units = rng.choice(["g", "m/s2"])
     record = Record(interval, samples * (1.0 if units == "g" else 9.80665), str(units), scale)
-    return Scene(Block(None, size), record, NoNoise(), start, Overturning())
+    return Scene(Block(None, size, slender=slender), record, NoNoise(), start, Overturning())
 
 
 def followed(scene, times):
     """States (n, 2) at the times by the oracle, nan after overturning; its bounds of rounding, and the path."""
     forcing, block = scene.forcing, scene.block
     force, kinks = record_force(forcing, block.dimensions) if forcing.kind == "record" else pulse_force(forcing)
-    path = ForcedBlock(
-        force, kinks, block.restitution, scene.overturning.angle, scene.start.angle, scene.start.velocity
-    )
+    start, cutoff = scene.start, scene.overturning.angle
+    path = ForcedBlock(force, kinks, block.restitution, cutoff, start.angle, start.velocity, block.critical_angle)
     rows, bounds = [], []
     for time in times:
         path.advance(time)

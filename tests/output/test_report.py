@@ -19,6 +19,7 @@ from fpk_rocking import BandNoise, Block, Harmonic, Scene, cli
 from fpk_rocking.base.look import OVERTURNED
 from fpk_rocking.compare import compare
 from fpk_rocking.output import summary
+from fpk_rocking.output.report import _left_out as left_out
 from fpk_rocking.output.report import write_report
 from fpk_rocking.results.pictures import edges_of
 
@@ -111,6 +112,14 @@ def test_it_says_what_the_model_leaves_out(report):
     for word, row in zip(words, named, strict=True):
         assert word in row
         assert word in sentence
+
+
+def test_it_says_which_equation_of_motion_it_is_for():
+    exact, slender = (dataclasses.replace(DENSITY.scene, block=Block(0.5, critical_angle=a)) for a in (0.2, 0.0))
+    found = [left_out(scenes).partition(". ")[0] for scenes in ([exact], [slender, slender], [exact, slender])]
+    base = "The model is one rigid block that rocks in a plane on a rigid base"
+    part = ", with the equation of motion of a slender one"
+    assert found == [base, base + part, f"{base}{part} in 1 of 2 scenes"]
 
 
 def test_densities_are_those_of_the_results(both):

@@ -12,9 +12,11 @@ from scipy.optimize import brentq
 
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.body import Body
+from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
-from fpk_rocking.physics.motion.slender import Slender, flight, segment_of
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import advance
 
 CUTOFF = math.pi / 2
@@ -48,7 +50,7 @@ def test_paths_of_random_scenes_agree_with_a_general_integrator(rounds):
         count = math.ceil(4.0 * max(4.0, scene[1] / 0.79))
         h = 4.0 / count
         for k in range(count):
-            x, v, side, time = advance(x, v, side, harmonic(k * h, *scene[:3], h), 0.0, h, Slender(scene[3], CUTOFF))
+            x, v, side, time = advance(x, v, side, harmonic(k * h, *scene[:3], h), 0.0, h, Body(scene[3], CUTOFF))
             oracle.advance((k + 1) * h)
             if oracle.bound > 1e-9:
                 continue
@@ -73,8 +75,8 @@ def test_grazing_is_met_exactly_and_stepped_over_never(side, depth):
     for amplitude, level, sign, kind in ((-3.0, 0.0, -1, IMPACT), (2.0, CUTOFF, 1, OVERTURNING)):
         segment = harmonic(0.0, side * amplitude, 2.0, -0.2, 0.25)
         acceleration = level - 1.0 - amplitude
-        x, v = flight(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0)
-        found, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Slender(1.0, CUTOFF))
+        x, v = flight(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, Body(1.0, CUTOFF))
+        found, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         if depth < 0.0:
             assert found == NOTHING
             continue
@@ -122,10 +124,10 @@ def test_first_event_for_any_polynomial_against_dense_sampling():
         kind, time, clearance = first_event(side * u, side * w, side, particular, 0.25)
         if clearance < 1e-5:
             continue
-        found, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Slender(1.0, CUTOFF))
+        found, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         kinds[kind] += 1
         assert (found, at) == (kind, pytest.approx(time, abs=1e-11))
-        there = flight(side * u, side * w, side, segment, 0.0, at)
+        there = flight(side * u, side * w, side, segment, 0.0, at, Body(1.0, CUTOFF))
         assert (x, v) == (pytest.approx(there[0], abs=1e-13), pytest.approx(there[1], abs=1e-13))
     assert min(kinds[kind] for kind in (NOTHING, IMPACT, OVERTURNING)) > 200
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
+from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise, melnikov
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
 from fpk_rocking.results import distances
 from fpk_rocking.results.remarks import noise_text, remarks
@@ -143,6 +143,16 @@ def test_melnikov_figures_of_each_noise():
     assert compared.melnikov_deviation == pytest.approx([0.0, deviation])
     assert compared.melnikov_margin == pytest.approx([9.2 / 8.29 - 0.375, math.hypot(9.2 / 8.29, deviation) - 0.375])
     assert compared.phase_flux == pytest.approx([0.186117, 0.188039], abs=1e-6)
+
+
+def test_melnikov_figures_are_those_of_the_block():
+    scene = dataclasses.replace(MAIN, block=Block(0.5, critical_angle=0.3))
+    compared = compare(fakes.FakeEnsemble(scene), fakes.FakeEvolution(scene))
+    assert compared.melnikov_amplitude == melnikov.harmonic_amplitude(MAIN.forcing, 0.3)
+    assert compared.melnikov_loss == melnikov.impact_loss(0.5, 0.3)
+    assert compared.melnikov_deviation.tolist() == [math.sqrt(melnikov.noise_variance(MAIN.noise, 0.3))] * 2
+    assert compared.melnikov_margin.tolist() == [melnikov.margin(MAIN.forcing, 0.5, MAIN.noise, 0.3)] * 2
+    assert compared.phase_flux.tolist() == [melnikov.phase_flux(MAIN.forcing, 0.5, MAIN.noise, 0.3)] * 2
 
 
 @pytest.mark.parametrize(

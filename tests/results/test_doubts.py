@@ -12,7 +12,7 @@ from made_results import MAIN, WHITE
 from fpk_rocking import Block, Dimensions
 from fpk_rocking.compare import compare
 from fpk_rocking.results import trust
-from fpk_rocking.results.remarks import doubts, remarks
+from fpk_rocking.results.remarks import doubts, remarks, scene_doubts
 from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.studies.doubts import doubts_of
 from fpk_rocking.studies.lognormal import LognormalFit
@@ -45,21 +45,27 @@ def test_the_limits_are_these():
     assert trust.UNASKED == 0.05
 
 
-def sized(shaking):
-    """A scene whose block has this relative error of the moment of the shaking."""
-    scene = MAIN.varied(noise=WHITE.noise)
-    return dataclasses.replace(
-        scene, block=Block(0.5, Dimensions(2.0 * math.tan(math.acos(1.0 / (1.0 + shaking))), 2.0))
-    )
-
-
-@pytest.mark.parametrize(("shaking", "said"), [(0.05 - 1e-9, False), (0.05 + 1e-9, True)])
-def test_a_block_is_squat_where_either_moment_is_off_by_a_twentieth(shaking, said):
-    """That of the shaking: the other is off by a third as much."""
-    result = fakes.FakeEvolution(sized(shaking))
-    assert [doubt.code for doubt in doubts(result)] == ["squat"] * said
+@pytest.mark.parametrize(
+    ("block", "said", "friction"),
+    [
+        (Block(0.5, Dimensions(0.5, 1.8), slender=True), True, "0.278"),
+        (Block(0.5, Dimensions(0.5, 1.8)), False, "0.278"),
+        (Block(0.5, critical_angle=0.2), False, "0.203"),
+        (Block(0.5, slender=True), False, ""),
+        (Block(0.5), False, ""),
+    ],
+)
+def test_a_block_with_dimensions_that_is_taken_as_slender_is_remarked_on(block, said, friction):
+    """And with which friction it slides first, where that is known."""
+    result = fakes.FakeEvolution(dataclasses.replace(MAIN.varied(noise=WHITE.noise), block=block))
+    assert [doubt.code for doubt in doubts(result)] == ["slender"] * said
+    assert [doubt.code for doubt in scene_doubts(result.scene, "")] == ["slender"] * said
     assert result.trust.verdict == ("caution" if said else "ok")
-    assert [text.startswith("Squat block: 0.64") for text in remarks(result)] == [True] * said
+    sliding = f"A block with a friction coefficient below {friction} slides before it rocks."
+    first, rest = remarks(result)[: bool(friction)], remarks(result)[bool(friction) :]
+    assert first == (sliding,) * bool(friction)
+    assert [text.startswith("Slender block: 0.5 m by 1.8 m") for text in rest] == [True] * said
+    assert all("up to 1.2 %, that of the shaking by up to 3.8 %:" in text for text in rest)
 
 
 def replaced(difference, error=0.0, place=(2, 0), **given):

@@ -7,19 +7,33 @@ import re
 import fakes
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from fpk_rocking import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, Start, WhiteNoise, cli
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, summary, tables
 from montecarlo import histories, mean_poincare_map, overturning_rate, restarted_poincare_map, simulate, tally
-from montecarlo.engines import exact
+from montecarlo.engines import exact, nonlinear
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 QUIET = MAIN.varied(noise=NoNoise())
 FALL = Scene.from_block(0.5, 1.8, 0.0, 1.5, start=Start(-1.1))
-"""Beyond the critical angle and at rest it falls freely: Θ = -1 - .1 cosh τ until the cut-off π/2."""
+"""Beyond the critical angle and at rest it falls freely until the cut-off π/2."""
 
-FALLEN = math.acosh((0.5 * math.pi - 1.0) / 0.1)
+
+def _fall():
+    """Time of the fall from its energy: with φ the angle beyond the critical one, dτ = dφ / √(2 (cos φ₀ - cos φ))."""
+    angle = FALL.block.critical_angle
+    first, last = 0.1 * angle, (0.5 * math.pi - 1.0) * angle
+
+    def slowness(root):
+        sines = math.sin(0.5 * (2.0 * first + root * root)) * math.sin(0.5 * root * root)
+        return 2.0 * root / math.sqrt(4.0 * sines)
+
+    return quad(slowness, 0.0, math.sqrt(last - first), epsabs=0.0, epsrel=1e-13)[0]
+
+
+FALLEN = _fall()
 
 
 def test_what_is_deterministic():
@@ -36,12 +50,17 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
     """Noise of strength 0 still draws its frequencies, but they make no difference."""
     rows = []
 
-    def realize(keys, first, cycle, problem, angle, *others):
-        rows.append((first, len(angle)))
-        computed(keys, first, cycle, problem, angle, *others)
+    def watch(engine):
+        computed = engine.realize
 
-    computed = exact.realize
-    monkeypatch.setattr(exact, "realize", realize)
+        def realize(keys, first, cycle, problem, angle, *others):
+            rows.append((engine.__name__, first, len(angle)))
+            computed(keys, first, cycle, problem, angle, *others)
+
+        monkeypatch.setattr(engine, "realize", realize)
+
+    watch(exact)
+    watch(nonlinear)
     for scene in (QUIET, MAIN.varied(noise={"variance": 0.0}), FALL):
         one = simulate(scene, cycles=5)
         many = simulate(scene, cycles=5, realizations=200)
@@ -55,7 +74,7 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
         counted = tally(scene, cycles=5, realizations=200)
         assert np.array_equal(counted.survival, one.survival)
         assert counted.realizations == 200
-    assert {*rows} == {(0, 1)}
+    assert {*rows} == {(engine.__name__, 0, 1) for engine in (exact, nonlinear)}
 
 
 def test_a_number_is_required_where_there_is_chance():

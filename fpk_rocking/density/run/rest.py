@@ -8,6 +8,9 @@ survival changes by less than that.
 
 All this holds for hops that are short beside the time in which the force changes. Faster blocks can hop on for ever
 under |f| < 1, in step with the force, and neither they nor a layer that reaches so far are held.
+
+At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F), where F = tan α/α is the force that lifts it off. So it
+is a slender one under f/F and noise of D/F², with angles and velocities over sin α/α.
 """
 
 import math
@@ -18,13 +21,14 @@ from fpk_rocking.base.types import Array
 from fpk_rocking.density.pilot import REST, in_rest
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.physics.motion.remainder import contact_pull, saddle_speed
 
 _LOOK = 0.02
 """Longest interval in which force and diffusion are taken as constant."""
 
 _INSIDE, _SAFE = 8.0, 25.0
 """Scales w of the layer that have to be within the speed of `REST` and that up to which hops die out, so that all of
-the layer is held, and within 1 - |f|, the least speed over the saddle, so that noise alone overturns nothing: exp(-25).
+the layer is held, and within the least speed over the saddle, 1 - |f| of a slender block, so that noise alone overturns nothing: exp(-25).
 """
 
 _STEADY = 0.5
@@ -47,15 +51,17 @@ class Hold:
 
     def __init__(self, dynamics: Dynamics, end, memory):
         self._edges = np.linspace(0.0, end, max(math.ceil(end / _LOOK), 2) + 1)
-        values = np.array([dynamics.forcing.value(time) for time in self._edges])
+        alpha, level, self._pull = dynamics.critical_angle, dynamics.lift_off, contact_pull(dynamics.critical_angle)
+        values = np.array([dynamics.forcing.value(time) for time in self._edges]) / level
         forces = np.abs(values)
         most = np.minimum(np.maximum(forces[1:], forces[:-1]), 1.0)
-        noise = dynamics.diffusion * np.ones(len(most))
+        noise = dynamics.diffusion / level**2 * np.ones(len(most))
         if dynamics.envelope is not None:
             noise *= np.diff(dynamics.envelope.squared(self._edges)) / np.diff(self._edges)
         lost, gap = 1.0 - dynamics.restitution**2, 1.0 - most**2
         pull, steady = 3.0 * lost * gap, self._steady(values, 1.0 - most, 1.0 - dynamics.restitution)
-        sizes = np.minimum(REST[1], steady) / _INSIDE, (1.0 - most) / _SAFE
+        over = np.array([saddle_speed(level * force, alpha) for force in most]) / self._pull
+        sizes = np.minimum(REST[1] / self._pull, steady) / _INSIDE, over / _SAFE
         inside, safe = (4.0 * noise <= pull * size for size in sizes)
         forgetting = np.full(len(most), math.inf)
         np.divide(9.0 * (lost * gap) ** 2, 256.0 * noise, out=forgetting, where=noise > 0.0)
@@ -121,7 +127,7 @@ class Hold:
         sides. A force that changes within a hop can keep it hopping for ever, though |f| < 1 (`_steady`).
         """
         angles, velocities = (0.5 * np.abs(lines[1:] + lines[:-1]) for lines in space.lines)
-        speeds = np.sqrt(2.0 * angles[:, None] + velocities**2)
+        speeds = np.sqrt(2.0 * angles[:, None] / self._pull + (velocities / self._pull) ** 2)
         slow = in_rest(angles, velocities) & (speeds <= self._stopping[self._interval(time)])
         return slow | around_origin(space)
 

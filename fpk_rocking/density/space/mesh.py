@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from fpk_rocking.physics.motion.remainder import largest
+
 ANGLE_GRADING = 1.5
 VELOCITY_GRADING = 1.3
 """Exponents of `graded_lines` in angle and velocity."""
@@ -80,15 +82,16 @@ def velocity_bound(scene, diffusion):
     """Velocity that is passed only by blocks bound to overturn, and by `DEVIATIONS` of the noise.
 
     Outward it lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is
-    what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory).
+    what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact
+    block has beyond a slender one moves the separatrix by no more than the bound of it, as it grows like e^τ.
     """
-    forcing, start = scene.forcing, scene.start
-    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + DEVIATIONS * math.sqrt(diffusion)
+    forcing, start, exact = scene.forcing, scene.start, largest(scene.forcing.largest, scene.block.critical_angle)
+    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + exact + DEVIATIONS * math.sqrt(diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     outward = abs(start.velocity) + DEVIATIONS * math.sqrt(vv)
     position, slope = forcing.particular(0.0)
     now = position - slope
     spread = DEVIATIONS * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
-    excess = max(side * (start.angle - start.velocity - now) for side in (1.0, -1.0)) - 1.0 + spread
+    excess = max(side * (start.angle - start.velocity - now) for side in (1.0, -1.0)) - 1.0 + exact + spread
     falls = start.angle * start.velocity < 0.0 or start.covariance is not None
     return max(bound + (max(excess, 0.0) if falls else 0.0), _START_ROOM * outward)

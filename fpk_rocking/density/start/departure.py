@@ -10,13 +10,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.motion import LIFT_OFF
 
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
@@ -45,6 +45,13 @@ _AHEAD = 0.1
 _MOST_STEPS, _LEAST_STEPS = 320, 16
 """A step of a block that rattles is no shorter than a cycle over the first, one of a window no longer than the
 forcing's shortest period over the second."""
+
+_ALONE = 0.3
+"""Longest flight of an exact block between windows, over `WindowSettings.growth`."""
+
+_SPREADING, _BENT = 0.125, 1e-4
+"""Shift of a mean in a time t by the curvature α² (1 + |f|) of the acceleration, about, over that, the variance of the
+angle and t²; and what an exact block may be shifted by as a Gaussian, over `WindowSettings.growth`."""
 
 _HANDOVER = 0.75
 """Part of the time to the main mesh, or of a cycle, up to which an undisturbed Gaussian is taken in closed form."""
@@ -75,11 +82,53 @@ class Gaussian:
         return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
 
     def after(self, dynamics: Dynamics, start, duration, side):
-        """Return the Gaussian after a flight on one side in which nothing happens."""
+        """Return the Gaussian after a flight on one side in which nothing happens, of a slender block."""
         flight = dynamics.affine(start, duration)
         xx, xv, vv = dynamics.covariance(start, duration)
         covariance = flight.matrix @ self.covariance @ flight.matrix.T + [[xx, xv], [xv, vv]]
         return Gaussian(flight.matrix @ self.mean + flight.shifts[side], covariance)
+
+    def course(self, dynamics: Dynamics, end, side):
+        """Return the Gaussians, as a function of the time up to an end, of an exact block: see `moments`."""
+        xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
+        found = moments(dynamics, np.array([*self.mean, xx, xv, vv]), end, side)
+
+        def at(time):
+            x, v, xx, xv, vv = found(time)
+            return Gaussian((x, v), [[xx, xv], [xv, vv]])
+
+        return at
+
+
+def moments(dynamics: Dynamics, begin, end, side):
+    """Follow mean and covariance of an exact block in a flight in which nothing happens, to first order in its spread.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    begin : ndarray, shape (5,)
+        Angle, velocity and covariance xx, xv, vv at time 0.
+    end : float
+    side : int
+
+    Returns
+    -------
+    callable
+        These (5,) as a function of a time up to the end.
+    """
+    alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
+
+    def rates(time, state):
+        x, v, xx, xv, vv = state
+        phi, force = alpha * (1.0 - side * x), forcing.value(time)
+        sine, cosine = math.sin(phi), math.cos(phi)
+        stiff = cosine + side * force * alpha * sine
+        noise = 2.0 * dynamics.diffusion * cosine**2
+        if envelope is not None:
+            noise *= max(envelope.value(time) ** 2, dynamics.faintest)
+        return [v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise]
+
+    return solve_ivp(rates, (0.0, end), begin, method="DOP853", rtol=1e-8, atol=1e-30, dense_output=True).sol
 
 
 def initial_density(start, space, cutoff):
@@ -121,6 +170,9 @@ class Departure:
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
+        self._exact = dynamics.critical_angle is not None
+        self._flying = self._initial.course(dynamics, self.period, self._side) if self._exact else None
+        self._alone = _ALONE * windows.growth if self._exact else math.inf
         self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.during(0.0, 1e-9 * period).diffusion)
         self._quiet = self._quiet_time()
         self._carried, self._next = [self._undisturbed(self._quiet)], None
@@ -129,16 +181,18 @@ class Departure:
     def rests(self):
         """Whether the block is at rest and the forcing does not lift it off."""
         still = not self._initial.mean.any() and not self._initial.covariance.any()
-        return still and abs(self.dynamics.forcing.value(0.0)) <= LIFT_OFF
+        return still and abs(self.dynamics.forcing.value(0.0)) <= self.dynamics.lift_off
 
     def flight(self, time):
         """Gaussian that an undisturbed flight leads to."""
-        return self._initial.after(self.dynamics, 0.0, time, self._side) if time > 0.0 else self._initial
+        if time <= 0.0:
+            return self._initial
+        return self._flying(time) if self._exact else self._initial.after(self.dynamics, 0.0, time, self._side)
 
     def spread(self, time):
         """Gaussian that tells how far a start has spread: about rest where the forcing has not lifted the block off."""
-        gaussian, forcing = self.flight(time), self.dynamics.forcing
-        if self.rests and forcing.since_lift_off(time)[0] > time:
+        gaussian = self.flight(time)
+        if self.rests and self.dynamics.since_lift_off(time)[0] > time:
             gaussian.mean = np.zeros(2)
         return gaussian
 
@@ -148,7 +202,7 @@ class Departure:
             return _resolution(self.spread(time), space)
         window = self._before(time).window
         sizes = [np.diff(lines).min() * self.windows.cells / (2.0 * self.windows.reach) for lines in window.lines]
-        mean = self.flight(time).mean if self.dynamics.forcing.since_lift_off(time)[0] <= time else np.zeros(2)
+        mean = self.flight(time).mean if self.dynamics.since_lift_off(time)[0] <= time else np.zeros(2)
         return min(size / _cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
     def within(self, time, angle, velocity):
@@ -172,7 +226,7 @@ class Departure:
     def _before(self, end):
         """Last density on a window from which one step leads to a time."""
         if end <= self._quiet / _HANDOVER:
-            return self._undisturbed(min(self._quiet, _HANDOVER * end))
+            return self._undisturbed(min(self._quiet, max(_HANDOVER * end, end - self._alone)))
         while self._carried[-1].time < end:
             self._carried.append(self._further(self._carried[-1]))
         return next(now for now in reversed(self._carried) if now.time < end)
@@ -183,7 +237,7 @@ class Departure:
         duration = min(self.windows.growth * (now.time + self._gathered), longest)
         if self._rattles(now, duration):
             duration = min(duration, self._longest(now.time))
-        free = self._free_time(now, self.period - now.time) if now.time < self.period else 0.0
+        free = self._free_time(now, min(self.period - now.time, self._alone)) if now.time < self.period else 0.0
         quiet = free >= duration
         duration, dynamics = max(free, duration), self.dynamics
         trace = self._trace(now, duration, quiet)
@@ -198,10 +252,12 @@ class Departure:
 
     def _trace(self, now, duration, quiet):
         """Trace one step from the cells of a window that hold something."""
-        points = self.windows.points + (0 if abs(self.dynamics.forcing.value(now.time)) > LIFT_OFF else MORE)
+        points = self.windows.points + (
+            0 if abs(self.dynamics.forcing.value(now.time)) > self.dynamics.lift_off else MORE
+        )
         quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
         holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
-        return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding)
+        return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding, to_other=True)
 
     def _undisturbed(self, time):
         gaussian, cutoff = self.flight(time), self.dynamics.cutoff
@@ -222,10 +278,17 @@ class Departure:
         quiet = 0.0 if initial.covariance.any() else least
         for time in np.geomspace(least, _HANDOVER * self.period, 100):
             gaussian = self.flight(time)
-            if not self.undisturbed(gaussian):
+            if not self.undisturbed(gaussian) or self._bent(gaussian, time):
                 break
             quiet = time
         return quiet
+
+    def _bent(self, gaussian, time):
+        """Whether a Gaussian is so wide that the curvature of an exact block's acceleration matters to its mean."""
+        if not self._exact:
+            return False
+        alpha, force = self.dynamics.critical_angle, self.dynamics.forcing.largest
+        return _SPREADING * alpha**2 * (1.0 + force) * gaussian.covariance[0, 0] * time**2 > _BENT * self.windows.growth
 
     def _longest(self, time):
         """Longest step for a block that rattles at x = 0, and while it is lifted off.
@@ -234,18 +297,18 @@ class Departure:
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
         dynamics, growth = self.dynamics.during(time, 1e-6 * self._cycle), self.windows.growth
-        gap, change = LIFT_OFF - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
+        gap, change = dynamics.lift_off - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
             return growth * max(_RATTLE * lifting, self._cycle / _MOST_STEPS, _AHEAD * (self._patience - time))
-        since, change = dynamics.forcing.since_lift_off(time)
+        since, change = dynamics.since_lift_off(time)
         if since > time:
             return math.inf
         return growth * (_SINCE * since + _RATTLE * _crossing_time(dynamics, change))
 
     def _rattles(self, now, duration):
         """Whether mass that matters may come to rest at x = 0 within a step."""
-        slow = max(LIFT_OFF - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
+        slow = max(self.dynamics.lift_off - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
         slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.during(now.time, duration).diffusion * duration)
         angle, velocity = (
             (lines[:-1] < size) & (lines[1:] > -size)
@@ -295,7 +358,7 @@ def _resolution(gaussian, space):
 def _drift_time(dynamics: Dynamics):
     """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
     dynamics = dynamics.during(0.0, 1e-9)
-    drift = abs(abs(dynamics.forcing.value(0.0)) - LIFT_OFF)
+    drift = abs(abs(dynamics.forcing.value(0.0)) - dynamics.lift_off)
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
     return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)
 

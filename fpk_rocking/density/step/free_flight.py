@@ -6,6 +6,9 @@ whole, so each is an L2 projection in one dimension, done exactly, and cannot am
 the angle with the first and the last shear and one of the velocity after the second: together they have the covariance
 of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
 
+What an exact block has beyond this depends on the angle alone: it is added to the shear of the velocity half way, and
+the noise by which lines of different angles differ blurs them there too. The error is of second order in the step.
+
 A density in flight is held by its values at the Gauss points of the cells; its rows are the cells that share an
 interval of the velocity, one row for each side of x = 0, or an interval of the angle.
 """
@@ -21,9 +24,13 @@ from fpk_rocking.density.space.space import Space, gauss, gauss_shapes, shapes
 from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
 from fpk_rocking.density.step.shifts import hermite, landing_range, prepare_shift
 from fpk_rocking.physics.motion.gaussian import blur_variances, shears
+from fpk_rocking.physics.motion.remainder import contact_pull, cosine, gravity
 
 _FINE_NODES = 3
 """Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
+
+_SMALL_PART = 0.25
+"""Part of the velocity's variance that `_FINE_NODES` may stand for."""
 
 _FASTMATH = {"contract", "reassoc", "nsz"}
 
@@ -50,9 +57,11 @@ class FreeFlight:
         Gauss-Hermite nodes of the velocity's blur.
     angle_shear : Shift, optional
         The shear of the angle, prepared for all cells (`angle_shear_of`); else it is prepared for those that need it.
+    critical_angle : float, optional
+        α of an exact block, whose force in `affine` is the part sin α/α of f, the mean of what turns it.
     """
 
-    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_shear=None):
+    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_shear=None, critical_angle=None):
         sinh, shifts = shears(duration)[1], affine.shifts
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
@@ -61,29 +70,48 @@ class FreeFlight:
         self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
         self.edges = _ends(space.degree) @ table.T
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
-        (blur, blur_weights), (still, one) = hermite(nodes), hermite(1)
-        blur = math.sqrt(blur_variances(diffusion, duration)[0]) * blur
-        sides, angle_shears, drift, fine, fine_weights = _angle_shears(space, affine, diffusion, duration)
-        pushes = np.repeat([shifts[side, 1] - sinh * drift[side] for side in (-1, 1)], (middle, limit - middle))
-        velocity_shears = sinh * _line_points(space.angle_lines, points) + pushes[:, None]
+        sides, angle_shears, drift, fine, fine_weights = _angle_shears(
+            space, affine, diffusion * contact_pull(critical_angle) ** 2, duration
+        )
+        alike = np.ones_like(angle_shears)
+        by_side = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
+        pushes = np.repeat(by_side, (middle, limit - middle))[:, None]
+        angles = _line_points(space.angle_lines, points)
+        velocity_shears = sinh * angles + pushes
+        if critical_angle:
+            away = np.repeat([-1.0, 1.0], (middle, limit - middle))[:, None]
+            more = cosine(angles, critical_angle) / contact_pull(critical_angle) - 1.0
+            velocity_shears += sinh * gravity(angles, away, critical_angle) + 0.5 * sum(by_side) * more
         whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
 
         first = hulls(angle_rows(free, middle))
-        drifted = landing_range(space.angle_lines, sides, angle_shears, fine, first)
+        drifted = landing_range(space.angle_lines, sides, angle_shears, alike, fine, first)
         second = hulls(by_velocity(covered(drifted, limit)).T)
-        sheared = landing_range(space.velocity_lines, whole, velocity_shears, still, second)
-        blurred = landing_range(space.velocity_lines, whole, nothing, blur, sheared)
+        variance, (blur, blur_weights) = blur_variances(diffusion, duration)[0], hermite(nodes)
+        spreads, (own, own_weights) = np.ones_like(velocity_shears), hermite(1)
+        if critical_angle and diffusion > 0.0 and second.any():
+            # The least that all lines are blurred by, and on each of them what it lacks.
+            parts = cosine(angles, critical_angle) ** 2
+            held = parts[second[:, 1] > second[:, 0]]
+            least, most = held.min(), held.max()
+            spreads, variance = np.sqrt(variance * np.maximum(parts - least, 0.0)), variance * least
+            own, own_weights = hermite(_FINE_NODES if most - least <= _SMALL_PART * most else nodes)
+        blur, alone = math.sqrt(variance) * blur, np.ones((1, 1))
+        sheared = landing_range(space.velocity_lines, whole, velocity_shears, spreads, own, second)
+        blurred = landing_range(space.velocity_lines, whole, nothing, alone, blur, sheared)
         third = hulls(angle_rows(covered(blurred, across), middle))
-        landed = landing_range(space.angle_lines, sides, angle_shears, fine, third)
+        landed = landing_range(space.angle_lines, sides, angle_shears, alike, fine, third)
         self.ranges = (first, drifted), (second, sheared, blurred), (third, landed)
         self.orders = order(first), order(second), order(third)
         degree, every = space.degree, hulls(covered(sheared, across).any(axis=0)[None])
         self._borrowed = angle_shear is not None
         self.angle_shear = angle_shear or prepare_shift(
-            space.angle_lines, sides, angle_shears, fine, fine_weights, degree, union(first, third)
+            space.angle_lines, sides, angle_shears, alike, fine, fine_weights, degree, union(first, third)
         )
-        self.velocity_shear = prepare_shift(space.velocity_lines, whole, velocity_shears, still, one, degree, second)
-        self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, blur, blur_weights, degree, every)
+        self.velocity_shear = prepare_shift(
+            space.velocity_lines, whole, velocity_shears, spreads, own, own_weights, degree, second
+        )
+        self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, alone, blur, blur_weights, degree, every)
 
     @property
     def memory(self):
@@ -139,7 +167,7 @@ def angle_shear_of(space, affine, diffusion, duration):
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """
     sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_shift(space.angle_lines, sides, shears, fine, weights, space.degree, sides)
+    return prepare_shift(space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides)
 
 
 def _angle_shears(space, affine, diffusion, duration):

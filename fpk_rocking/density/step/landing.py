@@ -12,7 +12,7 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.slender import pulls
+from fpk_rocking.physics.motion.equation import pulls
 
 LEFT, RIGHT, LOST, REST = -1, -2, -3, -4
 """Landing cells below zero: overturned to the left, to the right, outside the mesh, at rest."""
@@ -93,7 +93,7 @@ def trace_cells(cells, points, segment, block, noise):
         Angle and velocity index of each cell.
     points : Gauss
     segment : Segment
-    block : Slender
+    block : Body
     noise : Noise
 
     Returns

@@ -7,6 +7,9 @@ an impact, covariance and noise are those carried through it by the saltation ma
 node's displacement at it is then carried on by an expansion about that path, with an error of third order in the
 displacement; what noise acts between the node's own impact and that of the path is counted on the side of the latter.
 Where no node can meet an event the nodes are the affine flight's.
+
+Noise moves an exact block by the part cos φ of it, here taken half way along a flight. A path with the noise in its
+forcing needs no such part: its equation of motion has it.
 """
 
 import functools
@@ -16,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.equation import flight, cosine, stays_below
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
-from fpk_rocking.physics.motion.saltation import through_impact, through_impact_expanded
-from fpk_rocking.physics.motion.slender import flight, segment_of
+from fpk_rocking.physics.motion.saltation import encounter, through_impact, through_impact_expanded
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import advance
 
 OVERTURNED_SIDE = 2
@@ -91,7 +94,7 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
         The point.
     segment : Segment
         The forcing over the step.
-    block : Slender
+    block : Body
     noise : Noise
     scratch : ndarray, shape (4, TERMS)
         Overwritten.
@@ -105,11 +108,12 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
     if kind == NOTHING and is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin):
+        part = cosine(0.5 * side * (x + end), block)
         for n in range(len(nodes)):
-            states[n, 0], states[n, 1] = end + offsets[n, 0], speed + offsets[n, 1]
+            states[n, 0], states[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
             codes[n] = side
         return
-    if kind == OVERTURNING and side * flight(x, v, side, segment, 0.0, duration)[0] > cutoff + noise.margin:
+    if kind == OVERTURNING and side * flight(x, v, side, segment, 0.0, duration, block)[0] > cutoff + noise.margin:
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * noise.diffusion * duration)
@@ -121,10 +125,10 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
         smooth = abs(speed) > _SMOOTH * spread
         _fast_nodes(x, v, (time, speed, side, smooth), segment, block, noise, scratch, states, codes)
         return
-    if kind == IMPACT and abs(polynomial(segment.force, time)[0]) < LIFT_OFF:
+    if kind == IMPACT and abs(polynomial(segment.force, time)[0]) < stays_below(block):
         half = math.sqrt(noise.diffusion * duration)
         for n in range(len(nodes)):
-            first, last = half * nodes[n, 0], half * nodes[n, 1]
+            first, last = half * nodes[n, 0] * cosine(side * x, block), half * nodes[n, 1]
             _jolted(n, x, v + first, side, last, False, segment, block, duration, states, codes)
         return
     for n in range(len(nodes)):
@@ -139,7 +143,7 @@ def _jolted(n, x, v, side, last, rests, segment, block, duration, states, codes)
     """Carry a node without noise but for a last jump of its velocity, which sets it off from rest unless it `rests`."""
     xn, vn, sn, _ = advance(x, v, side, segment, 0.0, duration, block, None, 0.0, CHATTER * duration)
     if abs(xn) < block.cutoff:
-        vn += last
+        vn += last * cosine(abs(xn), block)
         if xn == 0.0 and not rests:
             sn = 1 if vn > 0.0 else -1
     _put(n, xn, vn, sn, 0 if rests else side, block.cutoff, states, codes)
@@ -161,17 +165,19 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
     smooth: then one expansion serves all nodes that arrive within the step.
     """
     time, speed, side, smooth = undisturbed
-    diffusion, duration, restitution, cutoff = noise.diffusion, noise.duration, block.restitution, block.cutoff
+    duration, cutoff = noise.duration, block.cutoff
     late, rest = scratch[2], duration - time
     force, slope = polynomial(segment.force, time)
-    final, early, (b11, b12, b21, b22) = through_impact(diffusion, time, rest, speed, force, side, restitution)
+    met = encounter(speed, side, force, slope, block)
+    kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
+    before, after = cosine(0.5 * side * x, block), cosine(0.5 * abs(far_x), block)
+    diffusions = noise.diffusion * before * before, noise.diffusion * after * after
+    final, early, (b11, b12, b21, b22) = through_impact(diffusions, time, rest, met, block.restitution)
     move_origin(segment.particular, time, late)
-    after_xx, after_xv, after_vv = flight_covariance(diffusion, rest)
+    after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
     long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
-    kind, _, far_x, far_v = next_event(0.0, impact(speed, restitution), -side, segment, time, duration, block)
     smooth = smooth and kind == NOTHING
-    impact_there = restitution, speed, side, force, slope
     for n in range(len(noise.nodes)):
         a, b = noise.nodes[n]
         p = a * long_x / long + (b * short_x / short if b != 0.0 else 0.0)
@@ -180,16 +186,16 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
         if smooth:
-            dx, dv, inside = through_impact_expanded(early_x, early_v, time, rest, *impact_there)
+            dx, dv, inside = through_impact_expanded(early_x, early_v, time, rest, met, block)
             xn = far_x + dx + late_x
             if inside and 0.0 < -side * xn < cutoff:
                 _put(n, xn, far_v + dv + late_v, -side, -side, cutoff, states, codes)
                 continue
-        bend(segment.particular, time, early_x, early_v, scratch[0])
+        bend(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = segment_of(scratch[0], scratch[1], time)
         xn, vn, sn, end = advance(x, v, side, path, 0.0, time, block)
         if end == time:
-            bend(late, rest, late_x, late_v, scratch[3])
+            bend(late, rest, late_x / after, late_v / after, scratch[3])
             path = segment_of(scratch[3], scratch[1], rest)
             xn, vn, sn, _ = advance(xn, vn, sn, path, 0.0, rest, block)
         _put(n, xn, vn, sn, side, cutoff, states, codes)

@@ -48,7 +48,7 @@ def hermite(count):
     return nodes, weights / weights.sum()
 
 
-def prepare_shift(lines, bounds, shifts, nodes, weights, degree, source):
+def prepare_shift(lines, bounds, shifts, spreads, nodes, weights, degree, source):
     """Integrate what every cell of every row sends to the cells that it lands in, exactly.
 
     Parameters
@@ -59,6 +59,8 @@ def prepare_shift(lines, bounds, shifts, nodes, weights, degree, source):
         First cell and the one after the last that a row runs through.
     shifts : ndarray, shape (rows, lines)
         How far each line moves.
+    spreads : ndarray, shape (rows, lines)
+        What the nodes of each line are multiplied by.
     nodes, weights : ndarray, shape (n,)
         Distribution of further movement, ascending.
     degree : int
@@ -70,18 +72,18 @@ def prepare_shift(lines, bounds, shifts, nodes, weights, degree, source):
     -------
     Shift
     """
-    target = landing_range(lines, bounds, shifts, nodes, source)
+    target = landing_range(lines, bounds, shifts, spreads, nodes, source)
     sizes = target[:, 1] - target[:, 0]
     origin = np.cumsum(sizes) - sizes - target[:, 0]
-    first, count = source_cells(lines, shifts, nodes, source, target, origin)
+    first, count = source_cells(lines, shifts, spreads, nodes, source, target, origin)
     start = (np.cumsum(count.ravel()) - count.ravel()).reshape(count.shape)
-    beyond = passes_end(lines, bounds, shifts, nodes, source)
+    beyond = passes_end(lines, bounds, shifts, spreads, nodes, source)
     points, point_weights = gauss(degree + 1)
     blocks = np.zeros((int(count.sum()), degree + 1, degree + 1))
     ends = np.zeros((int(beyond.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
     shift = Shift(origin, first, count, start, blocks, beyond, ends)
     basis = (1.0,) * (degree + 1)
-    fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis)
+    fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis)
     values = gauss_shapes(degree + 1, degree)
     moments = values * point_weights[:, None]
     to_values(moments, values, blocks, basis)
@@ -97,20 +99,21 @@ def overlap_range(lines, bounds, low, high):
 
 
 @kernel
-def landing_range(lines, bounds, shifts, nodes, source):
+def landing_range(lines, bounds, shifts, spreads, nodes, source):
     """Cells that each row's occupied cells can reach, (rows, 2): first, and the one after the last."""
     target = np.zeros((len(source), 2), np.int64)
     for r in range(len(source)):
         if source[r, 1] > source[r, 0]:
-            row = shifts[min(r, len(shifts) - 1)]
-            low, high = lines[source[r, 0]] + row.min() + nodes[0], lines[source[r, 1]] + row.max() + nodes[-1]
+            row, spread = shifts[min(r, len(shifts) - 1)], spreads[min(r, len(shifts) - 1)].max()
+            low = lines[source[r, 0]] + row.min() + spread * nodes[0]
+            high = lines[source[r, 1]] + row.max() + spread * nodes[-1]
             first, last = overlap_range(lines, bounds[r], low, high)
             target[r, 0], target[r, 1] = first, last + 1
     return target
 
 
 @kernel
-def source_cells(lines, shifts, nodes, source, target, origin):
+def source_cells(lines, shifts, spreads, nodes, source, target, origin):
     """First source cell and number of source cells, (target cells, lines), of every target cell."""
     cells = (target[:, 1] - target[:, 0]).sum()
     first = np.zeros((cells, shifts.shape[1]), np.int64)
@@ -118,24 +121,26 @@ def source_cells(lines, shifts, nodes, source, target, origin):
     for r in range(len(source)):
         for c in range(target[r, 0], target[r, 1]):
             for q in range(shifts.shape[1]):
-                low, _ = overlap_range(lines, source[r], lines[c] - shifts[r, q] - nodes[-1], lines[c + 1])
-                _, high = overlap_range(lines, source[r], lines[0], lines[c + 1] - shifts[r, q] - nodes[0])
+                early, late = spreads[r, q] * nodes[-1], spreads[r, q] * nodes[0]
+                low, _ = overlap_range(lines, source[r], lines[c] - shifts[r, q] - early, lines[c + 1])
+                _, high = overlap_range(lines, source[r], lines[0], lines[c + 1] - shifts[r, q] - late)
                 first[origin[r] + c, q], count[origin[r] + c, q] = low, max(high - low + 1, 0)
     return first, count
 
 
 @kernel
-def passes_end(lines, bounds, shifts, nodes, source):
+def passes_end(lines, bounds, shifts, spreads, nodes, source):
     """Numbers (rows, 2) for the ends that something passes, -1 for the others."""
     beyond = np.full((len(source), 2), -1, np.int64)
     number = 0
     for r in range(len(source)):
         if source[r, 1] <= source[r, 0]:
             continue
-        if lines[source[r, 0]] + shifts[r].min() + nodes[0] < lines[bounds[r, 0]]:
+        spread = spreads[r].max()
+        if lines[source[r, 0]] + shifts[r].min() + spread * nodes[0] < lines[bounds[r, 0]]:
             beyond[r, 0] = number
             number += 1
-        if lines[source[r, 1]] + shifts[r].max() + nodes[-1] > lines[bounds[r, 1]]:
+        if lines[source[r, 1]] + shifts[r].max() + spread * nodes[-1] > lines[bounds[r, 1]]:
             beyond[r, 1] = number
             number += 1
     return beyond
@@ -165,12 +170,12 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 
 @kernel
-def _fill_row(r, lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis):
+def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis):
     origin, first, _, start, blocks, beyond, ends = shift
     floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
     for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
         for n in range(len(nodes)):
-            move = shifts[r, q] + nodes[n]
+            move = shifts[r, q] + spreads[r, q] * nodes[n]
             for cell in range(source[r, 0], source[r, 1]):
                 left, right = lines[cell], lines[cell + 1]
                 low, high = overlap_range(lines, bounds[r], left + move, right + move)
@@ -195,13 +200,15 @@ def _fill_row(r, lines, bounds, shifts, nodes, weights, points, point_weights, s
 
 
 @kernel(parallel=True)
-def fill_blocks(lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis):
+def fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis):
     """Integrate products of shape functions over all overlaps, exactly, into the blocks and ends of a shift.
 
     `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     for r in prange(len(source)):
-        _fill_row(np.int64(r), lines, bounds, shifts, nodes, weights, points, point_weights, source, shift, basis)
+        _fill_row(
+            np.int64(r), lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis
+        )
 
 
 @kernel(borrows=True, tuned=True)

@@ -1,10 +1,12 @@
 """One time step as a linear map of densities, set up once for its phase of the forcing and applied in every cycle."""
 
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.density.space.space import Space, gauss, gauss_shapes
 from fpk_rocking.density.step.adjoint import collect, fly_back
 from fpk_rocking.density.step.deposit import CHUNKS, Cells, Flown, Parts, deposit, gather
@@ -12,10 +14,12 @@ from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.landing import Gauss, classify, settle_in_cells, trace_cells
 from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
 from fpk_rocking.physics.forcing import Force
-from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion import TERMS, lift_off
+from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered
 from fpk_rocking.physics.motion.particular import affine
-from fpk_rocking.physics.motion.slender import Slender, segment_of
+from fpk_rocking.physics.motion.remainder import contact_pull
+from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.noise.envelope import Envelope
 
 _NODES = np.polynomial.legendre.leggauss(16)
@@ -37,6 +41,8 @@ class Dynamics:
         g, where the diffusion is D g².
     faintest : float
         Least g² of a step.
+    critical_angle : float, optional
+        α, radians, of an exact block.
     """
 
     forcing: Force
@@ -45,12 +51,14 @@ class Dynamics:
     cutoff: float
     envelope: Envelope | None = None
     faintest: float = FAINTEST
+    critical_angle: float | None = None
 
     @classmethod
     def of(cls, scene):
         """Take the dynamics of a scene with white noise."""
-        noise = scene.noise
-        return cls(scene.forcing, noise.diffusion, scene.block.restitution, scene.overturning.angle, noise.envelope)
+        noise, block = scene.noise, scene.block
+        common = scene.forcing, noise.diffusion, block.restitution, scene.overturning.angle, noise.envelope
+        return cls(*common, critical_angle=block.critical_angle or None)
 
     def later(self, time):
         """Return the dynamics whose times count from a time on."""
@@ -80,14 +88,31 @@ class Dynamics:
         return segment_of(self.forcing.over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Return the flight over a step as an `Affine` map."""
-        forcing = self.forcing
-        return affine(*forcing.particular(start), *forcing.particular(start + duration), duration)
+        """Return the flight over a step as an `Affine` map; of an exact block, what `FreeFlight` adds to is it."""
+        ends, part = (start, start + duration), contact_pull(self.critical_angle)
+        return affine(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
 
     @property
     def block(self):
         """What the kernels have to know of the block."""
-        return Slender(self.restitution, self.cutoff)
+        return Body(self.restitution, self.cutoff, self.critical_angle)
+
+    @property
+    def lift_off(self):
+        """Largest |f| under which a block at rest stays."""
+        return lift_off(self.critical_angle or 0.0)
+
+    def since_lift_off(self, time):
+        """Time since |f| last rose through the level of lift-off, and the slope of |f| there; (inf, 0) if never."""
+        level = self.lift_off
+        since, slope = _against(self.forcing, level).since_lift_off(time)
+        return since, level * slope
+
+
+@functools.lru_cache(maxsize=8)
+def _against(forcing, level):
+    """Keep what a forcing in units of a level has found of its lift-offs."""
+    return forcing.against(level)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,6 +143,9 @@ class Trace:
     quadrature : Quadrature
     cells : bool or ndarray of bool, shape (angle cells, velocity cells)
         Cells to activate now, whose paths' ends are kept; all unless given.
+    to_other : bool
+        Whether the paths end on another mesh. Only a slender block goes there in affine flight: all cells of an exact
+        one then count as cells that an event can reach.
 
     Attributes
     ----------
@@ -129,7 +157,9 @@ class Trace:
         Ends of the paths of the cells active at first, see `trace_cells`.
     """
 
-    def __init__(self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True):
+    def __init__(
+        self, source: Space, start, duration, dynamics: Dynamics, quadrature: Quadrature, cells=True, to_other=False
+    ):
         # What a flight gathers weighs early noise more, so that a mean D would not do in a long step without events.
         axes = principal_axes(*dynamics.covariance(start, duration))
         dynamics = dynamics.during(start, duration)
@@ -144,6 +174,8 @@ class Trace:
         self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
         self._segment = dynamics.segment(start, duration)
         self.marks = classify(*lines, self._segment, duration, dynamics.block, self._noise.margin)
+        self.stays = dynamics.critical_angle is not None and not to_other
+        self.marks |= dynamics.critical_angle is not None and to_other
         self.active = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
         self.states, self.codes = self.activate(np.full_like(self.marks, cells))
@@ -174,6 +206,8 @@ class Step:
     """
 
     def __init__(self, trace: Trace, target: Space, buffers=None, angle_shear=None):
+        if trace.stays and target is not trace.source:
+            raise ValueError(checks.refusal("target", target, "the mesh of the trace, or a trace with to_other"))
         self.trace, self.target, self.angle_shear = trace, target, angle_shear
         self._grids = target.tables
         degree, modes = trace.source.degree, target.degree + 1
@@ -213,8 +247,9 @@ class Step:
             free = trace.active & ~trace.marks
             self._deposited = trace.active & trace.marks
             self._flight = FreeFlight(
-                self.target, free, trace.affine, trace.dynamics.diffusion, trace.duration, trace.blur, self.angle_shear
-            )
+                self.target, free, trace.affine, trace.dynamics.diffusion, trace.duration, trace.blur, self.angle_shear,
+                trace.dynamics.critical_angle,
+            )  # fmt: skip
         self._chunks = self._split()
 
     def apply(self, coefficients):

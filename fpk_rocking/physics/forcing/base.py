@@ -60,6 +60,14 @@ class Force(abc.ABC):
     def since_lift_off(self, time: float) -> tuple[float, float]:
         """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it has not."""
 
+    @abc.abstractmethod
+    def scaled(self, strength: float, rate: float) -> "Force":
+        """Return the force of accelerations and frequencies multiplied by factors, above 0."""
+
+    def against(self, level: float) -> "Force":
+        """Return the force in units of a level, that at which a block lifts off: `since_lift_off` is then of it."""
+        return self if level == 1.0 else self.scaled(1.0 / level, 1.0)
+
     def later(self, time: float) -> "Force":
         """Return the force whose times count from a time on."""
         return _Later(self, time)
@@ -94,6 +102,9 @@ class _Later(Force):
 
     def since_lift_off(self, time):
         return self.whole.since_lift_off(time + self.origin)
+
+    def scaled(self, strength, rate):
+        return _Later(self.whole.scaled(strength, rate), self.origin / rate)
 
 
 class Forcing(Force):

@@ -217,7 +217,8 @@ class Harmonic(PeriodicForcing):
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
         """Return the forcing with its harmonic multiplied by gain(Ω)."""
-        return dataclasses.replace(self, amplitude=self.amplitude * float(gain(self.frequency)))
+        factor = float(gain(self.frequency))
+        return dataclasses.replace(self, amplitude=self.amplitude * abs(factor), phase=_turned(self.phase, factor))
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the forcing with amplitude and frequency multiplied by factors."""
@@ -277,8 +278,10 @@ class Harmonics(PeriodicForcing):
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
         """Return the forcing with every harmonic multiplied by gain(kΩ)."""
-        amplitudes = (amplitude * float(gain(k * self.frequency)) for k, amplitude, _ in self.components)
-        return dataclasses.replace(self, amplitudes=tuple(amplitudes))
+        factors = [float(gain(k * self.frequency)) for k, _, _ in self.components]
+        amplitudes = (size * abs(factor) for size, factor in zip(self.amplitudes, factors, strict=True))
+        phases = map(_turned, self.phases, factors)
+        return dataclasses.replace(self, amplitudes=tuple(amplitudes), phases=tuple(phases))
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the forcing with amplitudes and frequencies multiplied by factors."""
@@ -299,6 +302,11 @@ class _Sum(PeriodicForcing):
 
     def scaled(self, strength, rate):
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
+
+
+def _turned(phase, factor):
+    """Return the phase of a harmonic that is multiplied by a factor, of either sign."""
+    return phase if factor >= 0.0 else phase + math.pi
 
 
 def periodic(forcing: Forcing) -> PeriodicForcing:

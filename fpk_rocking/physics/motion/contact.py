@@ -1,12 +1,13 @@
 """The rules of contact: impact at zero angle, rest, and the side on which a block moves (paper 3).
 
 The side is +1 where the angle is positive, -1 where it is negative and 0 for a block at rest. On the side s the
-acceleration at x = 0 is f - s; all quantities are nondimensional.
+acceleration at x = 0 pulls back while |f| is below `stays_below`; all quantities are nondimensional.
 """
 
 import math
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.equation import lift
 
 CRITICAL_RESTITUTION = math.exp(-math.pi / math.sqrt(3.0))
 """Below it white noise gives infinitely many impacts in finite time (Cornell, Swift, Bray 1998, cond-mat/9804229)."""
@@ -27,10 +28,11 @@ def side_of(x, v):
 
 
 @kernel
-def chatter_time(speed, force, restitution):
+def chatter_time(speed, force, block):
     """Time in which ever smaller bounces bring a block to rest, under a force held constant (a geometric sum).
 
-    A bounce that starts at speed w on the side s lasts 2 w / (1 - s f); the next one starts at e w on the other side.
+    A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' at zero angle, which is 1 - s f
+    for a slender block; the next one starts at e w on the other side.
 
     Parameters
     ----------
@@ -38,14 +40,14 @@ def chatter_time(speed, force, restitution):
         Speed just after an impact, nondimensional.
     force : float
         s f: the forcing seen from the side that the impact leads to.
-    restitution : float
-        Velocity ratio e.
+    block : Body
 
     Returns
     -------
     float
-        The time to rest; inf where |f| >= 1 or e = 1 allows no rest.
+        The time to rest; inf where the force or e = 1 allows no rest.
     """
-    if abs(force) >= 1.0 or restitution >= 1.0:
+    near, far, restitution = -lift(0.0, 1, force, block), -lift(0.0, 1, -force, block), block.restitution
+    if near <= 0.0 or far <= 0.0 or restitution >= 1.0:
         return float("inf")
-    return 2.0 * speed * (1.0 / (1.0 - force) + restitution / (1.0 + force)) / (1.0 - restitution * restitution)
+    return 2.0 * speed * (1.0 / near + restitution / far) / (1.0 - restitution * restitution)

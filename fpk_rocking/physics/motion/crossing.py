@@ -62,7 +62,7 @@ def _fold(interval, grow, decay, sign):
 
 
 @kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
-def _bend(folded, bend):
+def bend_bounds(folded, bend):
     """Half of the bounds of -u'' and u'' over the interval, at least 0."""
     spread = 0.0
     for k in range(folded.size):
@@ -71,7 +71,7 @@ def _bend(folded, bend):
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def _meet(q, half):
+def meet(q, half):
     """Find where the polynomial q passes zero downwards; return time and slope, or slope 0 if that does not work."""
     square = q[1] * q[1] - 4.0 * q[2] * q[0]
     if square <= 0.0:
@@ -98,7 +98,7 @@ def _meet(q, half):
 
 
 @kernel(forceinline=True, borrows=True)
-def _stays(u, end, square, rise, fall, cutoff):
+def stays(u, end, square, rise, fall, cutoff):
     """Whether a flight with these angles at its ends has no event between them: the parabolas over its chord tell.
 
     `square` is that of the duration; `rise`, `fall` are half of the bounds of u'' and -u''.
@@ -137,7 +137,7 @@ def pass_through(interval, node, grow, decay, u, end, side, block, impacts, orig
         Folded angle at the interval's begin, and at its end if nothing happens.
     side : int
         +1, -1, or 0 at rest.
-    block : Slender
+    block : Body
     impacts : Impacts
         Records the impacts.
     origin : float
@@ -153,10 +153,10 @@ def pass_through(interval, node, grow, decay, u, end, side, block, impacts, orig
     if side != 0:
         middle_grow, middle_decay = grow * factor, decay / factor
         _fold(interval, middle_grow, middle_decay, float(side))
-        fall, rise = _bend(interval.folded, interval.bend)
-        if end > 0.0 and u > 0.0 and _stays(u, end, 4.0 * half * half, rise, fall, cutoff):
+        fall, rise = bend_bounds(interval.folded, interval.bend)
+        if end > 0.0 and u > 0.0 and stays(u, end, 4.0 * half * half, rise, fall, cutoff):
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
-        time, slope = _meet(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
+        time, slope = meet(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
         speed, square = -block.restitution * slope, (time + half) ** 2
         if speed > LEAST_SPEED and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
@@ -169,7 +169,7 @@ def pass_through(interval, node, grow, decay, u, end, side, block, impacts, orig
             old, end = end, fold(side, node, grow, decay)
             # Seen from the new side, u'' is that of the old flight turned round, plus the sum of both angles less 2.
             rise, fall = max(1.01 * fall + 0.5 * cutoff - 1.0, 0.0), 1.01 * rise + 1.0 - 0.5 * old
-            if end > 0.0 and _stays(0.0, end, (half - time) ** 2, rise, fall, cutoff):
+            if end > 0.0 and stays(0.0, end, (half - time) ** 2, rise, fall, cutoff):
                 return grow, decay, end, side, math.inf
             v, begin = block.restitution * v, time
         else:

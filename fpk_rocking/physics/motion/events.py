@@ -2,14 +2,13 @@
 
 Events are found in the folded motion u = s x >= 0, w = s v. A bound of u'' over the segment gives a parabola that u
 cannot undercut; marching from one parabola's root to the next can approach the first event but never step over it,
-grazing included, and converges quadratically.
+grazing included, and converges quadratically. Where a flight has no closed form it goes from one series to the next.
 """
 
-import math
-
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import later, launch, lift, pulls
+from fpk_rocking.base.stack import scratch
+from fpk_rocking.physics.motion.equation import WORK, later, launch, pulls, rising_time, stays_below
+from fpk_rocking.physics.motion.polynomial import safe_time
 
 NOTHING, IMPACT, OVERTURNING = 0, 1, 2
 """What ends a flight: the segment's end, an impact, the cut-off angle."""
@@ -19,19 +18,7 @@ SPEED_FLOOR = 1e-9
 
 _TOUCH = 2e-15
 
-
-@kernel(borrows=True)
-def safe_time(gap, slope, curvature):
-    """Time for which a gap >= 0 with this slope and second derivative >= -curvature surely stays open (or inf)."""
-    discriminant = slope * slope + 2.0 * curvature * gap
-    if discriminant < 0.0:
-        return math.inf
-    root = math.sqrt(discriminant)
-    if slope < 0.0:
-        return 2.0 * gap / (root - slope)
-    if curvature <= 0.0:
-        return math.inf
-    return (slope + root) / curvature
+_work = scratch(*WORK)
 
 
 # Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
@@ -49,7 +36,7 @@ def next_event(x, v, side, segment, start, end, block):
         The forcing.
     start, end : float
         Times since the segment's start.
-    block : Slender
+    block : Body
 
     Returns
     -------
@@ -57,33 +44,38 @@ def next_event(x, v, side, segment, start, end, block):
         NOTHING, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
         (0 for a block in contact, see `SPEED_FLOOR`).
     """
-    cutoff = block.cutoff
-    grow, decay = launch(x, v, side, segment, start)
-    fall, rise = pulls(side, segment.force_low, segment.force_high, block)
+    cutoff, work = block.cutoff, _work()
     t, u, w = start, side * x, side * v
     while t < end:
-        if u >= cutoff - _TOUCH and w > 0.0:
-            return OVERTURNING, t, side * cutoff, side * w
-        stay = safe_time(max(cutoff - u, 0.0), -w, rise)
-        if w < 0.0 and u <= _TOUCH:
-            return IMPACT, t, 0.0, side * w
-        fly = safe_time(max(u, 0.0), w, fall)
-        if w >= 0.0 and fly < end - t:
-            force, jerk = polynomial(segment.force, t)
-            rising = lift(u, side, force)
-            if rising >= 0.0:
-                fly += safe_time(rising, side * jerk, segment.force_curvature)
-            elif u <= _TOUCH and w < SPEED_FLOOR:
-                return IMPACT, t, 0.0, 0.0
-        t_next = t + min(fly, stay)
-        if not t_next > t:
-            if stay < fly:
+        course = launch(side * u, side * w, side, segment, t, end, work, block)
+        while t < course.end:
+            if u >= cutoff - _TOUCH and w > 0.0:
                 return OVERTURNING, t, side * cutoff, side * w
-            return IMPACT, t, 0.0, side * w
-        t = min(t_next, end)
-        x, v = later(grow, decay, side, segment, t, t - start)
-        u, w = side * x, side * v
+            stay = safe_time(max(cutoff - u, 0.0), -w, course.rise)
+            if w < 0.0 and u <= _TOUCH:
+                return IMPACT, t, 0.0, side * w
+            fly = safe_time(max(u, 0.0), w, course.fall)
+            if w >= 0.0 and fly < course.end - t:
+                rising = rising_time(course, u, side, segment, t, work, block)
+                if rising >= 0.0:
+                    fly += rising
+                elif u <= _TOUCH and w < SPEED_FLOOR:
+                    return IMPACT, t, 0.0, 0.0
+            t_next = t + min(fly, stay)
+            if not t_next > t:
+                if stay < fly:
+                    return OVERTURNING, t, side * cutoff, side * w
+                return IMPACT, t, 0.0, side * w
+            t = min(t_next, course.end)
+            x, v = later(course, side, segment, t, work, block)
+            u, w = side * x, side * v
     return NOTHING, end, side * u, side * w
+
+
+@kernel(inline="always")
+def can_lift_off(low, high, block):
+    """Whether a force between two bounds may lift a block off that is at rest."""
+    return max(high, -low) >= stays_below(block)
 
 
 @kernel

@@ -27,6 +27,14 @@ def continued(p: Number, q: Number, force: Array) -> Array:
     return out
 
 
+def force_of(particular: Array) -> Array:
+    """Taylor coefficients (n, TERMS) of f = P'' - P from those of P."""
+    order = np.arange(1, TERMS - 1)
+    out = -particular
+    out[:, :-2] += order * (order + 1.0) * particular[:, 2:]
+    return out
+
+
 def ends_of(particular: Array, times: Array) -> tuple[Array, Array]:
     """P and P' at times since the instant of coefficients (n, TERMS)."""
     order = np.arange(TERMS)

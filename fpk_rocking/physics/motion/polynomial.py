@@ -1,4 +1,6 @@
-"""Polynomials of TERMS coefficients in the time since some instant."""
+"""Polynomials of TERMS coefficients in the time since some instant, and how long a gap stays open."""
+
+import math
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
@@ -28,3 +30,17 @@ def polynomial(coefficients, t):
         even = even * square + coefficients[k]
         odd = odd * square + coefficients[k + 1]
     return even + t * odd, odd + 2.0 * t * (even_slope + t * odd_slope)
+
+
+@kernel(borrows=True)
+def safe_time(gap, slope, curvature):
+    """Time for which a gap >= 0 with this slope and second derivative >= -curvature surely stays open (or inf)."""
+    discriminant = slope * slope + 2.0 * curvature * gap
+    if discriminant < 0.0:
+        return math.inf
+    root = math.sqrt(discriminant)
+    if slope < 0.0:
+        return 2.0 * gap / (root - slope)
+    if curvature <= 0.0:
+        return math.inf
+    return (slope + root) / curvature

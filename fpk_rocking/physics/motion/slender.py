@@ -8,33 +8,15 @@ Folded, u = s x >= 0 is the angle, w = s v the velocity and s f the force. All q
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS, particular
-from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.polynomial import polynomial, safe_time
 
 stiffness = kernel(inline="always")(particular.stiffness)
-
-
-class Slender(NamedTuple):
-    """A slender block in numbers: the restitution e, and the angle whose first passage is overturning."""
-
-    restitution: float
-    cutoff: float
-
-
-def block_of(scene: Any) -> Slender:
-    """Return what the kernels have to know of a scene's block."""
-    return Slender(scene.block.restitution, scene.overturning.angle)
-
-
-@kernel(inline="always")
-def block_in(problem):
-    """Return the block of something that has its numbers among others."""
-    return Slender(problem.restitution, problem.cutoff)
 
 
 class Segment(NamedTuple):
@@ -52,12 +34,8 @@ class Segment(NamedTuple):
 
 
 @kernel(borrows=True)
-def bounds(particular, duration, force):
-    """Write the coefficients (TERMS,) of f = P'' - P; return bounds of f below and above and of |f''| up to a time."""
-    for k in range(TERMS):
-        force[k] = -particular[k]
-        if k + 2 < TERMS:
-            force[k] += (k + 2) * (k + 1) * particular[k + 2]
+def bounds_of(force, duration):
+    """Bounds of f below and above and of |f''| up to a time on both sides of 0."""
     spread, curvature, power = 0.0, 0.0, 1.0
     for k in range(1, TERMS):
         if k >= 2:
@@ -65,6 +43,22 @@ def bounds(particular, duration, force):
         power *= duration
         spread += abs(force[k]) * power
     return force[0] - spread, force[0] + spread, curvature
+
+
+@kernel(borrows=True)
+def bounds(particular, duration, force):
+    """Write the coefficients (TERMS,) of f = P'' - P; return its bounds, as `bounds_of`."""
+    for k in range(TERMS):
+        force[k] = -particular[k]
+        if k + 2 < TERMS:
+            force[k] += (k + 2) * (k + 1) * particular[k + 2]
+    return bounds_of(force, duration)
+
+
+@kernel(inline="always")
+def force_segment(force, duration):
+    """Make the `Segment` of a force alone, for an exact block; see `segment_of`."""
+    return Segment(force, force, *bounds_of(force, duration))
 
 
 @kernel(inline="always")
@@ -93,9 +87,27 @@ def respond(force, particular):
 
 
 @kernel(inline="always")
-def lift(u, side, force):
+def lift(u, side, force, block):  # noqa: ARG001  (see `equation`)
     """Folded acceleration u'' = u - 1 + s f."""
     return u - 1.0 + side * force
+
+
+@kernel(inline="always")
+def cosine(u, block):  # noqa: ARG001
+    """Factor of the force, and of noise, in u''."""
+    return 1.0
+
+
+@kernel(inline="always")
+def steepness(u, side, force, block):  # noqa: ARG001
+    """Change of u'' with u."""
+    return 1.0
+
+
+@kernel(inline="always")
+def stays_below(block):  # noqa: ARG001
+    """Largest |f| under which a block at rest stays."""
+    return LIFT_OFF
 
 
 @kernel(inline="always")
@@ -104,12 +116,6 @@ def pulls(side, low, high, block):
     if side > 0:
         return 1.0 - low, block.cutoff - 1.0 + high
     return 1.0 + high, block.cutoff - 1.0 - low
-
-
-@kernel(inline="always")
-def can_lift_off(low, high):
-    """Whether a force between two bounds may lift a block off that is at rest."""
-    return max(high, -low) >= LIFT_OFF
 
 
 @kernel(forceinline=True, borrows=True)
@@ -133,24 +139,47 @@ def fold(side, p, grow, decay):
     return 1.0 + side * (p + grow + decay)
 
 
+class Course(NamedTuple):
+    """A flight from (x, v) on, for `later`: its exponentials at `begin`, and bounds of -u'' and u'' up to `end`."""
+
+    begin: float
+    end: float
+    fall: float
+    rise: float
+    grow: float
+    decay: float
+
+
 @kernel(forceinline=True, borrows=True)
-def launch(x, v, side, segment, start):
-    """Return what `later` continues: the parts of a flight that is at (x, v) at `start`."""
+def launch(x, v, side, segment, start, end, work, block):  # noqa: ARG001
+    """Return the `Course` of a flight that is at (x, v) at `start`."""
     p, q = polynomial(segment.particular, start)
-    return 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
+    fall, rise = pulls(side, segment.force_low, segment.force_high, block)
+    return Course(start, end, fall, rise, 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q))
 
 
 @kernel(forceinline=True, borrows=True)
-def later(grow, decay, side, segment, t, since):
-    """Angle and velocity at t of a flight whose parts were those a time `since` before."""
-    factor = math.exp(since)
-    return join(grow * factor, decay / factor, side, segment.particular, t)
+def later(course, side, segment, t, work, block):  # noqa: ARG001
+    """Angle and velocity at t of a flight."""
+    factor = math.exp(t - course.begin)
+    return join(course.grow * factor, course.decay / factor, side, segment.particular, t)
+
+
+@kernel(forceinline=True, borrows=True)
+def rising_time(course, u, side, segment, t, work, block):  # noqa: ARG001
+    """Time for which u'' surely stays >= 0 from t on, where the folded angle is u; -1 where u'' < 0 at t."""
+    force, jerk = polynomial(segment.force, t)
+    rising = lift(u, side, force, block)
+    return safe_time(rising, side * jerk, segment.force_curvature) if rising >= 0.0 else -1.0
 
 
 @kernel(borrows=True)
-def flight(x, v, side, segment, start, end):
+def flight(x, v, side, segment, start, end, block):  # noqa: ARG001
     """Angle and velocity at `end` of a flight that is at (x, v) at `start`, times since the segment's start."""
-    return later(*launch(x, v, side, segment, start), side, segment, end, end - start)
+    p, q = polynomial(segment.particular, start)
+    factor = math.exp(end - start)
+    grow, decay = 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
+    return join(grow * factor, decay / factor, side, segment.particular, end)
 
 
 @kernel

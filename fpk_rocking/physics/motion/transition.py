@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import LIFT_OFF
 from fpk_rocking.physics.motion.contact import chatter_time, impact
-from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, SPEED_FLOOR, next_event, safe_time
-from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.equation import stays_below
+from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, SPEED_FLOOR, next_event
+from fpk_rocking.physics.motion.polynomial import polynomial, safe_time
 
 SLOW = 1e-6
 """Chatter that ends within this time is summed in closed form; a segment that ends meanwhile sees it over already."""
@@ -38,15 +38,16 @@ def record(impacts, time, velocity):
 
 
 @kernel(borrows=True)
-def uplift_time(segment, start, end):
+def uplift_time(segment, start, end, block):
     """First time in [start, end] at which a block at rest uplifts, and the side it goes to (0: none).
 
-    |f| must pass `LIFT_OFF` by more than a margin above the rounding of f: the block then surely leaves, and whoever
+    |f| must pass its level by more than a margin above the rounding of f: the block then surely leaves, and whoever
     asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot dwindle
     to nothing.
     """
     margin = _FORCE_FLOOR * max(1.0, -segment.force_low, segment.force_high)
-    level, target = LIFT_OFF + margin, LIFT_OFF + 2.0 * margin
+    level = stays_below(block)
+    level, target = level + margin, level + 2.0 * margin
     t = start
     while t < end:
         force, slope = polynomial(segment.force, t)
@@ -59,7 +60,7 @@ def uplift_time(segment, start, end):
 
 
 @kernel(borrows=True)
-def settle(speed, side, segment, time, restitution, slow=SLOW):
+def settle(speed, side, segment, time, block, slow=SLOW):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
     `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `slow`
@@ -67,9 +68,9 @@ def settle(speed, side, segment, time, restitution, slow=SLOW):
     dropped.
     """
     force, slope = polynomial(segment.force, time)
-    gap = LIFT_OFF - abs(force)
+    gap = stays_below(block) - abs(force)
     if gap > 0.0:
-        delay = chatter_time(speed, side * force, restitution)
+        delay = chatter_time(speed, side * force, block)
         if delay <= slow and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
     return (side if speed >= SPEED_FLOOR else 0), 0.0
@@ -89,7 +90,7 @@ def advance(x, v, side, segment, start, end, block, impacts=None, origin=0.0, sl
         The forcing; times count from its start.
     start, end : float
         Times since the segment's start.
-    block : Slender
+    block : Body
     impacts : Impacts, optional
         Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
     origin : float
@@ -105,7 +106,7 @@ def advance(x, v, side, segment, start, end, block, impacts=None, origin=0.0, sl
     t = start
     while t < end:
         if side == 0:
-            t, side = uplift_time(segment, t, end)
+            t, side = uplift_time(segment, t, end, block)
             x, v = 0.0, 0.0
             continue
         kind, t, x, v = next_event(x, v, side, segment, t, end, block)
@@ -115,7 +116,7 @@ def advance(x, v, side, segment, start, end, block, impacts=None, origin=0.0, sl
             if impacts is not None and v != 0.0:
                 record(impacts, origin + t, v)
             v = impact(v, block.restitution)
-            side, delay = settle(abs(v), -side, segment, t, block.restitution, slow)
+            side, delay = settle(abs(v), -side, segment, t, block, slow)
             if side == 0:
                 v, t = 0.0, t + delay
     return x, v, side, min(t, end)

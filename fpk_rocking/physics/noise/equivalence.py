@@ -1,8 +1,8 @@
 """White noise that stands for band noise or filtered noise: equal variance of the Melnikov process.
 
-The heteroclinic orbit of the undamped, unforced block has the velocity e^(-|τ|), whose transform is 2/(1+ω²). Noise
-seen through it, M(τ₀) = ∫ e^(-|τ|) η(τ + τ₀) dτ, has the variance σ_M² = ∫ 4 G(ω)/(1+ω²)² dω, with G the one-sided
-spectral density of η (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
+Noise seen along the heteroclinic orbit of the undamped, unforced block, M(τ₀) = ∫ K(τ) η(τ + τ₀) dτ with the kernel K
+of `physics.motion.separatrix`, has the variance σ_M² = ∫ G(ω) K̂(ω)² dω, with G the one-sided spectral density of η. A
+slender block has K = e^(-|τ|) and K̂ = 2/(1+ω²) (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
 
 What the replacement changes has to be measured. What may explain it is `cover`, the part of the orbit's frequencies
 that the band takes in, and `realized_spread`, by how much the realizations of finitely many harmonics differ.
@@ -13,12 +13,13 @@ import math
 import numpy as np
 
 from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.physics.motion import separatrix
 from fpk_rocking.physics.noise.kinds import Band, Noise
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
-def noise_variance(noise: Noise) -> float:
+def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     """Variance σ_M² of the Melnikov process of a noise.
 
     Parameters
@@ -26,12 +27,15 @@ def noise_variance(noise: Noise) -> float:
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Band noise has G = variance/(b - a) on its band [a, b]; white noise has ⟨ηη⟩ = 2Dδ; for filtered noise see
         `fpk_rocking.physics.noise.state_space`.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
     float
         Nondimensional; (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band (eq. 15, its σ² included), exactly
-        2D for white noise, that of its `StateSpace` for filtered noise, 0 without noise.
+        2D for white noise, that of its `StateSpace` for filtered noise, 0 without noise. For α > 0 that of a band is a
+        quadrature of its spectrum, and the other two are in closed form.
 
     Raises
     ------
@@ -41,8 +45,12 @@ def noise_variance(noise: Noise) -> float:
     if noise.kind == "none":
         return 0.0
     if noise.kind == "white":
-        return 2.0 * noise.diffusion
+        return 2.0 * noise.diffusion * separatrix.white_gain(critical_angle)
     if noise.kind == "band":
+        if separatrix.checked(critical_angle) > 0.0:
+            weights, frequencies = _quadrature(noise)
+            cosine, _ = separatrix.halves(frequencies, critical_angle)
+            return 4.0 * noise.variance * float(weights @ np.square(cosine))
         low, high = noise.band
         width = high - low
         # The two differences of (15) divided by the width in closed form, so that a narrow band loses no digits.
@@ -50,12 +58,12 @@ def noise_variance(noise: Noise) -> float:
         ratios = (1.0 - low * high) / ((1.0 + low * low) * (1.0 + high * high))
         return 2.0 * noise.variance * (arcs + ratios)
     if noise.kind == "filtered":
-        return noise.variance * noise.space.melnikov_variance
+        return noise.variance * noise.space.variance_along(*separatrix.kernel(critical_angle))
     raise ValueError(f"noise.kind: got {noise.kind!r}, accepted: 'band', 'white', 'filtered', 'none'")
 
 
-def equivalent_diffusion(noise: Noise) -> float:
-    """Diffusion D_M = σ_M²/2 of the white noise with the same Melnikov variance.
+def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
+    """Diffusion D_M of the white noise with the same Melnikov variance: σ_M²/2 for a slender block.
 
     To replace band noise or filtered noise by it is an approximation (a closure), which paths under the noise itself
     have to check. For white noise this is its own diffusion.
@@ -64,25 +72,32 @@ def equivalent_diffusion(noise: Noise) -> float:
     ----------
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         The noise that is replaced.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians. For α > 0 D_M is σ_M² over twice the integral of the
+        squared kernel.
 
     Returns
     -------
     float
         Nondimensional, with ⟨ηη⟩ = 2Dδ.
     """
-    return 0.5 * noise_variance(noise)
+    if noise.kind == "white":
+        return noise.diffusion
+    return 0.5 * noise_variance(noise, critical_angle) / separatrix.white_gain(critical_angle)
 
 
-def cover(noise: Noise) -> float:
-    """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum: σ_M²/(πG).
+def cover(noise: Noise, critical_angle: float = 0.0) -> float:
+    """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum.
 
-    It says how much of the frequencies that move the block a spectrum covers. G is the peak of the one-sided spectral
-    density. For a band the cover is (1/π) ∫ 4/(1+ω²)² dω over the band.
+    It says how much of the frequencies that move the block a spectrum covers. With G the peak of the one-sided spectral
+    density the cover of a slender block is σ_M²/(πG), for a band (1/π) ∫ 4/(1+ω²)² dω over the band.
 
     Parameters
     ----------
     noise : BandNoise or FilteredNoise
         The noise, of a variance above 0.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -94,19 +109,22 @@ def cover(noise: Noise) -> float:
     ValueError
         The noise has another kind, or the variance 0.
     """
+    white = math.pi * separatrix.white_gain(critical_angle)
     if noise.kind == "filtered" and noise.variance > 0.0:
-        return noise.space.melnikov_variance / (math.pi * noise.space.peak_density)
+        along = noise.space.variance_along(*separatrix.kernel(critical_angle))
+        return along / (white * noise.space.peak_density)
     banded = _band(noise)
     low, high = banded.band
-    return noise_variance(noise) * (high - low) / (math.pi * banded.variance)
+    return noise_variance(noise, critical_angle) * (high - low) / (white * banded.variance)
 
 
-def response(frequency: ArrayLike, restitution: float) -> Number:
+def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0.0) -> Number:
     """Weight of a frequency in the diffusion that a realization stands for, with the jump of velocity kept.
 
     A block that passes the impact leaves x = 0 with e times the velocity it arrived with. The transform of that motion,
     squared, is [(1+e)² + (1-e)²ω²]/(1+ω²)²; over 1 + e² it weighs white noise of diffusion D such that D = ∫ G(ω)
-    response dω (derived in docs/theory, "Noise"). At e = 1 it is the kernel of (15), 2/(1+ω²)².
+    response dω (derived in docs/theory, "Noise"). At e = 1 it is the kernel of (15), 2/(1+ω²)². For α > 0 the same is
+    made of the kernel before and after the impact; it is then right to first order in the noise.
 
     Parameters
     ----------
@@ -114,6 +132,8 @@ def response(frequency: ArrayLike, restitution: float) -> Number:
         ω, nondimensional.
     restitution : float
         e, from 0 to 1.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -121,10 +141,14 @@ def response(frequency: ArrayLike, restitution: float) -> Number:
         Nondimensional.
     """
     e, square = restitution, np.square(frequency)
+    if separatrix.checked(critical_angle) > 0.0:
+        cosine, sine = separatrix.halves(frequency, critical_angle)
+        white = (1.0 + e * e) * separatrix.white_gain(critical_angle)
+        return (((1.0 + e) * cosine) ** 2 + ((1.0 - e) * sine) ** 2) / white
     return ((1.0 + e) ** 2 + (1.0 - e) ** 2 * square) / ((1.0 + e * e) * (1.0 + square) ** 2)
 
 
-def jump_diffusion(noise: Noise, restitution: float) -> float:
+def jump_diffusion(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
     """Diffusion of white noise by the rival closure ∫ G(ω) response dω, for comparison with `equivalent_diffusion`.
 
     It is right for white noise too, better than D_M for some bands without low frequencies and far worse for others
@@ -135,6 +159,8 @@ def jump_diffusion(noise: Noise, restitution: float) -> float:
     noise : BandNoise
     restitution : float
         e, from 0 to 1.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -147,11 +173,11 @@ def jump_diffusion(noise: Noise, restitution: float) -> float:
         The noise has no band, or no strength.
     """
     banded = _band(noise)
-    weights, values = _responses(banded, restitution)
+    weights, values = _responses(banded, restitution, critical_angle)
     return banded.variance * float(weights @ values)
 
 
-def realized_spread(noise: Noise, restitution: float) -> float:
+def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
     """Relative scatter between realizations of band noise, as the standard deviation of their equivalent diffusions.
 
     A realization draws the frequencies of its N harmonics once, and how strongly it acts on the block depends on them.
@@ -163,6 +189,8 @@ def realized_spread(noise: Noise, restitution: float) -> float:
         The noise, of a variance above 0.
     restitution : float
         Restitution e, from 0 to 1.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -175,21 +203,27 @@ def realized_spread(noise: Noise, restitution: float) -> float:
         The noise has another kind, or the variance 0.
     """
     banded = _band(noise)
-    weights, values = _responses(banded, restitution)
+    weights, values = _responses(banded, restitution, critical_angle)
     # A band so narrow that its responses do not differ may come out below zero by rounding.
     return math.sqrt(max(weights @ values**2 / (weights @ values) ** 2 - 1.0, 0.0) / banded.harmonics)
 
 
-def _responses(noise: Band, restitution: float) -> tuple[Array, Array]:
-    """Quadrature for the mean of powers of `response` over a band: weights and values.
+def _responses(noise: Band, restitution: float, critical_angle: float) -> tuple[Array, Array]:
+    """Quadrature for the mean of powers of `response` over a band: weights and values."""
+    weights, frequency = _quadrature(noise)
+    return weights, np.asarray(response(frequency, restitution, critical_angle))
 
-    Gauss-Legendre in θ = atan ω, where they are trigonometric polynomials (a constant is not).
+
+def _quadrature(noise: Band) -> tuple[Array, Array]:
+    """Weights and frequencies of a quadrature for means over a band.
+
+    Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric polynomials (a constant is
+    not).
     """
     low, high = noise.band
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
     frequency = np.tan(math.atan(low) + half * (1.0 + _NODES))
-    weights = half * _WEIGHTS * (1.0 + frequency**2) / (high - low)
-    return weights, np.asarray(response(frequency, restitution))
+    return half * _WEIGHTS * (1.0 + frequency**2) / (high - low), frequency
 
 
 def _band(noise: Noise) -> Band:

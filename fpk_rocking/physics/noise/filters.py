@@ -17,6 +17,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.motion import separatrix
 from fpk_rocking.physics.noise.state_space import StateSpace
 
 __all__ = ["BUTTERWORTH", "FILTERS", "Filter", "LinearFilter", "low_pass_frequency"]
@@ -148,10 +149,10 @@ FILTERS = {
 """Filters by their name in a scene."""
 
 
-def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH) -> float | None:
+def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angle: float = 0.0) -> float | None:
     """Frequency ω of the low-pass filter with a given σ_M² of noise of variance 1.
 
-    σ_M² falls from 4 to 0 as ω grows, as that of every filter does, so there is one ω.
+    σ_M² falls from 4 (sin α/α)² to 0 as ω grows, so there is one ω.
 
     Parameters
     ----------
@@ -159,6 +160,8 @@ def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH) -> float | No
         σ_M²/σ².
     damping : float
         ζ.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
@@ -167,8 +170,10 @@ def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH) -> float | No
     """
     from scipy.optimize import brentq
 
+    terms = separatrix.kernel(critical_angle)
+
     def excess(power):
-        return _low_pass(math.exp(power), damping).melnikov_variance - ratio
+        return _low_pass(math.exp(power), damping).variance_along(*terms) - ratio
 
     low, high = math.log(_SLOWEST), math.log(_FASTEST)
     if not excess(low) > 0.0 > excess(high):

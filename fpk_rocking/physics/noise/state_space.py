@@ -162,10 +162,35 @@ class StateSpace(NamedTuple):
 
     @property
     def melnikov_variance(self) -> float:
-        """Variance of the Melnikov process, σ_M² = ∫ 4 G/(1 + ω²)² dω over all ω > 0."""
-        inverse = np.eye(self.order) - self.drift
-        once = np.linalg.solve(inverse, self._beside)
-        return float(2.0 * self.output @ (once + np.linalg.solve(inverse, once)))
+        """Variance of the Melnikov process of a slender block, σ_M² = ∫ 4 G/(1 + ω²)² dω over all ω > 0."""
+        return self.variance_along(np.ones(1), np.ones(1))
+
+    def variance_along(self, weights: Array, rates: Array) -> float:
+        """Variance of ∫ K(τ) η(τ) dτ with the kernel K = Σ w_i exp(-m_i |τ|).
+
+        With R̂ the Laplace transform of the autocovariance, a pair of terms contributes
+        2 w² [R̂(m)/m - R̂'(m)] where it is one term twice, else 4 w_i w_j [m_j R̂(m_i) - m_i R̂(m_j)]/(m_j² - m_i²).
+
+        Parameters
+        ----------
+        weights, rates : ndarray, shape (terms,)
+            w_i, and m_i above 0, all different.
+
+        Returns
+        -------
+        float
+        """
+        total = 0.0
+        laplace: list[tuple[float, float, float]] = []
+        for weight, rate in zip(weights.tolist(), rates.tolist(), strict=True):
+            inverse = rate * np.eye(self.order) - self.drift
+            once = np.linalg.solve(inverse, self._beside)
+            total += float(2.0 * self.output @ (once / rate + np.linalg.solve(inverse, once))) * weight * weight
+            value = float(self.output @ once)
+            for other, slower, before in laplace:
+                total += 8.0 * weight * other * (rate * before - slower * value) / (rate * rate - slower * slower)
+            laplace.append((weight, rate, value))
+        return total
 
     @property
     def inward_variance(self) -> float:

@@ -1,0 +1,117 @@
+"""Eight numbers at once in kernels: a type with a number's arithmetic, which the compiler keeps in vector registers.
+
+A loop over eight numbers may become vector instructions or not, by rules that a small change of the loop can upset. An
+expression in these lanes always does.
+"""
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+WIDTH = 8
+
+_VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+_INDEX = ir.IntType(32)
+
+
+class Lanes(types.Type):
+    """The numba type of eight numbers."""
+
+    def __init__(self):
+        super().__init__(name="Lanes")
+
+
+lanes = Lanes()
+
+
+@register_model(Lanes)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _shuffled(builder, value, order):
+    mask = ir.Constant(ir.VectorType(_INDEX, len(order)), [ir.Constant(_INDEX, k) for k in order])
+    return builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), mask)
+
+
+def _spread(builder, value):
+    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(_INDEX, 0))
+    return _shuffled(builder, first, [0] * WIDTH)
+
+
+def _define(operation, name):
+    """Give lanes an operation among themselves and with a number."""
+    both = (lanes, lanes), (lanes, types.float64), (types.float64, lanes)
+
+    @infer_global(operation)
+    class _Template(ConcreteTemplate):
+        cases = [signature(lanes, *pair) for pair in both]  # noqa: RUF012  (as numba has it)
+
+    def generate(context, builder, called, arguments):  # noqa: ARG001
+        pair = zip(called.args, arguments, strict=True)
+        return getattr(builder, name)(*(one if kind is lanes else _spread(builder, one) for kind, one in pair))
+
+    for pair in both:
+        lower_builtin(operation, *pair)(generate)
+
+
+for _operation, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
+    _define(_operation, _name)
+
+
+def _place(context, builder, kind, array, row):
+    found = context.make_array(kind)(context, builder, array)
+    start = builder.bitcast(found.data, ir.IntType(8).as_pointer())
+    if row is not None:
+        start = builder.gep(start, [builder.mul(row, builder.extract_value(found.strides, 0))])
+    return builder.bitcast(start, _VECTOR.as_pointer())
+
+
+@intrinsic
+def load(typing, array, row) -> Any:  # noqa: ARG001  (what numba passes)
+    """Return the first eight numbers of a row of a contiguous array (n, m), m >= 8."""
+
+    def generate(context, builder, called, arguments):
+        return builder.load(_place(context, builder, called.args[0], *arguments), align=8)
+
+    return lanes(array, types.intp), generate
+
+
+@intrinsic
+def store(typing, array, row, value) -> Any:  # noqa: ARG001
+    """Write into the first eight numbers of a row of a contiguous array (n, m), m >= 8."""
+
+    def generate(context, builder, called, arguments):
+        builder.store(arguments[2], _place(context, builder, called.args[0], *arguments[:2]), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, lanes), generate
+
+
+@intrinsic(prefer_literal=True)
+def spread(typing, value, lane) -> Any:  # noqa: ARG001
+    """Return one of eight numbers, by a literal index, as often."""
+
+    def generate(context, builder, called, arguments):  # noqa: ARG001
+        return _shuffled(builder, arguments[0], [lane.literal_value] * WIDTH)
+
+    return lanes(value, lane), generate
+
+
+@intrinsic
+def total(typing, value) -> Any:  # noqa: ARG001
+    """Return the sum of eight numbers."""
+
+    def generate(context, builder, called, arguments):  # noqa: ARG001
+        sums, size = arguments[0], WIDTH
+        while size > 1:
+            size //= 2
+            sums = builder.fadd(_shuffled(builder, sums, range(size)), _shuffled(builder, sums, range(size, 2 * size)))
+        return builder.extract_element(sums, ir.Constant(_INDEX, 0))
+
+    return types.float64(lanes), generate

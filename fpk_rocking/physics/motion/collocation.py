@@ -1,0 +1,398 @@
+"""The exact block through an interval of a grid, fast: flights by Gauss-Legendre collocation, joined by impacts.
+
+With y = u - 1, the folded angle from the saddle, and F = s f a flight is y'' = sin(α y)/α + F cos(α y). The polynomial
+that obeys it at the `NODES` Gauss points of a time has at its end an error of order 2 `NODES` (E. Hairer, S. P.
+Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.7). Iteration by repeated integrals
+finds it: each round gains about three digits. The sine and cosine are those at a first guess, turned by the little
+angle from there, so that they cost a few products.
+
+An impact is located on that polynomial, and the flight up to it is made anew, which gives its time and velocity the
+order of the end. It is accepted only where a bound of the acceleration proves that it is the first event. Everything
+else goes to `fpk_rocking.physics.motion.transition.advance`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
+from fpk_rocking.base.stack import scratch
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.contact import impact
+from fpk_rocking.physics.motion.crossing import bend_bounds, meet, stays
+from fpk_rocking.physics.motion.events import IMPACT, NOTHING
+from fpk_rocking.physics.motion.polynomial import polynomial
+from fpk_rocking.physics.motion.slender import force_segment
+from fpk_rocking.physics.motion.transition import SLOW, advance, record, settle, uplift_time
+
+NODES = WIDTH
+
+_MOST, _ENOUGH = 12, 1e-24
+"""Most rounds of the iteration. It ends when the next would change an acceleration, times the duration, by less than
+the root of the second.
+"""
+
+_FIRST = 1e-4
+"""Square of what a first round is sure to gain."""
+
+_TURN = 1e-5
+"""Largest sum of squares of the turns from the first guess for which its sine and cosine are those of their series."""
+
+_SHORTEST = 0.02
+"""Shortest flight, in halves of the interval, that is tried where no bound decides about a longer one."""
+
+LOW = 2e-4
+"""Speed after an impact up to which the hop to the next one is a polynomial of fourth order."""
+
+_ROUNDING = 1e-9
+"""Acceleration, times a quarter of the square of a flight's duration, that counts as none."""
+
+_NEAR = 1e-7
+"""Time by which an impact may lie beside the root that was found on the polynomial of a flight."""
+
+UNKNOWN = -1
+"""No bound decides about what happens first in a flight."""
+
+
+def _tables():
+    """Return the points c of [0, 1], and double integrals and coefficients of the polynomials that are 1 at one of them.
+
+    These are the double integrals up to the points [j, i], the double and single integrals to 1, and the coefficients
+    [j, k] on [-1, 1].
+    """
+    points, weights = np.polynomial.legendre.leggauss(NODES)
+    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
+    twice = np.array([np.polynomial.legendre.legint(row, 2, lbnd=-1) for row in lagrange])
+    inner = 0.25 * np.polynomial.legendre.legval(points, twice.T)
+    places = 0.5 * (1.0 + points)
+    monomials = [np.polynomial.legendre.leg2poly(row) for row in lagrange]
+    return places, inner, 0.5 * weights * (1.0 - places), 0.5 * weights, np.array(monomials)
+
+
+PLACES, _INNER, _FAR, _WEIGHTS, _MONOMIALS = _tables()
+
+_POINTS = np.stack(
+    [
+        PLACES,
+        _FAR,
+        _WEIGHTS,
+        1.0 / ((np.arange(NODES) + 1.0) * (np.arange(NODES) + 2.0)),
+        np.eye(NODES)[0],
+        np.eye(NODES)[-1],
+    ]
+)
+
+
+class Cruise(NamedTuple):
+    """Tables for flights over one duration: those without force, and what it adds, by the values of it at the points.
+
+    `points` (4, NODES): cosh and sinh at the points; angle and velocity at the end by the value at a point. `inner`
+    (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at the end.
+    """
+
+    points: np.ndarray
+    inner: np.ndarray
+    cosh: float
+    sinh: float
+
+
+def cruise_tables(span: float) -> Cruise:
+    """Return the `Cruise` of a duration."""
+    points, weights = np.polynomial.legendre.leggauss(24)
+    ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
+    lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
+    left = ends[:, None] * (1.0 - parts)
+    weights = 0.5 * weights * ends[:, None]
+    angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
+    velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
+    rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
+    return Cruise(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
+
+
+def _lagrange(j, places):
+    """Polynomial that is 1 at point j and 0 at the others, at places of [0, 1]."""
+    others = np.delete(PLACES, j)
+    return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
+
+
+def _economized(start):
+    """Return coefficients in φ² of sin φ/φ (start 1) or cos φ (0), right to 1e-16 for |φ| <= π/2."""
+    terms, most = 9, (0.5 * math.pi) ** 2
+    angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
+    values = np.sin(angles) / angles if start else np.cos(angles)
+    fit = np.polynomial.Chebyshev.fit(angles**2, values, terms - 1, domain=[0.0, most])
+    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
+
+
+S0, S1, S2, S3, S4, S5, S6, S7, S8 = _economized(1)
+C0, C1, C2, C3, C4, C5, C6, C7, C8 = _economized(0)
+
+_polynomials = scratch(2, TERMS)
+
+_BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def integrals(m, a):
+    """Sum of the rows of a table (NODES, NODES), times eight numbers."""
+    one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
+    two = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
+    three = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
+    return (one + two) + (three + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _iterate(table, factor, base, own, near, force, square, alpha):
+    """Find the accelerations at the points of a flight from a guess `near` of u - 1 there.
+
+    The angles u - 1 are `base` and `factor` times the integrals, by the `table`, of the accelerations, less the angles
+    if `own`. Return what is integrated, the angles, and whether the iteration has come to its end.
+    """
+    # The acceleration as a Taylor polynomial about the guess.
+    turn = alpha * alpha
+    q = turn * (near * near)
+    qq = q * q
+    r = qq * qq
+    sine = near * ((S0 + q * S1) + qq * (S2 + q * S3) + r * ((S4 + q * S5) + qq * (S6 + q * S7) + r * S8))
+    cosine = (C0 + q * C1) + qq * (C2 + q * C3) + r * ((C4 + q * C5) + qq * (C6 + q * C7) + r * C8)
+    one, two = sine + force * cosine, cosine - turn * (force * sine)
+    three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
+    five = (-turn / 12.0) * three
+    if own:
+        one, two = one - near, two - 1.0
+    lack, pull, last, ratio = base - near, one, 0.0, _FIRST
+    for _ in range(_MOST):
+        off = lack + factor * integrals(table, pull)
+        away = off * off
+        new = (one + off * two) + away * ((three + off * four) + away * five)
+        shift = new - pull
+        change, pull = total(shift * shift), new
+        if last > 0.0:
+            ratio = change / last
+        if change * ratio * square <= _ENOUGH:
+            return pull, near + off, turn * total(away) < _TURN
+        last = change
+    return pull, near, False
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def cruise(u, w, force, tables, span, block):
+    """Carry a flight over the duration of tables; as `fly`."""
+    alpha, y = block.critical_angle, u - 1.0
+    cosh = load(tables.points, 0)
+    base = cosh * y + load(tables.points, 1) * w
+    half = 0.5 * alpha * alpha
+    fall, less = half / 3.0 * y * (y * y), 1.0 - half * (y * y) - half * span / 1.5 * (y * w)
+    near = (base - fall * (cosh - 1.0)) + less * integrals(tables.inner, force)
+    pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha)
+    y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
+    return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), pull + angle, found
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def fly(u, w, force, span, block, near):
+    """Carry a flight over a time.
+
+    Parameters
+    ----------
+    u, w : float
+        Folded angle and velocity at its begin.
+    force : Lanes
+        Folded force s f at the points.
+    span : float
+        The time.
+    block : Body
+    near : Lanes
+        A guess of u - 1 at the points.
+
+    Returns
+    -------
+    u, w, bend, found : float, float, Lanes, bool
+        State at the end, u'' at the points, and whether the iteration has come to its end.
+    """
+    y, slope, square = u - 1.0, span * w, span * span
+    base = y + slope * load(_POINTS, 0)
+    bend, _, found = _iterate(_INNER, square, base, False, near, force, square, block.critical_angle)
+    return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _guess(u, w, begin, end, span):
+    """Guess of u - 1 at the points, for an acceleration linear in time, by the force at the first and last of them."""
+    y, slope, square, c = u - 1.0, span * w, span * span, load(_POINTS, 0)
+    bend = 0.5 * square * (y + begin)
+    twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
+    return y + c * (slope + c * (bend + c * twist))
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _value(coefficients, terms, t):
+    """Value of a polynomial of an even number of coefficients at eight times; even and odd powers apart, for speed."""
+    square = t * t
+    even, odd = square * 0.0 + coefficients[terms - 2], square * 0.0 + coefficients[terms - 1]
+    for k in range(terms - 4, -1, -2):
+        even, odd = even * square + coefficients[k], odd * square + coefficients[k + 1]
+    return even + t * odd
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _expand(u, w, span, bend, scratch, angle):
+    """Write u as a polynomial in the time since the flight's middle, in halves of its duration."""
+    half = 0.5 * span
+    store(scratch, 1, (half * half) * (load(_POINTS, 3) * integrals(_MONOMIALS, bend)))
+    low, rise = u, half * w
+    for k in range(NODES):
+        c = scratch[1, k]
+        angle[k + 2] = c
+        sign = 1.0 - 2.0 * (k % 2)
+        low -= sign * c
+        rise += sign * (k + 2) * c
+    for k in range(NODES + 2, TERMS):
+        angle[k] = 0.0
+    angle[0], angle[1] = low + rise, rise
+
+
+@kernel(forceinline=True, borrows=True)
+def _without_begin(angle, quotient):
+    """Write the polynomial divided by the time since the flight's begin, where it is 0."""
+    value = 0.0
+    for k in range(TERMS - 1, 0, -1):
+        value = angle[k] - value
+        quotient[k - 1] = value
+    quotient[TERMS - 1] = 0.0
+
+
+@kernel(forceinline=True, borrows=True)
+def _leaves(u, w, angle, last, fall, block):
+    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for rounding."""
+    if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
+        return False
+    bend, jerk, others, sign = 2.0 * angle[2] - 6.0 * angle[3], 6.0 * angle[3], 0.0, 1.0
+    for k in range(4, NODES + 2):
+        term = k * (k - 1) * angle[k]
+        bend, others, sign = bend + sign * term, others + (k - 2) * abs(term), -sign
+    return bend > -_ROUNDING and jerk > others
+
+
+@kernel(forceinline=True, borrows=True)
+def _hop(w, side, force, start, until, block):
+    """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
+    (f, slope), alpha = polynomial(force, start), block.critical_angle
+    cosine, sine = math.cos(alpha), math.sin(alpha)
+    bend, stiff = side * f * cosine - sine / alpha, cosine + alpha * side * f * sine
+    jerk = stiff * w + side * slope * cosine
+    snap = stiff * bend
+    time = -2.0 * w / bend
+    if not 0.0 < 2.0 * time < until - start or abs(jerk) * time > -0.1 * bend:
+        return 0.0, 0.0
+    for _ in range(3):
+        height = w + time * (bend / 2.0 + time * (jerk / 6.0 + time * snap / 24.0))
+        time -= height / (bend / 2.0 + time * (jerk / 3.0 + time * snap / 8.0))
+    return time, w + time * (bend + time * (jerk / 2.0 + time * snap / 6.0))
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _flight(u, w, side, force, start, span, block):
+    """Carry a flight over a time from a start, under a force that is a polynomial; as `fly`."""
+    push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
+    near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
+    return fly(u, w, push, span, block, near)
+
+
+@kernel(forceinline=True, borrows=True)
+def _event(u, w, last, angle, quotient, block):
+    """What happens first in a flight, `NOTHING`, `IMPACT` or `UNKNOWN`, and its place in the time of its polynomial."""
+    fall, rise = bend_bounds(angle, _BEND)
+    if last > 0.0:
+        sure = stays(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
+        return (NOTHING if sure else UNKNOWN), 1.0
+    if u == 0.0:
+        _without_begin(angle, quotient)
+        place, slope = meet(quotient, 1.0)
+    else:
+        place, slope = meet(angle, 1.0)
+    square = (place + 1.0) ** 2
+    sure = slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff
+    return (IMPACT if sure else UNKNOWN), place
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _arrive(u, w, side, force, start, time, place, angle, block):
+    """Time and folded velocity of the impact near a time of a flight, which is a place of its polynomial; or 0."""
+    places = load(_POINTS, 0)
+    push = side * _value(force, TERMS, start + time * places)
+    near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
+    rest, speed, bend, found = fly(u, w, push, time, block, near)
+    late = -rest / speed
+    if not (found and abs(late) < _NEAR):
+        return 0.0, 0.0
+    return time + late, speed + late * total(bend * load(_POINTS, 5))
+
+
+@kernel(borrows=True)
+def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend):
+    """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
+
+    Parameters
+    ----------
+    force : ndarray (TERMS,)
+        Coefficients of the force.
+    half : float
+        Largest |t| for which it is used.
+    x, v, side, start, end, block, impacts, origin
+        As of `advance`; times are those of the polynomial.
+    known, last, speed, bend : bool, float, float, Lanes
+        Whether the flight from `start` to `end`, on over impacts, is known, and what `fly` returned of it.
+
+    Returns
+    -------
+    x, v, side, time : float, float, int, float
+        As of `advance`.
+    """
+    work, until, found = _polynomials(), end, True
+    angle, quotient = work[0], work[1]
+    while start < end:
+        if side == 0:
+            start, side = uplift_time(force_segment(force, half), start, end, block)
+            x, v = 0.0, 0.0
+            continue
+        u, w, span, time = side * x, side * v, until - start, 0.0
+        if u == 0.0 and 0.0 < w <= LOW:
+            time, speed = _hop(w, side, force, start, until, block)
+        if time == 0.0:
+            if not known:
+                last, speed, bend, found = _flight(u, w, side, force, start, span, block)
+            known = False
+            _expand(u, w, span, bend, work, angle)
+            event, place = _event(u, w, last, angle, quotient, block)
+            if found and event == NOTHING:
+                x, v, start, until = side * last, side * speed, until, end
+                continue
+            if not found or event == UNKNOWN:
+                if span < _SHORTEST * half:
+                    break
+                until = start + 0.4 * span
+                continue
+            time, speed = _arrive(u, w, side, force, start, 0.5 * (place + 1.0) * span, place, angle, block)
+            if time == 0.0:
+                break
+        start, until = start + time, end
+        if impacts is not None:
+            record(impacts, origin + start, side * speed)
+        x, v, side = 0.0, impact(side * speed, block.restitution), -side
+        if abs(v) <= SLOW:
+            side, delay = settle(abs(v), side, force_segment(force, half), start, block)
+            if side == 0:
+                v, start = 0.0, start + delay
+    if start >= end:
+        return x, v, side, end
+    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin)
+
+
+@kernel(borrows=True)
+def carried(force, half, x, v, side, start, end, block, impacts, origin):
+    """Carry an exact block through a part of an interval of which nothing is known yet: as `through`."""
+    nothing = load(_POINTS, 0)
+    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing)

@@ -1,0 +1,133 @@
+"""`contact_forces`: what friction and normal force the blocks of some histories need to rock without sliding."""
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.physics.motion import forces
+from fpk_rocking.scene.scene import Scene
+from montecarlo.engines.force import forces_of
+from montecarlo.results.histories import Histories
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ContactForces:
+    """Forces of the floor on the blocks of some histories, over their weight; made by `contact_forces`.
+
+    They are known at the times of the histories alone: more samples in a cycle show more of the peaks between. The
+    forces of an impact, which act for an instant, are not among them.
+
+    Parameters
+    ----------
+    scene : Scene
+        That of the histories.
+    time : ndarray, shape (n,)
+        Times τ, nondimensional.
+    horizontal, normal : ndarray, shape (realizations, n)
+        Horizontal force, positive towards x > 0, and normal force, both over mg; nan after overturning.
+    """
+
+    scene: Scene
+    time: np.ndarray
+    horizontal: np.ndarray
+    normal: np.ndarray
+
+    @functools.cached_property
+    def friction(self) -> Array:
+        """Friction coefficient that a block needs so as not to slide, shape (realizations, n).
+
+        It is |H|/N, inf where N <= 0: the corner leaves the floor there. nan after overturning.
+        """
+        held = self.normal > 0.0
+        ratio = np.abs(self.horizontal) / np.where(held, self.normal, 1.0)
+        return np.where(held | np.isnan(self.normal), ratio, np.inf)
+
+    @property
+    def needed(self) -> Array:
+        """Largest `friction` of each realization, shape (realizations,)."""
+        return np.nanmax(self.friction, axis=1)
+
+    @property
+    def least(self) -> Array:
+        """Least normal force over mg of each realization, shape (realizations,)."""
+        return np.nanmin(self.normal, axis=1)
+
+    def sliding(self, friction: ArrayLike) -> tuple[Number, Number]:
+        """Probability that a block with a friction coefficient slides at one of the times.
+
+        Until then its motion is that of a block that cannot slide; what it does after sliding is not known.
+
+        Parameters
+        ----------
+        friction : array_like
+            Coefficients μ, at least 0.
+
+        Returns
+        -------
+        probability, standard_error : ndarray or float
+            Part of the realizations that need more than μ, and its binomial standard error.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A coefficient is not a number of 0 or more.
+        """
+        values = np.asarray(friction, float)
+        if not np.all(values >= 0.0):
+            raise ValueError(checks.refusal("friction", friction, "numbers >= 0"))
+        part = (self.needed > values[..., None]).mean(axis=-1)
+        return part[()], np.sqrt(part * (1.0 - part) / len(self.needed))[()]
+
+    @property
+    def headline(self) -> str:
+        """Whether the blocks would slide first, as a sentence."""
+        needed, count = self.needed, len(self.needed)
+        typical = f" (median of {count:,} paths {np.median(needed):.3g})" if count > 1 else ""
+        floor = f"the normal force falls to {self.least.min():.3g} of the weight"
+        if np.isinf(needed.max()):
+            floor = f"the corner leaves the floor in {np.count_nonzero(np.isinf(needed)):,} of {count:,} paths"
+        return (
+            f"A block with a friction coefficient below {self.scene.block.least_friction:.3g} slides before it rocks; "
+            f"at the sampled times rocking needs up to {needed.max():.3g}{typical}, and {floor}."
+        )
+
+    def __str__(self):
+        return self.headline
+
+
+def contact_forces(histories: Histories) -> ContactForces:
+    """Compute the forces at the corner along histories.
+
+    Parameters
+    ----------
+    histories : Histories
+        Of a block with dimensions or a critical angle above 0, by any method but "white".
+
+    Returns
+    -------
+    ContactForces
+
+    Raises
+    ------
+    TypeError
+        Not histories.
+    ValueError
+        The block has no critical angle, or its noise is white: forces are then unbounded.
+    """
+    scene = checks.instance("histories", histories, Histories).scene
+    if scene.block.least_friction is None:
+        accepted = "an angle above 0, or block.dimensions, for contact forces"
+        raise ValueError(checks.refusal("block.critical_angle", scene.block.critical_angle, accepted))
+    if scene.noise.kind == "white":
+        accepted = "'band', 'filtered' or 'none' for contact forces"
+        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
+    count = 1 if scene.deterministic else histories.realizations
+    shaking = forces_of(scene, histories.seed, count, histories.steps_per_cycle, histories.time)
+    slender = scene.block.critical_angle == 0.0
+    alpha = math.atan(scene.block.least_friction)
+    found = forces.contact_forces(histories.angle, histories.velocity, shaking, alpha, slender)
+    return ContactForces(scene, histories.time, *found)
