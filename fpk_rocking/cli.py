@@ -9,6 +9,7 @@ import json
 import pathlib
 import sys
 import time
+import tomllib
 
 from fpk_rocking import console
 
@@ -56,6 +57,14 @@ _ROWS = {
         float,
         nargs="+",
     ),
+}
+_CHANGED = {
+    "--set": _value(
+        "KEY=VALUE",
+        "value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3 g'; may be "
+        "repeated",
+        action="append",
+    )
 }
 _SHOWN = {
     "--report": _value(
@@ -208,7 +217,7 @@ def _parser() -> argparse.ArgumentParser:
         made.set_defaults(run=run)
 
     def common(files):
-        return _ROWS | {"--out": _value("DIR", f"folder for files: {files}", pathlib.Path)} | _SHOWN
+        return _CHANGED | _ROWS | {"--out": _value("DIR", f"folder for files: {files}", pathlib.Path)} | _SHOWN
 
     scene = {"scene": _value("SCENE", _SCENE)}
     does = "probability density by finite elements (Fokker-Planck equation)"
@@ -231,18 +240,18 @@ def _parser() -> argparse.ArgumentParser:
     files = {
         "--out": _value("DIR", "folder for files: all of --json, curves for other programs and risk.png", pathlib.Path)
     }
-    command("risk", _risk, does, **scene, **_RISK, **files, **{"--json": _SHOWN["--json"]})
+    command("risk", _risk, does, **scene, **_CHANGED, **_RISK, **files, **{"--json": _SHOWN["--json"]})
     does = "compile all engines for this machine now, so that no first run has to wait for it"
     command("warmup", _warmup, does)
     return parser
 
 
 def _fpk(options):
-    _finish(options, _checked(options, _solved(options, _scene(options.scene))))
+    _finish(options, _checked(options, _solved(options, _scene(options, options.scene))))
 
 
 def _mc(options):
-    _finish(options, _simulated(options, _scene(options.scene)))
+    _finish(options, _simulated(options, _scene(options, options.scene)))
 
 
 def _finish(options, result):
@@ -266,7 +275,7 @@ def _compare(options):
     if len(options.inputs) == 2:
         first, second = _loaded(options)
     elif len(options.inputs) == 1:
-        scene = _scene(options.inputs[0])
+        scene = _scene(options, options.inputs[0])
         second, first = _solved(options, scene), _simulated(options, scene)
         second = _checked(options, second, beside=first)
     else:
@@ -288,7 +297,7 @@ def _fragility(options):
     from fpk_rocking.studies.picture import curves_figure, surface_figure
     from fpk_rocking.studies.tables import fragility_table
 
-    scenes, over = [_scene(path) for path in options.scenes], None
+    scenes, over = [_scene(options, path) for path in options.scenes], None
     if options.over is not None:
         name, equals, values = options.over.partition("=")
         if not equals:
@@ -324,7 +333,7 @@ def _risk(options):
     intensities = _numbers("--intensities", options.intensities)
     with reporting("records") as progress:
         found = study(
-            _scene(options.scene),
+            _scene(options, options.scene),
             options.records or (),
             options.hazard,
             intensities,
@@ -366,12 +375,23 @@ def _warmup(_):
     sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
 
 
-def _scene(path):
+def _scene(options, path):
     from fpk_rocking.scene.scene import load_scene
 
     if path.endswith(".npz"):
         raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
-    return load_scene(path)
+    return load_scene(path, dict(map(_setting, options.set or ())))
+
+
+def _setting(text):
+    """Return the name and the value of KEY=VALUE; a value that is not TOML is a text."""
+    name, equals, value = text.partition("=")
+    if not (equals and name.strip()):
+        raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
+    try:
+        return name.strip(), tomllib.loads(f"value = {value}")["value"]
+    except ValueError:
+        return name.strip(), value.strip()
 
 
 def _solved(options, scene):
@@ -426,7 +446,7 @@ def _loaded(options) -> list:
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
-    for flag in _ROWS | _DENSITY | _ENSEMBLE:
+    for flag in _CHANGED | _ROWS | _DENSITY | _ENSEMBLE:
         if _given(options, flag.removeprefix("--").replace("-", "_")):
             raise ValueError(f"{flag}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}

@@ -204,9 +204,8 @@ class IntensityCurve:
                 f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: all known"
             )
         intensity, rng = found[0] * fragility.scale, np.random.default_rng(seed)
-        random = shares[~fragility.deterministic]
-        own = [fit.dispersion for row in random if not (fit := fit_lognormal(intensity, row, None)).reason]
-        within = math.sqrt(np.mean(np.square(own))) if own else math.nan
+        own = refitted(intensity, shares[~fragility.deterministic])[:, 1]
+        within = math.sqrt(np.mean(own**2)) if own.size else math.nan
         common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
         if several:
             return cls(**common, **_of_suite(intensity, shares, within, rng, samples))

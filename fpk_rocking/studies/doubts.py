@@ -35,7 +35,7 @@ def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
     kinds: dict[str, dict[Doubt, None]] = {}
     for scene in result.scenes:
-        for doubt in scene_doubts(scene, result.closure):
+        for doubt in scene_doubts(scene, result.closure, scales=(result.scale[0], result.scale[-1])):
             kinds.setdefault(doubt.kind, {})[doubt] = None
     found = []
     for kind in kinds.values():

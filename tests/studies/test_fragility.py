@@ -195,7 +195,7 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     found = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
     assert found.remarks[:2] == ["Measured: here.", "Measured: there."]
 
-    def told(scene, _):
+    def told(scene, *_, **__):
         size = scene.noise.remark
         return [Doubt(CAUTION, f"Wide: {size}", "wide"), Doubt(CAUTION, f"Wide: of {size}", "other"), Doubt(1, "Bare.")]
 
