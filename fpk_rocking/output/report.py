@@ -7,12 +7,14 @@ import base64
 import html
 import importlib.metadata
 import json
+import math
 import pathlib
 
 import numpy as np
 
 from fpk_rocking.base.look import OVERTURNED, SURFACE
 from fpk_rocking.results.pictures import edges_of
+from fpk_rocking.results.plane import plane_units
 from fpk_rocking.results.result import label_of
 from fpk_rocking.results.shown import picture_html, trust_html
 from fpk_rocking.results.storage import write_text
@@ -23,7 +25,10 @@ __all__ = ["write_report"]
 _FRAMES = 121
 _COLOURS = 256
 _CANVAS = 460, 360
-_UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
+_HEADS = {"time": "time τ"}
+_ENDINGS = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
+"""Endings of the names of columns that say a unit, and how they are written."""
+
 _LEFT_OUT = (
     "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
     "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
@@ -72,7 +77,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
         f"<p>{_left_out(scenes)}</p>",
-        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_UNITS}</p>",
+        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_units(scenes)}</p>",
         _json_html("summary", values),
         f"{_json_html('film', made)}<script>{script}</script>" if made else "",
     ]
@@ -80,6 +85,16 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
     return len(page.encode())
+
+
+def _units(scenes):
+    """Say in which units what has no others stands."""
+    told = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
+    sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
+    if len(sizes) != 1:
+        return told
+    angle, second = math.degrees(sizes[0].critical_angle), sizes[0].seconds(1.0)
+    return f"{told} Here the critical angle is {angle:.4g}°, and τ = 1 is {second:.4g} s."
 
 
 def _left_out(scenes):
@@ -93,9 +108,16 @@ def _table_html(columns):
     """Return a table of columns (n,) by name, without those that are empty or unknown throughout."""
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
-    head = "".join(f"<th>{html.escape(name.replace('_', ' '))}</th>" for name in texts)
+    head = "".join(f"<th>{html.escape(_head(name))}</th>" for name in texts)
     rows = ("".join(f"<td>{html.escape(text)}</td>" for text in row) for row in zip(*texts.values(), strict=True))
     return f"<div class='wide'><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table></div>"
+
+
+def _head(name):
+    """Return the name of a column as the head of a table, with its unit."""
+    ending = next((ending for ending in _ENDINGS if name.endswith(ending)), "")
+    words = _HEADS.get(name, name.removesuffix(ending).replace("_", " "))
+    return words + _ENDINGS.get(ending, "")
 
 
 def _text(value):
@@ -123,6 +145,7 @@ def _film(results):
     areas = np.multiply.outer(*map(np.diff, edges))
     densities = [[result.bin_probabilities(row, *edges) / areas for row in rows] for result in results]
     densities = np.maximum(densities, 0.0)
+    units = plane_units(results[0].scene)
     most = densities.max(axis=(0, 2, 3))
     lists, scales = [], np.maximum(most, np.finfo(float).tiny)[:, None, None]
     for result, found in zip(results, densities, strict=True):
@@ -139,9 +162,10 @@ def _film(results):
     standing = np.flatnonzero(np.asarray(first.survival)[rows] > 1e-3)
     return {
         "when": [when(first, row) for row in rows],
-        "angle": edges[0].tolist(),
-        "velocity": edges[1].tolist(),
-        "most": most.tolist(),
+        "angle": (edges[0] * units.angle).tolist(),
+        "velocity": (edges[1] * units.velocity).tolist(),
+        "names": units.names,
+        "most": (most / (units.angle * units.velocity)).tolist(),
         "begin": int(max(standing, default=0)),
         "colours": [mpl.colors.to_hex(colour) for colour in mpl.colormaps[SURFACE](np.linspace(0.0, 1.0, _COLOURS))],
         "overturned": OVERTURNED,
