@@ -41,7 +41,7 @@ fpk-rocking COMMAND --help lists the options of a command
 """
 _PRINTED = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
 _SCENE = "scene file (TOML), or the name of a scene of the package"
-_CYCLES, _REALIZATIONS = 40, 10_000
+_CYCLES, _REALIZATIONS, _BLOCKS = 40, 10_000, 20
 
 
 def _value(metavar, text, kind=None, **more):
@@ -110,6 +110,15 @@ _ENSEMBLE = {
         pathlib.Path,
     ),
 }
+_UNCERTAIN = {
+    "--uncertain": _value(
+        "NAME=DIST",
+        "distribution of a value of the block, as block.restitution_factor=uniform:0.93:1 or "
+        "size_factor=lognormal:1:0.05; may be repeated",
+        action="append",
+    ),
+    "--blocks": _value("N", "with --uncertain: blocks that are drawn for each scene or record", int),
+}
 _FRAGILITY = {
     "--engine": _value(
         "NAME", "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
@@ -122,6 +131,7 @@ _FRAGILITY = {
     "--realizations": _value("N", f"number of paths at each scale (default {_REALIZATIONS:,})", int),
     "--tol": _value("X", "error that the engine density aims at (default 0.01)", float),
     **_SEEDED,
+    **_UNCERTAIN,
     "--workers": _value(
         "N", "worker processes, one processor each (default 1: this process alone, on all processors)", int
     ),
@@ -143,6 +153,8 @@ _RISK = {
     "--units": _value("NAME", "unit of the records where their files do not say it: g, m/s2 or cm/s2"),
     "--realizations": _value("N", f"number of paths of a record at each intensity (default {_REALIZATIONS:,})", int),
     "--keep-noise": {"action": "store_true", "help": "scale the records alone and keep the noise as it is"},
+    "--synthetic": _value("N", "in place of records: as many synthetic motions on firm ground", int),
+    **_UNCERTAIN,
     "--name": _value("NAME", "identifier of the block in the exported files (default rocking_block)"),
     **_SEEDED,
 }
@@ -293,7 +305,9 @@ def _compare(options):
 def _fragility(options):
     from fpk_rocking.output import summary
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.studies import fragility
+    from fpk_rocking.results.layout import plain
+    from fpk_rocking.studies import drawn, fragility
+    from fpk_rocking.studies.drawing import dispersions
     from fpk_rocking.studies.picture import curves_figure, surface_figure
     from fpk_rocking.studies.tables import fragility_table
 
@@ -303,6 +317,12 @@ def _fragility(options):
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: _numbers("--over", values)}
+    uncertain, draws = _uncertain(options), None
+    if uncertain:
+        if over is not None:
+            raise ValueError(f"--uncertain: got {options.uncertain}, accepted: nothing beside --over")
+        draws = drawn(scenes, uncertain, **_given(options, "seed"), count=options.blocks or _BLOCKS)
+        scenes = draws.scenes
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
@@ -314,7 +334,12 @@ def _fragility(options):
             progress=progress,
             **_given(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
-    values = result.summary()
+    values, beta = result.summary(), ()
+    if draws is not None:
+        found = dispersions(result.scale, result.overturned, draws.values)
+        result = result.pooled
+        values = result.summary() | {"dispersion_of": plain(found)}
+        beta = [f"Dispersion of the capacity by {name}: {value:.3g}." for name, value in found.items()]
     if options.out:
         result.save(options.out / "result.npz")
         result.to_csv(options.out / "fragility.csv")
@@ -323,7 +348,8 @@ def _fragility(options):
             curves_figure(options.out / "fragility.png", [result], "Fragility", which=None)
         else:
             surface_figure(options.out / "fragility.png", result, "Fragility")
-    _print(options, result, values, lambda: fragility_table(result))
+    title, table, sentences = fragility_table(result)
+    _print(options, result, values, lambda: (title, table, (*sentences, *beta)))
 
 
 def _risk(options):
@@ -331,15 +357,23 @@ def _risk(options):
     from fpk_rocking.risk.study import study
 
     intensities = _numbers("--intensities", options.intensities)
+    records = options.records or ()
+    if options.synthetic:
+        from fpk_rocking.studies.suites import synthetic_records
+
+        if records:
+            raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
+        records = synthetic_records(options.synthetic, **_given(options, "seed"))
     with reporting("records") as progress:
         found = study(
             _scene(options, options.scene),
-            options.records or (),
+            records,
             options.hazard,
             intensities,
             scale_noise=not options.keep_noise,
+            uncertain=_uncertain(options),
             progress=progress,
-            **_given(options, "measure", "units", "realizations", "seed", "name"),
+            **_given(options, "blocks", "measure", "units", "realizations", "seed", "name"),
         )
     if options.out:
         found.write(options.out)
@@ -347,6 +381,19 @@ def _risk(options):
         sys.stdout.write(json.dumps(found.summary(), allow_nan=False, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write(found.text() + "\n")
+
+
+def _uncertain(options):
+    """Return the distributions of --uncertain by their names."""
+    found = {}
+    for text in options.uncertain or ():
+        name, equals, distribution = text.partition("=")
+        if not (equals and name):
+            raise ValueError(f"--uncertain: got {text!r}, accepted: NAME=DIST, as in size_factor=lognormal:1:0.05")
+        found[name] = distribution
+    if options.blocks is not None and not found:
+        raise ValueError(f"--blocks: got {options.blocks}, accepted: together with --uncertain")
+    return found
 
 
 def _numbers(name, text):

@@ -10,6 +10,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Number
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.drawing import Draws, dispersions
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, refitted
 from fpk_rocking.studies.measures import intensities
 from fpk_rocking.studies.result import Fragility
@@ -124,7 +125,10 @@ class IntensityCurve:
         Dispersion β_N that the noise alone gives: root mean square of those of the records by themselves; nan where
         none of these has a fit.
     between : float
-        Dispersion β_R from record to record: √(β² - β_N²), 0 where that is negative; nan for one scene.
+        Dispersion β_R from record to record, what the other sources leave of β: √(β² - β_N² - Σβ_j²), 0 where that is
+        negative; nan for one scene, or draws of one.
+    blocks : dict of str to float
+        Dispersion β_j that each uncertain value of the block gives, by name (`fpk_rocking.studies.drawing.drawn`).
     """
 
     name: str
@@ -137,6 +141,13 @@ class IntensityCurve:
     records: int
     within: float
     between: float
+    blocks: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def sources(self) -> dict[str, float]:
+        """Dispersion of each source that is known, by name: noise, each uncertain value, records."""
+        found = {"noise": self.within, **self.blocks, "record to record": self.between}
+        return {name: value for name, value in found.items() if math.isfinite(value)}
 
     @property
     def unit(self) -> str:
@@ -160,7 +171,14 @@ class IntensityCurve:
 
     @classmethod
     def of(
-        cls, fragility: Fragility, measure: str = "PGV", which: int = 0, *, samples: int = 999, seed: int = 1
+        cls,
+        fragility: Fragility,
+        measure: str = "PGV",
+        which: int = 0,
+        *,
+        draws: Draws | None = None,
+        samples: int = 999,
+        seed: int = 1,
     ) -> Self:
         """Read the curve of a fragility: of its one scene, or the mean over its records.
 
@@ -172,9 +190,11 @@ class IntensityCurve:
             "PGA" (in g) or "PGV" (in m/s).
         which : int
             Index of the probability: 0 overturning, 1, 2, ... the levels.
+        draws : Draws, optional
+            Where the scenes are `fpk_rocking.studies.drawing.drawn` blocks.
         samples : int
             Number of replicates: of counts drawn from the curve for one scene, of records drawn with replacement for a
-            suite.
+            suite, or of blocks where there is one record.
         seed : int
             Seed of these draws.
 
@@ -208,12 +228,20 @@ class IntensityCurve:
         within = math.sqrt(np.mean(own**2)) if own.size else math.nan
         common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
         if several:
-            return cls(**common, **_of_suite(intensity, shares, within, rng, samples))
+            own = {} if draws is None else dispersions(intensity, shares, draws.values)
+            origin = range(len(shares)) if draws is None else draws.origin
+            return cls(**common, blocks=own, **_of_suite(intensity, shares, (within, own), origin, rng, samples))
         return cls(**common, **_of_one(fragility, intensity, which, rng, samples))
 
 
-def _of_suite(intensity, shares, within, rng, samples):
-    """Return what a curve has of the mean over records (r, n), with a bootstrap over them."""
+def _of_suite(intensity, shares, known, origin, rng, samples):
+    """Return what a curve has of the mean over records (r, n), with a bootstrap over them.
+
+    Blocks that were drawn for one record stand and fall together; where all are of one, they are what is drawn again.
+    """
+    records = np.unique(origin)
+    if len(records) > 1:
+        shares = np.array([shares[np.asarray(origin) == one].mean(axis=0) for one in records])
     if len(shares) < _FEWEST:
         raise ValueError(checks.refusal("records", len(shares), f"at least {_FEWEST}, or one scene"))
     mean = shares.mean(axis=0)
@@ -226,9 +254,15 @@ def _of_suite(intensity, shares, within, rng, samples):
         "interval": np.quantile(drawn, [0.025, 0.975], axis=0).T,
         "fit": _with_intervals(fit, replicates),
         "replicates": replicates,
-        "records": len(shares),
-        "between": math.sqrt(max(fit.dispersion**2 - np.nan_to_num(within) ** 2, 0.0)),
+        "records": len(records),
+        "between": _left(fit.dispersion, *known) if len(records) > 1 else math.nan,
     }
+
+
+def _left(dispersion, within, own):
+    """Return what the noise and the uncertain values of blocks leave of a dispersion."""
+    sources = np.nan_to_num([within, *own.values()])
+    return math.sqrt(max(dispersion**2 - float(sources @ sources), 0.0))
 
 
 def _of_one(fragility, intensity, which, rng, samples):

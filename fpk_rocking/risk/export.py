@@ -181,6 +181,6 @@ def _told(curves):
     if curve.fit.reason:
         return f"{text} No lognormal fit: {curve.fit.reason}."
     text += f" Lognormal fit: median {curve.fit.median:.4g} {curve.unit}, dispersion {curve.fit.dispersion:.3g}"
-    if math.isfinite(curve.between):
-        text += f" (record to record {curve.between:.3g}, noise {curve.within:.3g})"
+    if curve.records > 1 or curve.blocks:
+        text += f" ({', '.join(f'{name} {value:.3g}' for name, value in curve.sources.items())})"
     return f"{text}{', rejected by the data' if curve.fit.rejected else ''}, largest misfit {curve.fit.misfit:.2g}."

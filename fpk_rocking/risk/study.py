@@ -2,7 +2,7 @@
 
 import dataclasses
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from fpk_rocking.risk.frequency import Risk, annual_frequency
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.curves import fragility
+from fpk_rocking.studies.drawing import Draws, drawn
+from fpk_rocking.studies.ranking import ranked
 from fpk_rocking.studies.result import Fragility
 
 
@@ -32,16 +34,22 @@ class Study:
     risk : Risk
     name : str
         Identifier of the block in exported files.
+    draws : Draws or None
+        Blocks that were drawn.
     """
 
     fragility: Fragility
     risk: Risk
     name: str
+    draws: Draws | None = None
 
     @property
     def records(self) -> Array:
-        """Probability of overturning by each record, (r, n), at the intensities of the curve."""
-        return self.fragility.overturned
+        """Probability of overturning by each record, (r, n), at the intensities of the curve, over its blocks."""
+        if self.draws is None:
+            return self.fragility.overturned
+        origin = np.array(self.draws.origin)
+        return np.array([self.fragility.overturned[origin == one].mean(axis=0) for one in np.unique(origin)])
 
     def text(self) -> str:
         """Return the verdict, the fit and the frequency as lines of text."""
@@ -54,9 +62,21 @@ class Study:
             text = (
                 f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], dispersion "
             )
-            text += f"{fit.dispersion:.3g}; record to record {curve.between:.3g}, noise {curve.within:.3g}"
+            text += f"{fit.dispersion:.3g}"
+            sources = ", ".join(f"{name} {value:.3g}" for name, value in curve.sources.items())
+            text += f", of which {sources}" * bool(sources)
             told.append(f"{text}; largest misfit {fit.misfit:.2g}{', refused' if fit.rejected else ''}.")
-        return "\n".join([*told, *self.risk.sentences])
+        return "\n".join([*told, *self._ordered(), *self.risk.sentences])
+
+    def _ordered(self):
+        """Say which intensity measure orders the outcomes best, where motions differ."""
+        found = ranked(self.fragility)
+        if self.risk.curve.records == 1 or len(found) < 2:
+            return []
+        texts = (f"{one.measure} {one.deviance:.4g}" for one in found)
+        return [
+            f"Deviance of the outcomes from a curve over each intensity measure, least is best: {'; '.join(texts)}."
+        ]
 
     def summary(self) -> dict[str, Any]:
         """Return all figures as plain values, for JSON."""
@@ -66,8 +86,11 @@ class Study:
             "interval": curve.interval.tolist(),
             "between": plain(curve.between),
             "within": plain(curve.within),
+            "blocks": plain(curve.blocks),
         }
-        return {"risk": self.risk.summary(), "curve": points, "fragility": self.fragility.summary()}
+        more = {"ranking": [plain(one._asdict()) for one in ranked(self.fragility)]}
+        more["draws"] = None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values}
+        return {"risk": self.risk.summary(), "curve": points, **more, "fragility": self.fragility.summary()}
 
     def write(self, folder: File) -> None:
         """Write everything: result.npz, risk.json, curve.csv, risk.png, and NAME.xml, NAME.csv, NAME.json.
@@ -106,6 +129,8 @@ def study(
     realizations: int = 10_000,
     seed: int = 1,
     scale_noise: bool = True,
+    uncertain: Mapping[str, Any] | None = None,
+    blocks: int = 1,
     name: str = "rocking_block",
     progress: Progress | None = None,
 ) -> Study:
@@ -132,6 +157,10 @@ def study(
     seed : int
     scale_noise : bool
         Whether the noise is scaled with the records.
+    uncertain : dict of str, optional
+        Distributions of values of the block, see `fpk_rocking.studies.drawing.drawn`.
+    blocks : int
+        Blocks that are drawn for each record.
     name : str
         Identifier of the block in exported files.
     progress : callable, optional
@@ -151,6 +180,8 @@ def study(
     motions = [one if isinstance(one, Forcing) else Record.from_file(one, units=units) for one in records]
     scenes = [dataclasses.replace(scene, forcing=motion) for motion in motions] or [scene]
     at_one = [at_intensity(one, measure, noise=scale_noise) for one in scenes]
+    draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
+    at_one = at_one if draws is None else list(draws.scenes)
     found = fragility(
         at_one if len(at_one) > 1 else at_one[0],
         scale=np.asarray(intensities, float),
@@ -159,4 +190,5 @@ def study(
         scale_noise=scale_noise,
         progress=progress,
     )
-    return Study(found, annual_frequency(IntensityCurve.of(found, measure), known), name)
+    curve = IntensityCurve.of(found, measure, draws=draws)
+    return Study(found, annual_frequency(curve, known), name, draws)

@@ -9,7 +9,7 @@ import pytest
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
 from fpk_rocking.risk.curve import intensity_of
-from fpk_rocking.studies import fragility
+from fpk_rocking.studies import drawn, fragility
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.measures import intensities
 from fpk_rocking.studies.result import Fragility
@@ -158,6 +158,33 @@ def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():
     assert np.all((curve.interval[:, 0] <= curve.probability) & (curve.probability <= curve.interval[:, 1]))
 
 
+def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
+    """80 records of β_R = .3 with 4 blocks each of β_j = .25, noise .2: 4 standard errors of 80, false alarm 1e-4.
+
+    The bootstrap draws records, and their blocks with them: its interval is wider than that of 320 motions.
+    """
+    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))
+    rng = np.random.default_rng(8)
+    draws = drawn([scene] * 80, {"block.restitution": "normal:0.9:0.01"}, 4)
+    scores = (np.array(draws.values["block.restitution"]) - 0.9) / 0.01
+    medians = 0.7 * np.exp(0.3 * np.repeat(rng.standard_normal(80), 4) - 0.25 * scores)
+    shares = [LognormalFit(m, 0.2)(SCALES) for m in medians]
+    curve = IntensityCurve.of(made(shares, draws.scenes, 1_000_000), "PGV", draws=draws, samples=400)
+    assert (curve.records, list(curve.blocks)) == (80, ["block.restitution"])
+    assert curve.within == pytest.approx(0.2, abs=0.01)
+    assert curve.blocks["block.restitution"] == pytest.approx(0.25, abs=0.07)
+    assert curve.between == pytest.approx(0.3, abs=0.1)
+    total = math.sqrt(sum(value**2 for value in curve.sources.values()))
+    assert total == pytest.approx(curve.fit.dispersion, rel=1e-12)
+    low, high = curve.fit.median_interval
+    assert math.log(high / low) == pytest.approx(2 * 1.96 * math.hypot(0.3, 0.125) / math.sqrt(80), rel=0.3)
+    one = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
+    alone = IntensityCurve.of(made(shares, one.scenes, 1_000_000), "PGV", draws=one, samples=200)
+    assert alone.records == 1
+    assert math.isnan(alone.between)
+    assert math.log(alone.fit.median_interval[1] / alone.fit.median_interval[0]) < 0.9 * math.log(high / low)
+
+
 def test_intervals_over_records_cover():
     """200 suites of 30 records: the 95 % interval contains the median of the population .90 to .99 of the times.
 
@@ -234,3 +261,20 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
     assert cli.main([*arguments, "--measure", "PGD"]) == 2
     assert "measure: got 'PGD', accepted: 'PGA', 'PGV'" in capsys.readouterr().err
+
+
+def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    (tmp_path / "h.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", str(tmp_path / "h.csv"), "--intensities", "0.2:3:5"]
+    arguments += ["--synthetic", "5", "--realizations", "30"]
+    drawing = ["--uncertain", "size_factor=lognormal:1:0.1", "--blocks", "2"]
+    assert cli.main([*arguments, *drawing, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["draws"]["origin"] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert list(values["curve"]["blocks"]) == ["size_factor"]
+    assert len(values["fragility"]["overturned"]) == 10
+    assert {one["measure"] for one in values["ranking"]} >= {"PGA, g", "PGV, m/s"}
+    assert cli.main([*arguments, "--records", "x.AT2"]) == 2
+    assert "--synthetic: got 5, accepted: nothing beside --records" in capsys.readouterr().err
