@@ -250,7 +250,9 @@ def _parser() -> argparse.ArgumentParser:
     command("fragility", _fragility, does, **scenes, **files, **_FRAGILITY)
     does = "annual frequency of overturning, from records and a hazard curve"
     files = {
-        "--out": _value("DIR", "folder for files: all of --json, curves for other programs and risk.png", pathlib.Path)
+        "--out": _value(
+            "DIR", "folder for files: all of --json, report.html, risk.png, curves for other programs", pathlib.Path
+        )
     }
     command("risk", _risk, does, **scene, **_CHANGED, **_RISK, **files, **{"--json": _SHOWN["--json"]})
     does = "compile all engines for this machine now, so that no first run has to wait for it"

@@ -20,7 +20,7 @@ from fpk_rocking.results.shown import picture_html, trust_html
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.times import when
 
-__all__ = ["write_report"]
+__all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 
 _FRAMES = 121
 _COLOURS = 256
@@ -72,16 +72,29 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         picture_html(shown.plot(), shown.headline),
         _film_html(made) if made else "",
         "<h2>Numbers</h2>",
-        _table_html(shown.columns()),
+        table_html(shown.columns()),
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
-        f"<p>{_left_out(scenes)}</p>",
+        f"<p>{left_out(scenes)}</p>",
         f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_units(scenes)}</p>",
-        _json_html("summary", values),
-        f"{_json_html('film', made)}<script>{script}</script>" if made else "",
+        json_html("summary", values),
+        f"{json_html('film', made)}<script>{script}</script>" if made else "",
     ]
-    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(shown.title))
+    return write_page(path, shown.title, parts)
+
+
+def write_page(path, title, parts):
+    """Write a page of HTML that needs nothing else, whole or not at all; return its size in bytes.
+
+    Parameters
+    ----------
+    path : path
+    title : str
+    parts : sequence of str
+        HTML of what stands below the title.
+    """
+    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(title))
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
     return len(page.encode())
@@ -97,14 +110,14 @@ def _units(scenes):
     return f"{told} Here the critical angle is {angle:.4g}°, and τ = 1 is {second:.4g} s."
 
 
-def _left_out(scenes):
+def left_out(scenes):
     """Say what the model of some scenes leaves out."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
     return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "")
 
 
-def _table_html(columns):
+def table_html(columns):
     """Return a table of columns (n,) by name, without those that are empty or unknown throughout."""
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
@@ -126,7 +139,7 @@ def _text(value):
     return str(value)
 
 
-def _json_html(name, values):
+def json_html(name, values):
     """Return plain values as JSON in HTML; "<" is written so that no text of theirs can end the element."""
     text = json.dumps(values, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
     return f"<script type='application/json' id='{name}'>{text}</script>"

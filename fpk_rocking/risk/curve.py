@@ -8,6 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Number
+from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.drawing import Draws, dispersions
@@ -114,7 +115,8 @@ class IntensityCurve:
     probability : ndarray, shape (n,)
         Mean over the records.
     interval : ndarray, shape (n, 2)
-        95 % limits: of a suite by bootstrap over its records; of one scene those of its sample or solution.
+        95 % limits: of a suite by bootstrap over its records, and Wilson's for as many records where less than one of
+        them overturns a block, or all but less than one; of one scene those of its sample or solution.
     fit : LognormalFit
         Lognormal curve through all records; its intervals are those of `replicates`.
     replicates : ndarray, shape (b, 2)
@@ -127,6 +129,8 @@ class IntensityCurve:
     between : float
         Dispersion β_R from record to record, what the other sources leave of β: √(β² - β_N² - Σβ_j²), 0 where that is
         negative; nan for one scene, or draws of one.
+    redrawn : ndarray, shape (b, n)
+        Mean over records drawn with replacement; (0, n) for one scene.
     blocks : dict of str to float
         Dispersion β_j that each uncertain value of the block gives, by name (`fpk_rocking.studies.drawing.drawn`).
     """
@@ -141,6 +145,7 @@ class IntensityCurve:
     records: int
     within: float
     between: float
+    redrawn: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
     blocks: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
@@ -251,12 +256,20 @@ def _of_suite(intensity, shares, known, origin, rng, samples):
     replicates = refitted(intensity, drawn)
     return {
         "probability": mean,
-        "interval": np.quantile(drawn, [0.025, 0.975], axis=0).T,
+        "interval": _limits(mean, drawn, len(shares)),
+        "redrawn": drawn,
         "fit": _with_intervals(fit, replicates),
         "replicates": replicates,
         "records": len(records),
         "between": _left(fit.dispersion, *known) if len(records) > 1 else math.nan,
     }
+
+
+def _limits(mean, drawn, count):
+    """Return limits (n, 2) of means over records from those over records drawn with replacement."""
+    few = np.minimum(mean, 1.0 - mean) * count < 1.0
+    # Records of which none overturns a block are all alike, and what is drawn from them never differs.
+    return np.where(few[:, None], wilson_interval(mean * count, count), np.quantile(drawn, [0.025, 0.975], axis=0).T)
 
 
 def _left(dispersion, within, own):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.results.trust import CAUTION, Doubt
 from fpk_rocking.risk.curve import IntensityCurve
 from fpk_rocking.risk.hazard import Hazard
 
@@ -19,6 +20,8 @@ _PANEL, _TAIL = 0.25, 12.0
 
 _BINS, _LEFT_OUT = 24, 5e-4
 """Bins of intensity of `Risk.contribution`, and the share of the frequency below and above them."""
+
+_DEVIATIONS = 1.96
 
 FOREIGN = 0.05
 """Share of a frequency from beyond the points of hazard or fragility above which `Risk.sentences` says so."""
@@ -76,23 +79,35 @@ class Risk:
         return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
 
     @property
+    def doubts(self) -> list[Doubt]:
+        """What speaks against it: shares from beyond what is known."""
+        found = []
+        for share, what in ((self.beyond_hazard, "the hazard curve"), (self.beyond_curve, "the fragility")):
+            if share > FOREIGN:
+                text = f"{100.0 * share:.0f} % of the frequency come from intensities beyond the points of {what}"
+                found.append(Doubt(CAUTION, f"{text}: give more of them.", what))
+        return found
+
+    @property
+    def relative_error(self) -> float:
+        """Relative standard error of the frequency, from its interval; nan where that is not known."""
+        low, high = self.interval
+        return (high - low) / (2.0 * _DEVIATIONS * self.rate) if self.rate > 0.0 else math.nan
+
+    @property
     def sentences(self) -> list[str]:
         """The result in words, with what its interval leaves out."""
         low, high = self.interval
         limits = f" [{low:.3g}, {high:.3g}]" if math.isfinite(low) else ""
         through = "its lognormal curve" if self.curve.fitted else "its points, joined by lines"
+        half = max(high - self.rate, self.rate - low)
+        error = f" ± {half:.2g} (95 %)" if math.isfinite(half) else ""
         text = (
-            f"Annual frequency of '{self.curve.name}': {self.rate:.4g}{limits} per year, return period "
-            f"{self.return_period:.4g} years, probability in 50 years {self.probability():.3g}. By {through}; the "
-            "limits contain the sampling of records and noise. The hazard and the model of the block count as known."
+            f"P({self.curve.name}) = {self.rate:.4g}{error} per year{limits}: return period {self.return_period:.4g} "
+            f"years, probability in 50 years {self.probability():.3g}. By {through}; the limits contain the sampling "
+            "of records and noise. The hazard and the model of the block count as known."
         )
-        found = [text]
-        for share, what in ((self.beyond_hazard, "the hazard curve"), (self.beyond_curve, "the fragility")):
-            if share > FOREIGN:
-                found.append(
-                    f"{100.0 * share:.0f} % of it come from intensities beyond the points of {what}: give more of them."
-                )
-        return found
+        return [text, *(doubt.sentence for doubt in self.doubts)]
 
     def summary(self) -> dict[str, Any]:
         """Return the figures as plain values, for JSON."""
@@ -192,11 +207,10 @@ def _limits(curve, y, density):
         return low, high
     if curve.fitted:
         return math.nan, math.nan
-    known = np.log(curve.intensity)
-    low, high = (
-        float(density @ np.interp(y, known, np.maximum.accumulate(side), left=0.0)) for side in curve.interval.T
-    )
-    return low, high
+    known, sides = np.log(curve.intensity), curve.redrawn if len(curve.redrawn) else curve.interval.T
+    rates = [density @ np.interp(y, known, np.maximum.accumulate(side), left=0.0) for side in sides]
+    low, high = np.quantile(rates, [0.025, 0.975]).tolist() if len(curve.redrawn) else rates
+    return float(low), float(high)
 
 
 def _contributions(curve, hazard, y, share):

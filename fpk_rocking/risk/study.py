@@ -12,12 +12,14 @@ from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.layout import plain
 from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.risk.curve import IntensityCurve, at_intensity
 from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.frequency import Risk, annual_frequency
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.curves import fragility
+from fpk_rocking.studies.doubts import model_doubts
 from fpk_rocking.studies.drawing import Draws, drawn
 from fpk_rocking.studies.ranking import ranked
 from fpk_rocking.studies.result import Fragility
@@ -34,6 +36,8 @@ class Study:
     risk : Risk
     name : str
         Identifier of the block in exported files.
+    scene : Scene
+        Block and noise as they were given.
     draws : Draws or None
         Blocks that were drawn.
     """
@@ -41,7 +45,16 @@ class Study:
     fragility: Fragility
     risk: Risk
     name: str
+    scene: Scene
     draws: Draws | None = None
+
+    @property
+    def motions(self) -> list[Scene]:
+        """The scene of each record at the intensity 1, or the one scene; of drawn blocks the first."""
+        scenes = self.fragility.scenes
+        if self.draws is None:
+            return list(scenes)
+        return [scenes[self.draws.origin.index(one)] for one in sorted(set(self.draws.origin))]
 
     @property
     def records(self) -> Array:
@@ -51,9 +64,15 @@ class Study:
         origin = np.array(self.draws.origin)
         return np.array([self.fragility.overturned[origin == one].mean(axis=0) for one in np.unique(origin)])
 
+    @property
+    def trust(self) -> Trust:
+        """Verdict on the frequency: its relative standard error, and doubts of scenes, engine, hazard and range."""
+        doubts = model_doubts(self.fragility) + self.risk.doubts
+        return trust_of({"relative_error": self.risk.relative_error}, doubts)
+
     def text(self) -> str:
-        """Return the verdict, the fit and the frequency as lines of text."""
-        curve, told = self.risk.curve, [f"trust: {self.fragility.trust}", *self.fragility.remarks]
+        """Return the frequency, the verdict and the fit as lines of text."""
+        curve, told = self.risk.curve, [*self.risk.sentences, str(self.trust)]
         fit = curve.fit
         if fit.reason:
             told.append(f"No lognormal fit: {fit.reason}.")
@@ -66,7 +85,8 @@ class Study:
             sources = ", ".join(f"{name} {value:.3g}" for name, value in curve.sources.items())
             text += f", of which {sources}" * bool(sources)
             told.append(f"{text}; largest misfit {fit.misfit:.2g}{', refused' if fit.rejected else ''}.")
-        return "\n".join([*told, *self._ordered(), *self.risk.sentences])
+        told += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
+        return "\n".join([*told, *self._ordered()])
 
     def _ordered(self):
         """Say which intensity measure orders the outcomes best, where motions differ."""
@@ -88,12 +108,13 @@ class Study:
             "within": plain(curve.within),
             "blocks": plain(curve.blocks),
         }
-        more = {"ranking": [plain(one._asdict()) for one in ranked(self.fragility)]}
+        more: dict[str, Any] = {"trust": self.trust.plain}
+        more |= {"ranking": [plain(one._asdict()) for one in ranked(self.fragility)]}
         more["draws"] = None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values}
         return {"risk": self.risk.summary(), "curve": points, **more, "fragility": self.fragility.summary()}
 
     def write(self, folder: File) -> None:
-        """Write everything: result.npz, risk.json, curve.csv, risk.png, and NAME.xml, NAME.csv, NAME.json.
+        """Write report.html, risk.png, risk.txt, risk.json, curve.csv, result.npz, NAME.xml, NAME.csv and NAME.json.
 
         Parameters
         ----------
@@ -103,6 +124,7 @@ class Study:
         """
         from fpk_rocking.output.summary import write_summary
         from fpk_rocking.risk.picture import risk_figure
+        from fpk_rocking.risk.report import write_risk_report
 
         out, curve = pathlib.Path(folder), self.risk.curve
         self.fragility.save(out / "result.npz")
@@ -116,6 +138,7 @@ class Study:
         write_summary(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv"})
         write_text(out / "risk.txt", self.text() + "\n")
         risk_figure(out / "risk.png", self.risk, self.records)
+        write_risk_report(out / "report.html", self)
 
 
 def study(
@@ -191,4 +214,4 @@ def study(
         progress=progress,
     )
     curve = IntensityCurve.of(found, measure, draws=draws)
-    return Study(found, annual_frequency(curve, known), name, draws)
+    return Study(found, annual_frequency(curve, known), name, scene, draws)

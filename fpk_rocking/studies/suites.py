@@ -80,7 +80,7 @@ def synthetic_records(
         own = 2.0 * math.pi * frequency * math.exp(spread * rng.standard_normal())
         soil = rms * _filtered(FILTERS["kanai-tajimi"].space(own, damping), interval, strength, rng)
         samples = _without_lowest(soil, interval, low, low_damping)
-        source = f"synthetic motion {number} of seed {seed}, {own / (2.0 * math.pi):.3g} Hz"
+        source = f"synthetic motion {number + 1} of seed {seed}, {own / (2.0 * math.pi):.3g} Hz"
         made.append(Record(interval, tuple(samples.tolist()), "m/s2", source=source))
     return tuple(made)
 

@@ -19,8 +19,7 @@ from fpk_rocking import BandNoise, Block, Harmonic, Scene, cli
 from fpk_rocking.base.look import OVERTURNED
 from fpk_rocking.compare import compare
 from fpk_rocking.output import summary
-from fpk_rocking.output.report import _left_out as left_out
-from fpk_rocking.output.report import write_report
+from fpk_rocking.output.report import left_out, write_report
 from fpk_rocking.results.pictures import edges_of
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))

@@ -74,6 +74,8 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     assert risk.interval == pytest.approx([risk.rate * math.exp(0.2 * z) for z in (-0.95, 0.95)], rel=1e-9)
     assert risk.beyond_hazard > 0.2
     assert any("beyond the points of the hazard curve" in one for one in risk.sentences)
+    assert [doubt.kind for doubt in risk.doubts][:1] == ["the hazard curve"]
+    assert risk.relative_error == pytest.approx((risk.interval[1] - risk.interval[0]) / (2 * 1.96 * risk.rate))
     wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
     assert wide.beyond_hazard < 1e-6
     assert wide.beyond_curve < 0.05
@@ -251,13 +253,27 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 0
     assert "return period" in capsys.readouterr().out
     names = {file.name for file in (tmp_path / "out").iterdir()}
-    assert names >= {"result.npz", "risk.json", "risk.txt", "curve.csv", "rack.xml", "risk.png"}
+    assert names >= {"result.npz", "risk.json", "risk.txt", "curve.csv", "rack.xml", "risk.png", "report.html"}
     values = json.loads((tmp_path / "out" / "risk.json").read_text())
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), scene.noise)) for n in range(6)]
     found = fragility(scenes, scale=np.geomspace(0.2, 3.0, 7), realizations=200)
     assert values["fragility"]["overturned"] == found.overturned.tolist()
     risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
     assert values["risk"]["rate"] == pytest.approx(risk.rate, rel=1e-12)
+    page = (tmp_path / "out" / "report.html").read_text()
+    for said in ("rack: P(overturned) = ", "0.6 m", "16.7°", "default-src 'none'", "What is left out", "How to cite"):
+        assert said in page
+    for file, one in zip(files, scenes, strict=True):
+        strength = intensities(one)
+        row = f"<td>{file.name}</td><td>5.98</td><td>{strength.pga / 9.80665:.4g}</td><td>1</td>"
+        assert row in page
+    rms = math.sqrt(scenes[0].noise.variance) * SIZE.critical_angle
+    assert f"rms {rms:.3g} g, 0 to {8.0 / SIZE.frequency(1.0):.3g} Hz" in page
+    low, high = values["risk"]["interval"]
+    half = max(high - risk.rate, risk.rate - low)
+    assert f"P(overturned) = {risk.rate:.4g} ± {half:.2g} (95 %) per year" in page
+    for (low, high), share in zip(values["curve"]["interval"], values["curve"]["probability"], strict=True):
+        assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
     assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
     assert cli.main([*arguments, "--measure", "PGD"]) == 2
     assert "measure: got 'PGD', accepted: 'PGA', 'PGV'" in capsys.readouterr().err
