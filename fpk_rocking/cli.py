@@ -145,7 +145,11 @@ _RISK = {
     "--records": _value(
         "FILE", "recorded motions (.AT2, .ASC or two columns); the scene gives block and noise", nargs="+"
     ),
-    "--hazard": _value("FILE", "two columns: intensity (g or m/s) and annual rate of exceedance", required=True),
+    "--hazard": _value(
+        "FILE|K0:K",
+        "file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard K0 im^-K",
+        required=True,
+    ),
     "--intensities": _value(
         "LIST", "intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing", required=True
     ),
@@ -370,7 +374,7 @@ def _risk(options):
         found = study(
             _scene(options, options.scene),
             records,
-            options.hazard,
+            _hazard(options.hazard),
             intensities,
             scale_noise=not options.keep_noise,
             uncertain=_uncertain(options),
@@ -383,6 +387,19 @@ def _risk(options):
         sys.stdout.write(json.dumps(found.summary(), allow_nan=False, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write(found.text() + "\n")
+
+
+def _hazard(text):
+    """Return the hazard K0:K, or the name of a file."""
+    from fpk_rocking.risk.hazard import Hazard
+
+    rate, colon, exponent = text.partition(":")
+    try:
+        return Hazard.power_law(float(rate), float(exponent)) if colon else text
+    except ValueError as error:
+        if pathlib.Path(text).exists():
+            return text
+        raise ValueError(f"--hazard: got {text!r}, accepted: a file, or K0:K ({error})") from None
 
 
 def _uncertain(options):

@@ -229,8 +229,8 @@ class IntensityCurve:
                 f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: all known"
             )
         intensity, rng = found[0] * fragility.scale, np.random.default_rng(seed)
-        own = refitted(intensity, shares[~fragility.deterministic])[:, 1]
-        within = math.sqrt(np.mean(own**2)) if own.size else math.nan
+        spreads = refitted(intensity, shares[~fragility.deterministic])[:, 1]
+        within = math.sqrt(np.mean(spreads**2)) if spreads.size else math.nan
         common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
         if several:
             own = {} if draws is None else dispersions(intensity, shares, draws.values)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.results.layout import plain
 from fpk_rocking.results.trust import CAUTION, Doubt
 from fpk_rocking.risk.curve import IntensityCurve
 from fpk_rocking.risk.hazard import Hazard
@@ -111,7 +112,7 @@ class Risk:
 
     def summary(self) -> dict[str, Any]:
         """Return the figures as plain values, for JSON."""
-        return {
+        found = {
             "rate": self.rate,
             "interval": list(self.interval),
             "return_period": self.return_period if self.rate > 0.0 else None,
@@ -126,6 +127,7 @@ class Risk:
             "dispersion": self.curve.fit.dispersion,
             "sentences": self.sentences,
         }
+        return {name: plain(value) for name, value in found.items()}
 
 
 def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:

@@ -103,7 +103,7 @@ class Study:
         curve = self.risk.curve
         points = {"intensity": curve.intensity.tolist(), "probability": curve.probability.tolist()}
         points |= {
-            "interval": curve.interval.tolist(),
+            "interval": plain(curve.interval),
             "between": plain(curve.between),
             "within": plain(curve.within),
             "blocks": plain(curve.blocks),

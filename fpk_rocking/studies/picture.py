@@ -151,7 +151,7 @@ def _curves(axes, result, m, shown):
 def _curve(axes, result, m, which, colour, marker, *, fit):
     known = np.isfinite(result.probability[m, which])
     scale, values = result.scale[known], result.probability[m, which, known]
-    found, label = result.fits[m][which], f"{result.engine}, {result.names_with_degrees[which]}"
+    found, label = result.fits[m][which], f"{_made_by(result)}, {result.names_with_degrees[which]}"
     if fit and not found.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
         axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
@@ -163,13 +163,19 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten."""
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, and more in under a decade."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     set_scale("log")
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_view_interval()
+    subs = (1.0, 2.0, 5.0) if high > 10.0 * low else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+    axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
+
+
+def _made_by(result):
+    return "density solver" if result.engine == "density" else f"Monte Carlo {result.engine}"
 
 
 def _event(result, which):

@@ -287,9 +287,9 @@ class Fragility(Saved, Shown):
             return f"Lognormal ({where}): no fit, {fit.reason}."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
+        text += f", p = {fit.p_value:.2g}" if np.isfinite(fit.p_value) else ""
         known = self.intensities[scene].at(fit.median)
-        text += f"; at the median {known}" * bool(known)
-        return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
+        return text + f". At the median: {known}" * bool(known) + "."
 
     def columns(self) -> dict[str, Array]:
         """Table of `to_csv`: arrays by column name."""

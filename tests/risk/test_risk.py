@@ -284,6 +284,7 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     (tmp_path / "rack.toml").write_text(scene.to_toml())
     (tmp_path / "h.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
     arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", str(tmp_path / "h.csv"), "--intensities", "0.2:3:5"]
+    arguments[3] = "1e-3:2.5"
     arguments += ["--synthetic", "5", "--realizations", "30"]
     drawing = ["--uncertain", "size_factor=lognormal:1:0.1", "--blocks", "2"]
     assert cli.main([*arguments, *drawing, "--json"]) == 0
@@ -291,6 +292,13 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     assert values["draws"]["origin"] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
     assert list(values["curve"]["blocks"]) == ["size_factor"]
     assert len(values["fragility"]["overturned"]) == 10
+    assert values["risk"]["rate"] == pytest.approx(
+        1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2), rel=1e-9
+    )
     assert {one["measure"] for one in values["ranking"]} >= {"PGA, g", "PGV, m/s"}
+    arguments[3] = "1e-3:-1"
+    assert cli.main(arguments) == 2
+    assert "--hazard: got '1e-3:-1', accepted: a file, or K0:K (exponent: got -1.0" in capsys.readouterr().err
+    arguments[3] = str(tmp_path / "h.csv")
     assert cli.main([*arguments, "--records", "x.AT2"]) == 2
     assert "--synthetic: got 5, accepted: nothing beside --records" in capsys.readouterr().err
