@@ -163,7 +163,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, and more in under a decade."""
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     set_scale("log")
