@@ -134,7 +134,7 @@ def _with_room(array, used, wanted):
 
 @kernel(parallel=True)
 def _settle(states, codes, angle_grid, velocity_grid, first, slots, cells, sizes):
-    """Cells (m, n) of the ends of all paths, reference coordinates in place, and numbers (m, 2) of groups and blocks."""
+    """Write the cells (m, n) where paths end, their reference coordinates, and numbers (m, 2) of groups and blocks."""
     for chunk in prange(_CHUNKS):
         counts = np.zeros(slots, np.int32)
         for r in range(chunk * len(codes) // _CHUNKS, (chunk + 1) * len(codes) // _CHUNKS):
