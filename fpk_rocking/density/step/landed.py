@@ -180,6 +180,7 @@ def _arrange(cells, states, before, ends, slots, groups, blocks, targets, places
 
 _FASTMATH = {"contract", "reassoc", "nsz"}
 _C1, _C2, _C3, _C4, _C5 = (np.sqrt(2.0 * k + 1.0).item() for k in range(1, 6))
+_ZERO = np.zeros((1, WIDTH))
 _polynomials, _sums = scratch(2 * _MODES, WIDTH), scratch(_MODES * _MODES, WIDTH)
 
 
@@ -199,7 +200,7 @@ def deposit_group(target, begin, end, points, masses, basis):
     """Add masses (blocks, 8) times the shape functions at the points of a group's blocks to the unknowns of a cell."""
     modes, sums, rows = len(basis), _sums(), _polynomials()
     for k in range(modes * modes):
-        store(sums, k, 0.0 * load(points, 0))
+        store(sums, k, load(_ZERO, 0))
     for b in range(begin, end):
         _legendre(load(points, 2 * b), 0, rows)
         _legendre(load(points, 2 * b + 1), _MODES, rows)
@@ -221,9 +222,9 @@ def collect_group(function, begin, end, points, values, basis):
     for b in range(begin, end):
         _legendre(load(points, 2 * b), 0, rows)
         _legendre(load(points, 2 * b + 1), _MODES, rows)
-        value = 0.0 * load(points, 2 * b)
+        value = load(_ZERO, 0)
         for i in range(modes):
-            part = 0.0 * value + function[i * modes]
+            part = load(_ZERO, 0) + function[i * modes]
             for j in range(1, modes):
                 part = part + load(rows, _MODES + j) * function[i * modes + j]
             if i > 0:

@@ -332,7 +332,7 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
 
 
 @kernel(borrows=True)
-def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend):
+def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=SLOW):
     """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
 
     Parameters
@@ -345,6 +345,8 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
         As of `advance`; times are those of the polynomial.
     known, last, speed, bend : bool, float, float, Lanes
         Whether the flight from `start` to `end`, on over impacts, is known, and what `fly` returned of it.
+    slow : float
+        As of `advance`.
 
     Returns
     -------
@@ -382,17 +384,18 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
         if impacts is not None:
             record(impacts, origin + start, side * speed)
         x, v, side = 0.0, impact(side * speed, block.restitution), -side
-        if abs(v) <= SLOW:
-            side, delay = settle(abs(v), side, force_segment(force, half), start, block)
+        # Chatter takes longer than the speed is large.
+        if abs(v) <= slow:
+            side, delay = settle(abs(v), side, force_segment(force, half), start, block, slow)
             if side == 0:
                 v, start = 0.0, start + delay
     if start >= end:
         return x, v, side, end
-    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin)
+    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin, slow)
 
 
 @kernel(borrows=True)
-def carried(force, half, x, v, side, start, end, block, impacts, origin):
+def carried(force, half, x, v, side, start, end, block, impacts, origin, slow=SLOW):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `through`."""
     nothing = load(_POINTS, 0)
-    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing)
+    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow)
