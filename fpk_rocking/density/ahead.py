@@ -3,7 +3,7 @@
 import numpy as np
 
 from fpk_rocking.base import ahead
-from fpk_rocking.density.refinement import candidates_for
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.run.filtered import carried_from_rest
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines
@@ -32,7 +32,7 @@ def tasks_of_density(scene, closure=None):
 
 def flight():
     """Free flight, of which a solver has need last."""
-    degree = candidates_for(_USUAL)[2].degree
+    degree = RESOLUTIONS[USUAL[_USUAL]].degree
     space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), degree)
     free = np.ones(space.shape[:2], dtype=bool)
     FreeFlight(space, free, Dynamics.of(_SCENE).affine(0.0, 0.1), 0.05, 0.1, 5).apply(

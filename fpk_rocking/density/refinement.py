@@ -1,7 +1,7 @@
 """Refinement: solve at finer and finer resolutions until the differences show that the last solution is good enough.
 
 The same loop serves `solve_fpk`, whose levels are densities over some cycles, and the one-cycle operator, whose levels
-are the operator on one mesh each. The first two levels serve the error estimate only.
+are the operator on one mesh each. The first levels serve the error estimate only.
 """
 
 import math
@@ -13,8 +13,15 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 UNRESOLVED = 0.05
 """Negative mass above which a density counts as not resolved."""
 
-_SAFETY, _BEFORE, _AT_MOST = 1.4, 0.3, 2.5
-"""Factors of `safe_difference`: of all, of the difference before, and of the last difference where it may be chance."""
+LEAST = 3
+"""Least number of solutions: the last, and two that serve its error estimate."""
+
+_SAFETY, _BEFORE, _AT_MOST, _FITTED = 1.4, 0.3, 2.5, 3.0
+"""Factors of `safe_difference`: of all, of the distance from the solution before the one before, of the last distance
+where it may be chance, and of what a fitted order says."""
+
+_BINS_BEFORE, _BINS_AT_MOST = 0.4, 1.5
+"""The same for the binned density: its errors are sums over bins and seldom small by chance."""
 
 _BINS = 3.0
 """Square root of the tolerance over the tolerance of the binned density."""
@@ -27,7 +34,7 @@ class Level(Protocol):
     negative_mass: float
 
     def differences(self, coarser):
-        """Differences from the level before: of the quantity that is wanted, and of the binned density (L1)."""
+        """Differences from a coarser level: of the quantity that is wanted, and of the binned density (L1)."""
 
     def error(self, difference, bins):
         """Error of the wanted quantity, where refinement tells `difference` of it and `bins` of the binned density."""
@@ -49,7 +56,7 @@ class Refined(NamedTuple):
         return self.error <= wanted and self.bins_error <= bins_wanted and self.fine.negative_mass <= UNRESOLVED
 
 
-def refine(candidates, make, fits, done):
+def refine(candidates, make, fits, done, least=LEAST):
     """Solve on ever finer resolutions.
 
     Parameters
@@ -59,35 +66,46 @@ def refine(candidates, make, fits, done):
     make : callable
         Takes a candidate and the level before (None at first), returns a `Level`.
     fits : callable
-        Takes the last level and a candidate: whether there is memory for it. The first three are not asked for.
+        Takes the last level and a candidate: whether there is memory for it. The first `least` are not asked for.
     done : callable
         Takes a `Refined`: whether it is good enough, or there is no hope that finer levels are.
+    least : int
+        Levels that are made in any case.
 
     Returns
     -------
     Refined
     """
-    coarse, fine, before, found = None, None, None, None
-    for number, candidate in enumerate(candidates):
-        if number > 2 and not fits(fine, candidate):
+    levels, found = [], None
+    for candidate in candidates:
+        if len(levels) >= least and not fits(levels[-1], candidate):
             break
-        if fine:
-            fine.release()
-        coarse, fine = fine, make(candidate, fine)
-        if not coarse:
-            continue
-        last, bins = fine.differences(coarse)
-        if before is not None:
-            found = Refined(fine, coarse, fine.error(safe_difference(before, last), bins), bins)
+        if levels:
+            levels[-1].release()
+        levels.append(make(candidate, levels[-1] if levels else None))
+        if len(levels) >= least:
+            found = _refined(levels)
             if done(found):
                 break
-        before = last
     return found
 
 
-def candidates_for(tol):
-    """Return the resolutions for a tolerance: two coarser than is usually enough, that, and all finer ones."""
-    return RESOLUTIONS[USUAL[max(known for known in USUAL if known <= tol)] - 2 :]
+def _refined(levels):
+    fine = levels[-1]
+    wanted, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
+    error = fine.error(safe_difference(wanted), bins[-1])
+    bins_error = max(bins[-1], min(_BINS_BEFORE * bins[-2], _BINS_AT_MOST * bins[-1]))
+    return Refined(fine, levels[-2], error, bins_error)
+
+
+def candidates_for(tol, most=LEAST):
+    """Return the resolutions for a tolerance and how many of them to solve at least.
+
+    The last of these is usually enough; those before it, `most` together with it, serve its error estimate.
+    """
+    usual = USUAL[max(known for known in USUAL if known <= tol)]
+    least = min(most, usual + 1)
+    return RESOLUTIONS[usual + 1 - least :], least
 
 
 def bins_tolerance(tol):
@@ -95,13 +113,19 @@ def bins_tolerance(tol):
     return math.sqrt(tol) / _BINS
 
 
-def safe_difference(before, last):
-    """Error of the last of three or more solutions of growing fineness, from the differences of neighbours.
+def safe_difference(distances):
+    """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
 
-    The last difference, which estimates the error of the one but last; where it is small by chance, as the one before
-    tells, up to two and a half times as much; and 1.4 for safety.
+    The last distance is the error of the solution before, if the last solution is far better; it may be small by
+    chance. The distance before tells whether it is: the error falls from one solution to the next by the ratio of the
+    two distances before the last, where there are two, and it falls to .3 at least over two solutions. Of that no more
+    than two and a half times the last distance counts. The result is 1.4 times the larger, for safety.
     """
-    return _SAFETY * max(last, min(_BEFORE * before, _AT_MOST * last))
+    before, last = distances[-2:]
+    falls = _BEFORE
+    if len(distances) > 2 and distances[-3] > 0.0:
+        falls = min(falls, _FITTED * (before / distances[-3]) ** 2)
+    return _SAFETY * max(last, min(falls * before, _AT_MOST * last))
 
 
 class Count:

@@ -115,19 +115,22 @@ def solve_fpk(
     white, rows = solved.white_equivalent(), len(times) - 1
     ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
     kind, motion = kind_of(solved), motion_of(white, times)
-    grids = _grids(solved, white, motion, tol)
-    least, count = grids[2], Count(progress, rows, least=3)
-    refuse_large(least.memory, least.stored(rows), solved, rows)
+    resolutions, least = candidates_for(tol, kind.least)
+    grids = _grids(solved, white, motion, resolutions)
+    usual, count = grids[least - 1], Count(progress, rows, least)
+    refuse_large(usual.memory, usual.stored(rows), solved, rows)
 
     def made(grid, coarser):
         run = kind(solved, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+        if coarser:
+            coarser.run = None
         return Solved(run, run.evolve(times, count.next()), motion.edges, coarser)
 
     def fits(level, grid):
         held = level.memory * grid.memory / level.run.grid.memory
         return held + grid.stored(rows) <= SOLUTION_MEMORY[solved.noise.kind]
 
-    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol))
+    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol), least)
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
@@ -165,6 +168,7 @@ class Solved:
     Parameters
     ----------
     run : Run
+        Dropped once the next level has made its own.
     solution : Solution
     edges : sequence of ndarray
         Of the bins in angle and in velocity that it is compared in.
@@ -227,14 +231,14 @@ def _checked(bins_tol):
     return bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
 
 
-def _grids(scene, white, motion, tol):
-    """Return the grids of all resolutions that fit a tolerance; `white` is the scene with equivalent white noise."""
-    resolutions, bound = candidates_for(tol), velocity_bound(white, _spread(scene.noise))
+def _grids(scene, white, motion, resolutions):
+    """Return the grids of resolutions; `white` is the scene with equivalent white noise."""
+    kind, bound = kind_of(scene), velocity_bound(white, _spread(scene.noise))
     if not scene.repeats:
         # Blocks that are bound to overturn, but have not yet, may be faster.
         bound = max(bound, _FASTER * motion.fastest)
     grids = [resolution.of(white, bound, motion) for resolution in resolutions]
-    kind, coarsest = kind_of(scene), len(RESOLUTIONS) - len(resolutions)
+    coarsest = len(RESOLUTIONS) - len(resolutions)
     return [kind.adapted(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
 
 

@@ -28,19 +28,23 @@ def grid_of(scene, resolution, cycles=10):
 
 
 @pytest.mark.parametrize(
-    ("before", "last", "bins", "lost", "expected"),
+    ("distances", "bins", "lost", "expected"),
     [
-        (1e-3, 4e-4, 1e-3, 0.0, 1.4 * 4e-4),  # the last difference rules
-        (1e-3, 2e-4, 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
-        (1e-2, 2e-4, 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
-        (1e-6, 1e-6, 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
-        (1e-6, 1e-6, 1e-6, -3e-3, 3e-3),  # what was lost is an error
+        ((1e-3, 4e-4), 1e-3, 0.0, 1.4 * 4e-4),  # the last distance rules
+        ((1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
+        ((1e-2, 2e-4), 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
+        ((8e-3, 1e-3, 2e-5), 1e-3, 0.0, 1.4 * 3.0 * 1e-3 / 64.0),  # the error falls to an eighth
+        ((8e-3, 1e-3, 1e-5), 1e-3, 0.0, 1.4 * 2.5e-5),  # but not more than two and a half times the last
+        ((2e-3, 1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # it hardly falls: to .3 over two solutions
+        ((0.0, 1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # no order is known
+        ((1e-6, 1e-6), 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
+        ((1e-6, 1e-6), 1e-6, -3e-3, 3e-3),  # what was lost is an error
     ],
 )
-def test_estimate_from_three_solutions(before, last, bins, lost, expected):
+def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
     level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None))
-    found = solver.Solved.error(level, safe_difference(before, last), bins)
+    found = solver.Solved.error(level, safe_difference(distances), bins)
     assert found == pytest.approx(expected, rel=1e-12)
 
 

@@ -22,13 +22,14 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import Body, by_body
+from fpk_rocking.physics.motion.collocation import carried
 from fpk_rocking.physics.motion.equation import cosine, flight, lift, stays_below
-from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event
+from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event, reach
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
 from fpk_rocking.physics.motion.saltation import encounter, through_impact, through_impact_expanded
 from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.transition import SLOW, advance
 
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
@@ -84,6 +85,27 @@ def bend(particular, duration, dx, dv, out):
         out[k] = particular[k]
     out[2] += (3.0 * dx - duration * dv) / (duration * duration)
     out[3] += (duration * dv - 2.0 * dx) / (duration * duration * duration)
+
+
+@kernel(inline="always")
+def _carry_slender(x, v, side, segment, end, slow, block):
+    return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+
+
+@kernel(borrows=True)
+def _carried_exact(x, v, side, segment, end, slow, block):
+    _, most = reach(side * x, side * v, side, segment.force_low, segment.force_high, end, block)
+    if side != 0 and most < block.cutoff:
+        return carried(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
+    return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+
+
+@kernel(inline="always")
+def _carry_exact(x, v, side, segment, end, slow, block):
+    return _carried_exact(x, v, side, segment, end, slow, block)
+
+
+_carry = by_body(_carry_slender, _carry_exact)
 
 
 @kernel
@@ -192,7 +214,7 @@ def _beyond_contact(x, side, force, unit, block):
 @kernel
 def _jolted(n, x, v, side, last, rests, segment, block, duration, states, codes):
     """Carry a node without noise but for a last jump of its velocity, which sets it off from rest unless it `rests`."""
-    xn, vn, sn, _ = advance(x, v, side, segment, 0.0, duration, block, None, 0.0, CHATTER * duration)
+    xn, vn, sn, _ = _carry(x, v, side, segment, duration, CHATTER * duration, block)
     if abs(xn) < block.cutoff:
         vn += last * cosine(abs(xn), block)
         if xn == 0.0 and not rests:
@@ -244,9 +266,9 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
                 continue
         bend(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = segment_of(scratch[0], scratch[1], time)
-        xn, vn, sn, end = advance(x, v, side, path, 0.0, time, block)
+        xn, vn, sn, end = _carry(x, v, side, path, time, SLOW, block)
         if end == time:
             bend(late, rest, late_x / after, late_v / after, scratch[3])
             path = segment_of(scratch[3], scratch[1], rest)
-            xn, vn, sn, _ = advance(xn, vn, sn, path, 0.0, rest, block)
+            xn, vn, sn, _ = _carry(xn, vn, sn, path, rest, SLOW, block)
         _put(n, xn, vn, sn, side, cutoff, states, codes)
