@@ -74,10 +74,13 @@ _SHOWN = {
 }
 _SEEDED = {"--seed": _value("N", "seed of the random numbers (default 1)", int)}
 _DENSITY = {
-    "--tol": _value("X", "error of survival that the density solver aims at (default 0.001)", float),
+    "--tol": _value(
+        "X", "error of survival that the density solver aims at (default 0.001; for a pulse or a record 0.01)", float
+    ),
     "--bins-tol": _value(
         "X",
-        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; inf: any)",
+        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; for a pulse or a "
+        "record, and with inf: any)",
         float,
     ),
     "--closure": _value(

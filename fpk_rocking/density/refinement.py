@@ -44,12 +44,16 @@ class Level(Protocol):
 
 
 class Refined(NamedTuple):
-    """The last two levels, and the estimated errors of the last one: of what is wanted, and of the binned density."""
+    """The last two levels, and the estimated errors of the last one: of what is wanted, and of the binned density.
+
+    `left` is the number of finer resolutions.
+    """
 
     fine: Level
     coarse: Level
     error: float
     bins_error: float
+    left: int
 
     def within(self, wanted, bins_wanted):
         """Whether the errors are as small as wanted, and the density is resolved."""
@@ -84,18 +88,18 @@ def refine(candidates, make, fits, done, least=LEAST):
             levels[-1].release()
         levels.append(make(candidate, levels[-1] if levels else None))
         if len(levels) >= least:
-            found = _refined(levels)
+            found = _refined(levels, len(candidates) - len(levels))
             if done(found):
                 break
     return found
 
 
-def _refined(levels):
+def _refined(levels, left):
     fine = levels[-1]
     wanted, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
     error = fine.error(safe_difference(wanted), bins[-1])
     bins_error = max(bins[-1], min(_BINS_BEFORE * bins[-2], _BINS_AT_MOST * bins[-1]))
-    return Refined(fine, levels[-2], error, bins_error)
+    return Refined(fine, levels[-2], error, bins_error, left)
 
 
 def candidates_for(tol, most=LEAST):

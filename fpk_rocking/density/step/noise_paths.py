@@ -250,11 +250,12 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
     after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
     long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
+    long_x, long_v = long_x / long, long_v / long
+    short_x, short_v = (short_x / short, short_v / short) if short > 0.0 else (0.0, 0.0)
     smooth = smooth and kind == NOTHING
     for n in range(len(noise.nodes)):
         a, b = noise.nodes[n]
-        p = a * long_x / long + (b * short_x / short if b != 0.0 else 0.0)
-        q = a * long_v / long + (b * short_v / short if b != 0.0 else 0.0)
+        p, q = a * long_x + b * short_x, a * long_v + b * short_v
         g, h = b11 * p + b21 * q, b12 * p + b22 * q
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
