@@ -9,9 +9,9 @@ import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
 from fpk_rocking.results.intervals import wilson_interval
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.curve import intensity_of
-from fpk_rocking.studies import drawn, fragility
+from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.measures import intensities
 from fpk_rocking.studies.result import Fragility
@@ -329,3 +329,20 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     arguments[3] = str(tmp_path / "h.csv")
     assert cli.main([*arguments, "--records", "x.AT2"]) == 2
     assert "--synthetic: got 5, accepted: nothing beside --records" in capsys.readouterr().err
+
+
+def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.8,1.6", "--json"]
+    arguments += ["--synthetic", "5", "--realizations", "20", "--seed", "7", "--measure", "PGA", "--keep-noise"]
+    assert cli.main([*arguments, "--set", "block.restitution=0.8"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    changed = scene.varied(block={"restitution": 0.8})
+    options = {"measure": "PGA", "scale_noise": False, "realizations": 20, "seed": 7}
+    found = study(changed, synthetic_records(5, seed=7), Hazard.power_law(1e-3, 2.0), (0.4, 0.8, 1.6), **options)
+    assert values["fragility"]["overturned"] == found.fragility.overturned.tolist()
+    assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
+    assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
+    assert cli.main([*arguments, "--set", "block.restitution"]) == 2
+    assert "--set: got 'block.restitution', accepted: KEY=VALUE" in capsys.readouterr().err
