@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, File, Progress
+from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.layout import plain
 from fpk_rocking.results.storage import write_text
@@ -145,7 +145,7 @@ def study(
     scene: Scene,
     records: Sequence[Forcing | File],
     hazard: Hazard | File,
-    intensities: Sequence[float],
+    intensities: ArrayLike,
     *,
     measure: str = "PGV",
     units: str | None = None,
@@ -169,7 +169,7 @@ def study(
         At least five, or files that `Record.from_file` reads. Where there is none the forcing of the scene is taken.
     hazard : Hazard, str or pathlib.Path
         In the unit of the measure; or a file that `Hazard.from_csv` reads.
-    intensities : sequence of float
+    intensities : array_like
         Intensities, ascending, in g or m/s.
     measure : str
         "PGV" (in m/s) or "PGA" (in g).

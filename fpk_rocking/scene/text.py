@@ -182,4 +182,7 @@ def _literal(value):
     if isinstance(value, bool):
         return str(value).lower()
     # Python's shortest exact forms of int and float are TOML too.
-    return "[" + ", ".join(map(_literal, value)) + "]" if isinstance(value, tuple) else repr(value)
+    if not isinstance(value, tuple):
+        return repr(value)
+    # The samples of a record are many, and are written for every point of a study.
+    return "[" + ", ".join(map(repr if set(map(type, value)) <= {float} else _literal, value)) + "]"

@@ -1,5 +1,6 @@
 """From a fragility to an annual frequency: curves over records, hazards, closed forms."""
 
+import dataclasses
 import json
 import math
 
@@ -7,9 +8,10 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.curve import intensity_of
-from fpk_rocking.studies import drawn, fragility
+from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.measures import intensities
 from fpk_rocking.studies.result import Fragility
@@ -202,6 +204,31 @@ def test_intervals_over_records_cover():
     assert 180 <= hits <= 198
 
 
+def test_limits_over_records_that_agree_are_wilsons_and_those_of_points_are_drawn_with_the_records():
+    """Where no record overturns a block the bootstrap has no width; elsewhere it stands."""
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))] * 10
+    shares = np.clip((np.arange(12) - 2.0 - np.linspace(0.0, 4.0, 10)[:, None]) / 3.0, 0.0, 1.0)
+    curve = IntensityCurve.of(made(shares, scenes, 1000), "PGV", samples=500)
+    few = np.minimum(curve.probability, 1.0 - curve.probability) < 0.1
+    wilson = wilson_interval(10 * curve.probability, 10)
+    assert few.any()
+    assert curve.interval[few] == pytest.approx(wilson[few])
+    assert curve.interval[0, 1] > 0.2
+    drawn_again = np.quantile(curve.redrawn, [0.025, 0.975], axis=0).T
+    assert curve.interval[~few] == pytest.approx(drawn_again[~few])
+    points = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
+    risk = annual_frequency(points, Hazard.power_law(1e-3, 2.0))
+    rates = [
+        annual_frequency(dataclasses.replace(points, probability=one), risk.hazard).rate for one in curve.redrawn[:100]
+    ]
+    low, high = risk.interval
+    assert 85 <= sum(low <= rate <= high for rate in rates) <= 100  # 95 of 100, a false alarm of 1e-4
+    assert (
+        high - low
+        < 0.7 * (annual_frequency(dataclasses.replace(points, redrawn=np.empty((0, 0))), risk.hazard).interval[1])
+    )
+
+
 def test_one_scene_has_the_limits_of_its_sample():
     scene = at_intensity(Scene(Block(0.9, SIZE), Pulse("one-sine", 2.0, 4.0), BandNoise(0.05, (0.0, 10.0), 30)), "PGV")
     found = fragility(scene, scale=np.geomspace(0.4, 2.5, 8), realizations=300)
@@ -302,3 +329,20 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     arguments[3] = str(tmp_path / "h.csv")
     assert cli.main([*arguments, "--records", "x.AT2"]) == 2
     assert "--synthetic: got 5, accepted: nothing beside --records" in capsys.readouterr().err
+
+
+def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.8,1.6", "--json"]
+    arguments += ["--synthetic", "5", "--realizations", "20", "--seed", "7", "--measure", "PGA", "--keep-noise"]
+    assert cli.main([*arguments, "--set", "block.restitution=0.8"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    changed = scene.varied(block={"restitution": 0.8})
+    options = {"measure": "PGA", "scale_noise": False, "realizations": 20, "seed": 7}
+    found = study(changed, synthetic_records(5, seed=7), Hazard.power_law(1e-3, 2.0), (0.4, 0.8, 1.6), **options)
+    assert values["fragility"]["overturned"] == found.fragility.overturned.tolist()
+    assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
+    assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
+    assert cli.main([*arguments, "--set", "block.restitution"]) == 2
+    assert "--set: got 'block.restitution', accepted: KEY=VALUE" in capsys.readouterr().err
