@@ -20,7 +20,9 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.step.noise_paths import Noise, trace
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.motion import TERMS
 from montecarlo import simulate
 
 FORCING = Harmonic(3.6, 2.7, math.pi)
@@ -86,6 +88,20 @@ def test_flight_is_of_second_order(diffusion):
         density = Density(space, now)
         errors.append(np.abs(np.concatenate([density.mean, np.diag(density.covariance)]) - wanted).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
+    """A path that leaves x = 0, of which the node has no noise: what units and the rest of the acceleration leave out."""
+    alpha, forcing, errors = 0.6, Harmonic(1.5, 1.5, math.pi - 0.5), []
+    for duration in (0.05, 0.025):
+        dynamics = Dynamics(forcing, 1e-3, 0.5, 1.5, critical_angle=alpha)
+        noise = Noise(duration, dynamics.diffusion, np.zeros((1, 2)), np.zeros((1, 2)), 1.0)
+        states, codes = np.empty((1, 2)), np.empty(1, np.int32)
+        segment = dynamics.segment(0.0, duration)
+        trace(0.1, 0.4, 1, segment, dynamics.block, noise, np.empty((4, TERMS)), states, codes)
+        wanted, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
+        errors.append(np.abs(states[0] - wanted[:, 0]).max())
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.15)
 
 
 @pytest.mark.parametrize("noise", [WhiteNoise(0.02), FILTERED], ids=["white", "filtered"])
