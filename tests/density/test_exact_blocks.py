@@ -68,20 +68,20 @@ def spread_points(mean, covariance, count=12):
     return np.reshape(mean, (2, 1)) + np.linalg.cholesky(covariance) @ pairs, weights
 
 
-@pytest.mark.parametrize("diffusion", [0.0, 0.01])
+@pytest.mark.parametrize("diffusion", [0.0, 0.006])
 def test_flight_is_of_second_order(diffusion):
     """Moments after a flight in few steps: what is not linear shifts lines, and blurs them where there is noise."""
-    alpha, forcing, duration, spread = 0.6, Harmonic(0.7, 3.0, 0.4), 0.6, np.diag([0.005, 0.005])
-    lines = np.array([-3.5, 0.0, *np.arange(0.2, 2.21, 0.1), 3.5]), np.array([-4.0, *np.arange(-1.5, 1.51, 0.1), 4.0])
+    alpha, forcing, duration, spread = 0.9, Harmonic(0.7, 3.0, math.pi + 0.4), 0.3, np.diag([0.0025, 0.0025])
+    lines = np.array([-2.5, 0.0, *np.arange(0.05, 1.6, 0.07), 2.5]), np.array([-4.0, *np.arange(-1.2, 1.21, 0.07), 4.0])
     space = Space(*lines, 4)
-    dynamics = Dynamics(forcing, diffusion, 0.5, 3.5, critical_angle=alpha)
-    points, weights = spread_points([1.1, 0.0], spread)
+    dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
+    points, weights = spread_points([0.65, 0.1], spread)
     ends, gathered = flown(alpha, forcing, points, duration, diffusion)
     mean = ends @ weights
     wanted = np.concatenate([mean, (ends - mean[:, None]) ** 2 @ weights + gathered[::2] @ weights])
     errors = []
     for steps in (2, 4):
-        now, span = space.project(Gaussian([1.1, 0.0], spread), 12), duration / steps
+        now, span = space.project(Gaussian([0.65, 0.1], spread), 12), duration / steps
         for k in range(steps):
             quadrature = Quadrature(5, 5, 5, 2) if diffusion else Quadrature(5, 5, 1, 1, 1)
             now, _ = Step(Trace(space, k * span, span, dynamics, quadrature), space).apply(now)
@@ -91,7 +91,7 @@ def test_flight_is_of_second_order(diffusion):
 
 
 def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
-    """A path that leaves x = 0, of which the node has no noise: what units and the rest of the acceleration leave out."""
+    """A path that leaves x = 0, without noise: what units and the rest of the acceleration leave out."""
     alpha, forcing, errors = 0.6, Harmonic(1.5, 1.5, math.pi - 0.5), []
     for duration in (0.05, 0.025):
         dynamics = Dynamics(forcing, 1e-3, 0.5, 1.5, critical_angle=alpha)
