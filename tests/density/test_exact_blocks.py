@@ -177,13 +177,12 @@ def test_a_hold_is_that_of_a_slender_block_in_units_of_the_level():
 
 def test_white_noise_agrees_with_small_steps_of_another_scheme():
     """20,000 paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
-    alpha, e, diffusion, paths = 0.3, 0.6, 0.02, 20_000
-    scene = Scene(Block(e, critical_angle=alpha), FORCING, WhiteNoise(diffusion), Start(0.3, 0.0))
+    alpha, e, diffusion, paths, shaking = 0.45, 0.7, 0.02, 20_000, (4.2, 2.7, math.pi)
+    scene = Scene(Block(e, critical_angle=alpha), Harmonic(*shaking), WhiteNoise(diffusion), Start(0.3, 0.0))
     found = PeriodicRun(scene, plane_of(scene, 2), 1e-8).evolve(scene.period * np.arange(3)).inside[1:]
-    forcing = FORCING.amplitude, FORCING.frequency, FORCING.phase
-    fine, coarse = survival((alpha, e), scene.overturning.angle, forcing, diffusion, (0.3, 0.0), 2, paths, 400, 3)
+    fine, coarse = survival((alpha, e), scene.overturning.angle, shaking, diffusion, (0.3, 0.0), 2, paths, 400, 3)
     wanted = 2.0 * fine - coarse
-    assert found == pytest.approx(wanted, abs=2e-3 + 4.0 * 0.5 / math.sqrt(paths))
+    assert found == pytest.approx(wanted, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
 
 
 def test_filtered_noise_agrees_with_paths():
