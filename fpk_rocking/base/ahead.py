@@ -48,7 +48,7 @@ _helpers = []
 
 
 def of_block(task, scene):
-    """Return the task that compiles for the block of a scene: kernels are made for slender and for exact blocks apart."""
+    """Return the task that compiles for a scene: kernels are made for slender and for exact blocks apart."""
     return f"{task}_exact" if scene.block.critical_angle > 0.0 else task
 
 
