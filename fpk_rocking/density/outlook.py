@@ -55,8 +55,8 @@ def tell(scene: Scene, grids: Sequence[Grid], times: Array, tol: float) -> None:
         return
     seconds = sum(seconds_of(scene, grid, times) for grid in grids)
     if seconds >= LONG:
-        paths = 10 ** math.ceil(math.log10(0.25 / tol**2) - 1e-9)
+        rounded, paths = float(f"{seconds:.1g}"), 10 ** math.ceil(math.log10(0.25 / tol**2) - 1e-9)
         sys.stderr.write(
-            f"density: about {float(f'{seconds:.1g}'):,.0f} s of one processor, more where the tolerance asks for a finer solution; "
+            f"density: about {rounded:,.0f} s of one processor, more where the tolerance asks for a finer solution; "
             f"{paths:,} sampled paths give a standard error of {0.5 / math.sqrt(paths):.1g}\n"
         )

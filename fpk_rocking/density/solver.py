@@ -281,7 +281,7 @@ def _spread(noise):
 def _refuse_unresolved(result, negative):
     if negative > UNRESOLVED:
         raise ValueError(
-            f"scene: got a density that a mesh of {result.settings['unknowns']:,} unknowns does not resolve, nor would the "
-            f"finest (negative mass {negative:.1e}), accepted: up to {UNRESOLVED}; the noise, of diffusion "
+            f"scene: got a density that a mesh of {result.settings['unknowns']:,} unknowns does not resolve, nor would "
+            f"the finest (negative mass {negative:.1e}), accepted: up to {UNRESOLVED}; the noise, of diffusion "
             f"{result.diffusion:.3g}, is too weak, or filtered noise too slow: use Monte Carlo"
         )
