@@ -12,7 +12,7 @@ from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.layout import plain
 from fpk_rocking.results.storage import write_text
-from fpk_rocking.results.trust import Trust, trust_of
+from fpk_rocking.results.trust import CAUTION, Doubt, Trust, trust_of
 from fpk_rocking.risk.curve import IntensityCurve, at_intensity
 from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.frequency import Risk, annual_frequency
@@ -23,6 +23,9 @@ from fpk_rocking.studies.doubts import model_doubts
 from fpk_rocking.studies.drawing import Draws, drawn
 from fpk_rocking.studies.ranking import ranked
 from fpk_rocking.studies.result import Fragility
+
+_MANY = 30
+"""Motions from which on bootstrap limits cover about what they say: measured 93 % of 95."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,9 +69,24 @@ class Study:
 
     @property
     def trust(self) -> Trust:
-        """Verdict on the frequency: its relative standard error, and doubts of scenes, engine, hazard and range."""
-        doubts = model_doubts(self.fragility) + self.risk.doubts
+        """Verdict on the frequency: its relative standard error, and doubts of scenes, engine, hazard and records."""
+        doubts = model_doubts(self.fragility) + self.risk.doubts + self._of_records()
         return trust_of({"relative_error": self.risk.relative_error}, doubts)
+
+    def _of_records(self):
+        """Doubts about the motions: how many there are, and whether they differ."""
+        found, count, motions = [], self.risk.curve.records, [scene.forcing for scene in self.motions]
+        if 1 < count < _MANY:
+            sentence = (
+                f"The limits rest on {count} motions, and over few they are too narrow: of 95 % limits of the "
+                "frequency 75 % contained the true one over 5 motions, 86 % over 12, 90 % over 20."
+            )
+            found.append(Doubt(CAUTION, sentence, "few records"))
+        same = len(motions) - len(dict.fromkeys(motions))
+        if same:
+            sentence = f"{same} of {len(motions)} motions are the same as another one."
+            found.append(Doubt(CAUTION, sentence, "equal records"))
+        return found
 
     def text(self) -> str:
         """Return the frequency, the verdict and the fit as lines of text."""

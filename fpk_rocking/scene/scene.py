@@ -286,6 +286,8 @@ class Scene:
             raise ValueError(f"not valid TOML: {error}") from None
         for name, value in (changes or {}).items():
             _change(document, name, value)
+        if "noise" not in document and document.keys() <= _PARTS:
+            raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
         tables = checks.arguments("", document, cls)
         block = read_part("block", tables.pop("block"), folder)
         parts = {"block": block}
@@ -304,6 +306,9 @@ class Scene:
             if dataclasses.is_dataclass(part):
                 tables[f"noise.{name}"] = part
         return "\n".join(table_of(name, part) for name, part in tables.items())
+
+
+_PARTS = {field.name for field in dataclasses.fields(Scene)}
 
 
 def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:

@@ -344,5 +344,12 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     assert values["fragility"]["overturned"] == found.fragility.overturned.tolist()
     assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
     assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
+    assert values["trust"]["verdict"] in {"caution", "do not use"}
+    assert any("limits rest on 5 motions" in reason for reason in values["trust"]["reasons"])
+    twice = study(
+        changed, [record(1), *map(record, range(1, 5))], Hazard.power_law(1e-3, 2.0), (0.4, 1.6), realizations=5
+    )
+    assert "1 of 5 motions are the same as another one." in twice.trust.reasons
+    assert not any("are the same" in reason for reason in found.trust.reasons)
     assert cli.main([*arguments, "--set", "block.restitution"]) == 2
     assert "--set: got 'block.restitution', accepted: KEY=VALUE" in capsys.readouterr().err
