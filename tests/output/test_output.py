@@ -97,6 +97,10 @@ def test_survival_figure(tmp_path, drawn):
     assert len(difference.containers) == 2
     np.testing.assert_allclose(difference.containers[0][0].get_ydata(), ENSEMBLE.survival - DENSITY.survival)
     assert leakage.get_ylim()[0] < 0.0 < leakage.get_ylim()[1]
+    (legend,) = figure.legends
+    handles, names = survival.get_legend_handles_labels()
+    assert [text.get_text() for text in legend.get_texts()] == names
+    assert len(legend.legend_handles) == len(handles) == 3
     assert [path.name for path in tmp_path.iterdir()] == ["survival.png"]
 
 
@@ -144,10 +148,10 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(capsys, monkeypatch)
     clock = iter([0.0, 1.0, 11.0, 12.0, 30.0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
     with progress.reporting("density") as report:
-        for done in (1, 2, 3, 4):
-            report(done, 4)
+        for done in (1, 3, 4, 5):
+            report(done, 5)
     captured = capsys.readouterr()
-    assert captured.err == "density: 50 % after 11 s, about 20 s left\n"
+    assert captured.err == "density: 60 % after 11 s, about 10 s left\n"
     assert captured.out == ""
 
 
