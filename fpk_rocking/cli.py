@@ -79,8 +79,8 @@ _DENSITY = {
     ),
     "--bins-tol": _value(
         "X",
-        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; for a pulse or "
-        "a record, and with inf: any)",
+        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; for a pulse "
+        "or a record, and with inf: any)",
         float,
     ),
     "--closure": _value(
