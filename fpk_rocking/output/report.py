@@ -32,8 +32,9 @@ _ENDINGS = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
 _LEFT_OUT = (
     "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
     "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
-    "bases and contents, and the scatter of restitution. No error stated here contains these."
+    "bases and contents{scatter}. No error stated here contains these."
 )
+_SCATTER = ", and the scatter of restitution"
 _SLENDER = ", with the equation of motion of a slender one"
 _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
@@ -110,11 +111,11 @@ def _units(scenes):
     return f"{told} Here the critical angle is {angle:.4g}°, and τ = 1 is {second:.4g} s."
 
 
-def left_out(scenes):
-    """Say what the model of some scenes leaves out."""
+def left_out(scenes, *, scatter=True):
+    """Say what the model of some scenes leaves out, the scatter of restitution unless it was drawn."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
-    return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "")
+    return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "", scatter=_SCATTER * scatter)
 
 
 def table_html(columns):

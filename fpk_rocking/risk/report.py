@@ -72,13 +72,18 @@ def write_risk_report(path: File, study: Any) -> int:
             }
         ),
         "<h2>What is left out</h2>",
-        f"<p>{html.escape(left_out(scenes))} {_LEFT}</p>",
+        f"<p>{html.escape(left_out(scenes, scatter=not _scatters(study.draws)))} {_LEFT}</p>",
         "<h2>How to cite</h2>",
         f"<p>{html.escape(_CITE.format(version=importlib.metadata.version('fpk-rocking')))}</p>",
         f"<details><summary>Scene</summary><pre>{html.escape(_short(study.scene))}</pre></details>",
         json_html("summary", study.summary()),
     ]
     return write_page(path, title, parts)
+
+
+def _scatters(draws):
+    """Whether the restitution was drawn from a distribution."""
+    return draws is not None and any(name.startswith("block.restitution") for name in draws.values)
 
 
 def _picture(panel, meaning):

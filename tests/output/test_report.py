@@ -119,6 +119,11 @@ def test_it_says_which_equation_of_motion_it_is_for():
     base = "The model is one rigid block that rocks in a plane on a rigid base"
     part = ", with the equation of motion of a slender one"
     assert found == [base, base + part, f"{base}{part} in 1 of 2 scenes"]
+    exact = dataclasses.replace(DENSITY.scene, block=Block(0.5, critical_angle=0.2))
+    assert [", and the scatter of restitution." in left_out([exact], scatter=one) for one in (True, False)] == [
+        True,
+        False,
+    ]
 
 
 def test_densities_are_those_of_the_results(both):
