@@ -16,9 +16,9 @@ UNRESOLVED = 0.05
 LEAST = 3
 """Least number of solutions: the last, and two that serve its error estimate."""
 
-_SAFETY, _BEFORE, _AT_MOST, _FITTED = 1.4, 0.3, 2.5, 3.0
-"""Factors of `safe_difference`: of all, of the distance from the solution before the one before, of the last distance
-where it may be chance, and of what a fitted order says."""
+_SAFETY, _BEFORE, _AT_MOST = 1.4, 0.3, 2.5
+"""Factors of `safe_difference`: of all, of the distance from the solution before the one before, and of the last
+distance where it may be chance."""
 
 _BINS_BEFORE, _BINS_AT_MOST = 0.4, 1.5
 """The same for the binned density: its errors are sums over bins and seldom small by chance."""
@@ -60,7 +60,7 @@ class Refined(NamedTuple):
         return self.error <= wanted and self.bins_error <= bins_wanted and self.fine.negative_mass <= UNRESOLVED
 
 
-def refine(candidates, make, fits, done, least=LEAST):
+def refine(candidates, make, fits, done):
     """Solve on ever finer resolutions.
 
     Parameters
@@ -70,11 +70,9 @@ def refine(candidates, make, fits, done, least=LEAST):
     make : callable
         Takes a candidate and the level before (None at first), returns a `Level`.
     fits : callable
-        Takes the last level and a candidate: whether there is memory for it. The first `least` are not asked for.
+        Takes the last level and a candidate: whether there is memory for it. The first `LEAST` are not asked for.
     done : callable
         Takes a `Refined`: whether it is good enough, or there is no hope that finer levels are.
-    least : int
-        Levels that are made in any case.
 
     Returns
     -------
@@ -82,12 +80,12 @@ def refine(candidates, make, fits, done, least=LEAST):
     """
     levels, found = [], None
     for candidate in candidates:
-        if len(levels) >= least and not fits(levels[-1], candidate):
+        if len(levels) >= LEAST and not fits(levels[-1], candidate):
             break
         if levels:
             levels[-1].release()
         levels.append(make(candidate, levels[-1] if levels else None))
-        if len(levels) >= least:
+        if len(levels) >= LEAST:
             found = _refined(levels, len(candidates) - len(levels))
             if done(found):
                 break
@@ -102,14 +100,10 @@ def _refined(levels, left):
     return Refined(fine, levels[-2], error, bins_error, left)
 
 
-def candidates_for(tol, most=LEAST):
-    """Return the resolutions for a tolerance and how many of them to solve at least.
-
-    The last of these is usually enough; those before it, `most` together with it, serve its error estimate.
-    """
+def candidates_for(tol):
+    """Return the resolutions for a tolerance. The `LEAST`-th is usually enough; those before serve its estimate."""
     usual = USUAL[max(known for known in USUAL if known <= tol)]
-    least = min(most, usual + 1)
-    return RESOLUTIONS[usual + 1 - least :], least
+    return RESOLUTIONS[usual + 1 - LEAST :]
 
 
 def bins_tolerance(tol):
@@ -121,29 +115,25 @@ def safe_difference(distances):
     """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
 
     The last distance is the error of the solution before, if the last solution is far better; it may be small by
-    chance. The distance before tells whether it is: the error falls from one solution to the next by the ratio of the
-    two distances before the last, where there are two, and it falls to .3 at least over two solutions. Of that no more
+    chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. Of that no more
     than two and a half times the last distance counts. The result is 1.4 times the larger, for safety.
     """
     before, last = distances[-2:]
-    falls = _BEFORE
-    if len(distances) > 2 and distances[-3] > 0.0:
-        falls = min(falls, _FITTED * (before / distances[-3]) ** 2)
-    return _SAFETY * max(last, min(falls * before, _AT_MOST * last))
+    return _SAFETY * max(last, min(_BEFORE * before, _AT_MOST * last))
 
 
 class Count:
-    """Count of the cycles of all solutions, of which there are at least `least`.
+    """Count of the cycles of all solutions, of which there are at least `LEAST`.
 
     Parameters
     ----------
     report : callable or None
         Called as ``report(done, total)``.
-    cycles, least : int
+    cycles : int
     """
 
-    def __init__(self, report, cycles, least):
-        self.report, self.cycles, self.done, self.total = checks.report(report), cycles, 0, least * cycles
+    def __init__(self, report, cycles):
+        self.report, self.cycles, self.done, self.total = checks.report(report), cycles, 0, LEAST * cycles
 
     def next(self):
         """Begin another solution: what to call after each of its cycles."""

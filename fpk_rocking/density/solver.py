@@ -11,7 +11,7 @@ from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
 from fpk_rocking.density.outlook import tell
 from fpk_rocking.density.pilot import in_rest, motion_of
-from fpk_rocking.density.refinement import UNRESOLVED, Count, bins_tolerance, candidates_for, refine
+from fpk_rocking.density.refinement import LEAST, UNRESOLVED, Count, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import (
     refuse_broken,
     refuse_large,
@@ -83,7 +83,8 @@ def solve_fpk(
         Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
-        With inf the binned density is not refined for. By default √tol / 3, and inf where the forcing does not repeat.
+        With inf the binned density is not refined for. By default √tol / 3; where the forcing does not repeat,
+        the verdict is by that too, but refinement is for survival alone.
     closure : {"white", "filtered"}
         What replaces band noise: white noise of equal Melnikov variance, or low-pass noise of equal variance and
         Melnikov variance. Blocks come to rest under low-pass noise, and never do under white noise.
@@ -110,14 +111,13 @@ def solve_fpk(
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
-    tol, bins_tol = _tolerances(scene, tol, bins_tol)
+    tol, bins_tol, judged = _tolerances(scene, tol, bins_tol)
     solved = _closed(scene, closure)
     white, rows = solved.white_equivalent(), len(times) - 1
     ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
     kind, motion = kind_of(solved), motion_of(white, times)
-    resolutions, least = candidates_for(tol, kind.least)
-    grids = _grids(solved, white, motion, resolutions)
-    usual, count = grids[least - 1], Count(progress, rows, least)
+    grids = _grids(solved, white, motion, candidates_for(tol))
+    usual, count = grids[LEAST - 1], Count(progress, rows)
     refuse_large(usual.memory, usual.stored(rows), solved, rows)
 
     def made(grid, coarser):
@@ -130,8 +130,8 @@ def solve_fpk(
         held = level.memory * grid.memory / level.run.grid.memory
         return held + grid.stored(rows) <= SOLUTION_MEMORY[solved.noise.kind]
 
-    tell(solved, grids[:least], times, tol)
-    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol) or _hopeless(found), least)
+    tell(solved, grids[:LEAST], times, tol)
+    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol) or _hopeless(found))
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
@@ -151,7 +151,7 @@ def solve_fpk(
         moving_negative_mass=found.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
-        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},
+        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": judged},
         coefficients=fine.coefficients,
         space=run.space,
         atom=solved.noise.kind == "filtered",
@@ -230,11 +230,16 @@ class Solved:
 
 
 def _tolerances(scene, tol, bins_tol):
-    """Return the tolerances of survival and of the bins, by default those that take less than a minute."""
+    """Return the tolerances of survival and of the bins, and that by which the bins are judged.
+
+    By default what does not repeat is refined for survival alone, and judged by the bins all the same.
+    """
     tol = checks.number("tol", (1e-3 if scene.repeats else 1e-2) if tol is None else tol, at_least=min(USUAL))
     if bins_tol is None:
-        bins_tol = bins_tolerance(tol) if scene.repeats else math.inf
-    return tol, bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
+        judged = bins_tolerance(tol)
+        return tol, judged if scene.repeats else math.inf, judged
+    bins_tol = bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
+    return tol, bins_tol, bins_tol
 
 
 def _hopeless(found):

@@ -224,7 +224,7 @@ def climb(white, tol):
     def done(found):
         return found.within(wanted, bins_tolerance(tol)) or _hopeless(found.fine, found.coarse)
 
-    found = refine(candidates_for(tol)[0], solved, fits, done)
+    found = refine(candidates_for(tol), solved, fits, done)
     _judge(found, tol)
     return found.fine, found.coarse, found.error, [(level.space.unknowns, level.rate) for level in refinement]
 

@@ -33,10 +33,7 @@ def grid_of(scene, resolution, cycles=10):
         ((1e-3, 4e-4), 1e-3, 0.0, 1.4 * 4e-4),  # the last distance rules
         ((1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
         ((1e-2, 2e-4), 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
-        ((8e-3, 1e-3, 2e-5), 1e-3, 0.0, 1.4 * 3.0 * 1e-3 / 64.0),  # the error falls to an eighth
-        ((8e-3, 1e-3, 1e-5), 1e-3, 0.0, 1.4 * 2.5e-5),  # but not more than two and a half times the last
         ((2e-3, 1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # it hardly falls: to .3 over two solutions
-        ((0.0, 1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # no order is known
         ((1e-6, 1e-6), 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
         ((1e-6, 1e-6), 1e-6, -3e-3, 3e-3),  # what was lost is an error
     ],
@@ -121,10 +118,12 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
 
 
 def test_default_tolerances_depend_on_whether_the_scene_repeats():
-    assert solver._tolerances(MAIN, None, None) == (1e-3, refinement.bins_tolerance(1e-3))
+    usual = refinement.bins_tolerance(1e-3)
+    assert solver._tolerances(MAIN, None, None) == (1e-3, usual, usual)
     once = types.SimpleNamespace(repeats=False)
-    assert solver._tolerances(once, None, None) == (1e-2, math.inf)
-    assert solver._tolerances(once, 1e-3, 0.1) == (1e-3, 0.1)
+    assert solver._tolerances(once, None, None) == (1e-2, math.inf, refinement.bins_tolerance(1e-2))
+    assert solver._tolerances(once, 1e-3, 0.1) == (1e-3, 0.1, 0.1)
+    assert solver._tolerances(once, 1e-3, math.inf) == (1e-3, math.inf, math.inf)
 
 
 @pytest.mark.slow

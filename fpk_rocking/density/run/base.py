@@ -7,7 +7,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.types import Array
-from fpk_rocking.density.refinement import LEAST
 from fpk_rocking.density.resolution import Grid
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
@@ -56,9 +55,6 @@ class Run(abc.ABC):
 
     atom: ClassVar[bool] = False
     """Whether blocks rest at x = v = 0 exactly, with a probability that the density does not contain."""
-
-    least: ClassVar[int] = LEAST
-    """Solutions that a result takes at least."""
 
     @property
     @abc.abstractmethod

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.refinement import LEAST
 from fpk_rocking.density.run.base import Seen
 from fpk_rocking.density.run.cyclic import CyclicRun, State
 from fpk_rocking.density.space.space import turn
@@ -21,9 +20,6 @@ class PeriodicRun(CyclicRun):
     leg : list of Step
         The steps of a leg.
     """
-
-    # A fourth solution, the coarsest, takes a tenth of the time, and an order can be fitted.
-    least = LEAST + 1
 
     def __init__(self, scene, grid, negligible, guide=None):
         self.dynamics, self.duration = Dynamics.of(scene), scene.period / grid.steps
