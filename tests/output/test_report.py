@@ -139,6 +139,8 @@ def test_densities_are_those_of_the_results(both):
             density = result.bin_probabilities(row, *edges) / areas
             # A code is half a step off at most, and the root of density is what it is a step of.
             assert np.abs(np.sqrt(drawn) - np.sqrt(density)).max() < 0.51 / 255.0 * math.sqrt(film["most"][row])
+    assert len(film["colours"]) == 256
+    assert len(set(film["colours"])) > 200
     assert film["when"][:2] == ["after 0 cycles", "after 1 cycle"]
     assert film["begin"] == 10
 
