@@ -104,7 +104,9 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
     assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.15)
 
 
-@pytest.mark.parametrize("noise", [WhiteNoise(0.02), FILTERED], ids=["white", "filtered"])
+@pytest.mark.parametrize(
+    "noise", [WhiteNoise(0.02), pytest.param(FILTERED, marks=pytest.mark.slow)], ids=["white", "filtered"]
+)
 def test_a_block_becomes_slender_with_order_2(noise):
     """Survival on one mesh, impacts, rest and overturning included."""
     scene = Scene(Block(0.7), Harmonic(4.2, 2.7, math.pi), noise)
