@@ -104,8 +104,8 @@ class Reference(NamedTuple):
     def is_of(self, row):
         """Whether this is the reference that a row asks for."""
         return (
-            (str(self.scene), int(self.paths), int(self.seed), int(self.steps_per_cycle))
-            == (row.scene.to_toml(), row.paths, SEED, row.steps_per_cycle)
+            Scene.from_toml(str(self.scene)) == row.scene
+            and (int(self.paths), int(self.seed), int(self.steps_per_cycle)) == (row.paths, SEED, row.steps_per_cycle)
             and self.standing.size == row.sampled + 1
             and tuple(self.binned) == row.binned
         )

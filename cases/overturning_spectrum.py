@@ -72,9 +72,7 @@ def spectrum(frequencies, amplitudes, critical_angle=0.0):
 def draw(path, frequencies, amplitudes, modes, bounds, exact):
     """Draw the regions of both modes and their lower ends, and what the critical angle makes of these."""
     title = "The equation of a slender block is safe under long pulses, unsafe under short ones"
-    notes = [
-        f"Restitution {RESTITUTION:g}, p = √(3g / 4R). (b): above 1 the equation of a slender block is on the safe side."
-    ]
+    notes = [f"Restitution {RESTITUTION:g}, p = √(3g / 4R). (b): above 1 the equation of a slender block is safe."]
     with style.page(path, (13.0, 5.8), title, notes) as figure:
         axes, ratios = figure.subplots(1, 2)
         for mode, colour in ((0, "0.78"), (1, "#9ecae1")):

@@ -5,6 +5,7 @@ expression in these lanes always does.
 """
 
 import operator
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -72,7 +73,11 @@ def _place(context, builder, kind, array, row):
     return builder.bitcast(start, _VECTOR.as_pointer())
 
 
-@intrinsic
+_intrinsic: Callable[..., Callable[..., Any]] = intrinsic
+"""Without the typing context, which a caller does not pass."""
+
+
+@_intrinsic
 def load(typing, array, row) -> Any:  # noqa: ARG001  (what numba passes)
     """Return the first eight numbers of a row of a contiguous array (n, m), m >= 8."""
 
@@ -82,7 +87,7 @@ def load(typing, array, row) -> Any:  # noqa: ARG001  (what numba passes)
     return lanes(array, types.intp), generate
 
 
-@intrinsic
+@_intrinsic
 def store(typing, array, row, value) -> Any:  # noqa: ARG001
     """Write into the first eight numbers of a row of a contiguous array (n, m), m >= 8."""
 
@@ -93,7 +98,7 @@ def store(typing, array, row, value) -> Any:  # noqa: ARG001
     return types.void(array, types.intp, lanes), generate
 
 
-@intrinsic(prefer_literal=True)
+@_intrinsic(prefer_literal=True)
 def spread(typing, value, lane) -> Any:  # noqa: ARG001
     """Return one of eight numbers, by a literal index, as often."""
 
@@ -103,7 +108,7 @@ def spread(typing, value, lane) -> Any:  # noqa: ARG001
     return lanes(value, lane), generate
 
 
-@intrinsic
+@_intrinsic
 def total(typing, value) -> Any:  # noqa: ARG001
     """Return the sum of eight numbers."""
 

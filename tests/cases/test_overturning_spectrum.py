@@ -28,5 +28,5 @@ def test_least_amplitudes_and_modes(case, tmp_path):
     assert (bounds[:, 0] < bounds[:, 1]).all()
     last = modes[2].tolist()
     assert last.index(spectrum.STANDS, last.index(1)) < last.index(0)
-    spectrum.draw(tmp_path / "spectrum.png", FREQUENCIES, amplitudes, modes, bounds)
+    spectrum.draw(tmp_path / "spectrum.png", FREQUENCIES, amplitudes, modes, bounds, {0.2: 1.1 * bounds})
     assert (tmp_path / "spectrum.png").stat().st_size > 10_000

@@ -28,9 +28,8 @@ def forcing(time):
 
 def expansion(displacement, time, speed, side, duration=DURATION):
     """Displacement at the end and whether the impact came within the step, by the kernel."""
-    return saltation.through_impact_expanded(
-        *displacement, time, duration - time, DYNAMICS.restitution, speed, side, *forcing(START + time)
-    )
+    impact = saltation.encounter(speed, side, *forcing(START + time), DYNAMICS.block)
+    return saltation.through_impact_expanded(*displacement, time, duration - time, impact, DYNAMICS.block)
 
 
 def flown(displacement, time, speed, side):

@@ -1,4 +1,4 @@
-"""Event-driven paths of exact blocks against quadratures, an independent integrator, and the limit of a slender block."""
+"""Event-driven paths of exact blocks against quadratures, an independent integrator and the slender limit."""
 
 import math
 
@@ -18,6 +18,7 @@ from montecarlo.engines.random import open_stream, stream_keys
 
 BLOCK = Block(0.85, critical_angle=0.3)
 NOISE = BandNoise(0.04, (0.0, 9.0), 30)
+ENVELOPED = BandNoise(0.04, (0.0, 9.0), 30, envelope=Trapezoid(1.0, 3.0, 1.5))
 SCENE = Scene(BLOCK, Harmonic(2.5, 2.7, 1.0), NOISE)
 
 
@@ -121,9 +122,7 @@ def test_paths_under_noise_are_those_of_an_independent_integrator(envelope):
             assert (run.angle[number, k], run.velocity[number, k]) == pytest.approx((path.x, path.v), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "noise", [NOISE, BandNoise(0.04, (0.0, 9.0), 30, envelope=Trapezoid(1.0, 3.0, 1.5)), FilteredNoise("low-pass", 0.04, 5.0, 0.7)]
-)  # fmt: skip
+@pytest.mark.parametrize("noise", [NOISE, ENVELOPED, FilteredNoise("low-pass", 0.04, 5.0, 0.7)])
 def test_a_block_becomes_slender_with_order_2(noise):
     scene = SCENE.varied(noise=noise, start=Start(0.3))
     slender = simulate(scene.varied(block=Block(0.85)), cycles=1, realizations=100)
@@ -135,7 +134,7 @@ def test_a_block_becomes_slender_with_order_2(noise):
 
 
 def test_late_cycles_have_their_noise():
-    """In the limit of a slender block, past chunks and fresh anchors: impacts up to cycle 60 are those of its engine."""
+    """In the slender limit, past chunks and fresh anchors: impacts up to cycle 60 are those of the slender engine."""
     scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40), Start(1e-9))
     whole = histories(scene, cycles=60, samples_per_cycle=1)
     limit = histories(scene.varied(block=Block(0.5, critical_angle=1e-6)), cycles=60, samples_per_cycle=1)
@@ -189,7 +188,7 @@ def test_a_block_lifts_off_beyond_the_level_of_its_angle():
 
 @pytest.mark.slow
 def test_what_the_polynomial_of_filtered_noise_leaves_out_is_of_its_order():
-    """As for a slender block: coupled paths after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer."""
+    """As for a slender block: coupled paths after a cycle, intervals as 1 : 2 : 4 against eight times finer."""
     scene = SCENE.varied(noise=FilteredNoise("exponential", 0.04, 5.0), forcing=Harmonic(0.867, 1.374, math.pi))
     errors = []
     for factor in (4, 8, 16):

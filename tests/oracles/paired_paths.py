@@ -1,4 +1,4 @@
-"""White-noise paths of a block, exact and slender, under the same noise: what the exact geometry changes, to a small error.
+"""White-noise paths of an exact and a slender block under the same noise: what the geometry changes, to a small error.
 
 Drift, kick, drift: gravity, base and noise act half way through a step, and between these moments a block moves on
 straight lines, so that impacts are met exactly. Next to zero angle a step is divided. Nothing of the project's own
@@ -44,12 +44,12 @@ def _stepped(x, v, force, noise, time, alpha, restitution):
 
 
 @numba.njit
-def _followed(x, v, forces, noise, time, alpha, restitution, scale):
+def _followed(x, v, forces, noise, time, alpha, restitution, scale, draws):
     """Carry a block through a step with the force at its parts' middles."""
     if abs(x) > time * (abs(v) + 2.0 * scale):
         return _stepped(x, v, forces[PARTS], noise, time, alpha, restitution)
     part = time / PARTS
-    own = np.random.standard_normal(PARTS)
+    own = draws.standard_normal(PARTS)
     own = (own - own.mean()) * scale / math.sqrt(PARTS) + noise / PARTS
     for k in range(PARTS):
         x, v = _stepped(x, v, forces[k], own[k], part, alpha, restitution)
@@ -57,9 +57,8 @@ def _followed(x, v, forces, noise, time, alpha, restitution, scale):
 
 
 @numba.njit
-def _walk(paths, seed, start, forces, time, scales, alphas, restitution, cutoff, rows):
+def _walk(paths, draws, start, forces, time, scales, alphas, restitution, cutoff, rows):
     """Survivors (2, rows) of both blocks, and paths (rows,) on which they differ."""
-    np.random.seed(seed)
     steps = len(forces)
     found, differ = np.zeros((2, rows), np.int64), np.zeros(rows, np.int64)
     for _ in range(paths):
@@ -67,11 +66,11 @@ def _walk(paths, seed, start, forces, time, scales, alphas, restitution, cutoff,
         states[:] = start
         for n in range(rows * steps if forces.shape[0] else 0):
             k = n % steps
-            noise = scales[n] * np.random.standard_normal()
+            noise = scales[n] * draws.standard_normal()
             for b in range(2):
                 if stands[b]:
                     x, v = _followed(
-                        states[b, 0], states[b, 1], forces[k], noise, time, alphas[b], restitution, scales[n]
+                        states[b, 0], states[b, 1], forces[k], noise, time, alphas[b], restitution, scales[n], draws
                     )
                     states[b, 0], states[b, 1] = x, v
                     stands[b] = abs(x) < cutoff
@@ -110,7 +109,16 @@ def paired_survival(scene, cycles, paths, seed, longest=0.02):
     alphas = np.array([scene.block.critical_angle, 0.0])
     start = np.array([scene.start.angle, scene.start.velocity])
     found, differ = _walk(
-        paths, seed, start, forces, time, scales, alphas, scene.block.restitution, scene.overturning.angle, cycles
+        paths,
+        np.random.default_rng(seed),
+        start,
+        forces,
+        time,
+        scales,
+        alphas,
+        scene.block.restitution,
+        scene.overturning.angle,
+        cycles,
     )
     exact, slender = np.concatenate([np.ones((2, 1)), found / paths], axis=1)
     part = np.concatenate([[0.0], differ / paths])

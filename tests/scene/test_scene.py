@@ -262,7 +262,7 @@ def test_wrong_types_are_refused(make, message):
         ("[forcing]", "[forcign]", r"forcign: unknown, .*did you mean forcing\?$"),
         ('kind = "none"', 'kind = "none"\nvariance = 1', r"noise\.variance: unknown, accepted: no key$"),
         ("frequency = 2.7", "", r"forcing\.frequency: missing, required: amplitude, frequency$"),
-        ('[noise]\nkind = "none"', "", r"^noise: missing, required: block, forcing, noise$"),
+        ('[noise]\nkind = "none"', "", r'^noise: missing, required: \[noise\]; kind = "none" says that there is none$'),
         ('kind = "none"', "", r"noise\.kind: missing, accepted: 'band', 'white', 'filtered', 'none'$"),
         ('"none"', '"pink"', r"noise\.kind: got 'pink', accepted: 'band', 'white', 'filtered', 'none'$"),
         ('"none"', "3", r"noise\.kind: got 3, accepted: 'band', 'white', 'filtered', 'none'$"),

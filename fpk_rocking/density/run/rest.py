@@ -28,7 +28,8 @@ _LOOK = 0.02
 
 _INSIDE, _SAFE = 8.0, 25.0
 """Scales w of the layer that have to be within the speed of `REST` and that up to which hops die out, so that all of
-the layer is held, and within the least speed over the saddle, 1 - |f| of a slender block, so that noise alone overturns nothing: exp(-25).
+the layer is held, and within the least speed over the saddle, 1 - |f| of a slender block, so that noise alone overturns
+nothing: exp(-25).
 """
 
 _STEADY = 0.5

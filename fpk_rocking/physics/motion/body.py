@@ -41,6 +41,7 @@ def by_body(slender: Callable[..., Any], exact: Callable[..., Any]) -> Callable[
     @overload(either, strict=False, inline="always")
     def _(*arguments):
         angle = arguments[-1].types[Body._fields.index("critical_angle")]
-        return (slender if isinstance(angle, types.NoneType) else exact).py_func
+        chosen: Any = slender if isinstance(angle, types.NoneType) else exact
+        return chosen.py_func
 
     return either

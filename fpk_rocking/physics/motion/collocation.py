@@ -57,7 +57,7 @@ UNKNOWN = -1
 
 
 def _tables():
-    """Return the points c of [0, 1], and double integrals and coefficients of the polynomials that are 1 at one of them.
+    """Return the points c of [0, 1], and integrals and coefficients of the polynomials that are 1 at one of them.
 
     These are the double integrals up to the points [j, i], the double and single integrals to 1, and the coefficients
     [j, k] on [-1, 1].
@@ -277,8 +277,10 @@ def _leaves(u, w, angle, last, fall, block):
 
 
 @kernel(forceinline=True, borrows=True)
-def _hop(w, side, force, start, until, block):
+def _hop(u, w, side, force, start, until, block):
     """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
+    if u != 0.0 or not 0.0 < w <= LOW:
+        return 0.0, 0.0
     (f, slope), alpha = polynomial(force, start), block.critical_angle
     cosine, sine = math.cos(alpha), math.sin(alpha)
     bend, stiff = side * f * cosine - sine / alpha, cosine + alpha * side * f * sine
@@ -303,7 +305,7 @@ def _flight(u, w, side, force, start, span, block):
 
 @kernel(forceinline=True, borrows=True)
 def _event(u, w, last, angle, quotient, block):
-    """What happens first in a flight, `NOTHING`, `IMPACT` or `UNKNOWN`, and its place in the time of its polynomial."""
+    """Return what comes first in a flight, `NOTHING`, `IMPACT` or `UNKNOWN`, and its place in the polynomial's time."""
     fall, rise = bend_bounds(angle, _BEND)
     if last > 0.0:
         sure = stays(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
@@ -320,7 +322,7 @@ def _event(u, w, last, angle, quotient, block):
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
 def _arrive(u, w, side, force, start, time, place, angle, block):
-    """Time and folded velocity of the impact near a time of a flight, which is a place of its polynomial; or 0."""
+    """Return time and folded velocity of the impact near a time of a flight, a place of its polynomial; or 0."""
     places = load(_POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
@@ -331,8 +333,22 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     return time + late, speed + late * total(bend * load(_POINTS, 5))
 
 
+@kernel(forceinline=True, borrows=True)
+def _land(side, speed, force, half, time, block, impacts, origin, slow):
+    """Return x, v, side and time after an impact of a folded velocity, or those of rest."""
+    if impacts is not None:
+        record(impacts, origin + time, side * speed)
+    v, side = impact(side * speed, block.restitution), -side
+    # Chatter takes longer than the speed is large.
+    if abs(v) <= slow:
+        side, delay = settle(abs(v), side, force_segment(force, half), time, block, slow)
+        if side == 0:
+            return 0.0, 0.0, side, time + delay
+    return 0.0, v, side, time
+
+
 @kernel(borrows=True)
-def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend):
+def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=SLOW):
     """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
 
     Parameters
@@ -345,6 +361,8 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
         As of `advance`; times are those of the polynomial.
     known, last, speed, bend : bool, float, float, Lanes
         Whether the flight from `start` to `end`, on over impacts, is known, and what `fly` returned of it.
+    slow : float
+        As of `advance`.
 
     Returns
     -------
@@ -358,9 +376,8 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
             start, side = uplift_time(force_segment(force, half), start, end, block)
             x, v = 0.0, 0.0
             continue
-        u, w, span, time = side * x, side * v, until - start, 0.0
-        if u == 0.0 and 0.0 < w <= LOW:
-            time, speed = _hop(w, side, force, start, until, block)
+        u, w, span = side * x, side * v, until - start
+        time, landing = _hop(u, w, side, force, start, until, block)
         if time == 0.0:
             if not known:
                 last, speed, bend, found = _flight(u, w, side, force, start, span, block)
@@ -375,24 +392,18 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
                     break
                 until = start + 0.4 * span
                 continue
-            time, speed = _arrive(u, w, side, force, start, 0.5 * (place + 1.0) * span, place, angle, block)
+            time, landing = _arrive(u, w, side, force, start, 0.5 * (place + 1.0) * span, place, angle, block)
             if time == 0.0:
                 break
-        start, until = start + time, end
-        if impacts is not None:
-            record(impacts, origin + start, side * speed)
-        x, v, side = 0.0, impact(side * speed, block.restitution), -side
-        if abs(v) <= SLOW:
-            side, delay = settle(abs(v), side, force_segment(force, half), start, block)
-            if side == 0:
-                v, start = 0.0, start + delay
+        until = end
+        x, v, side, start = _land(side, landing, force, half, start + time, block, impacts, origin, slow)
     if start >= end:
         return x, v, side, end
-    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin)
+    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin, slow)
 
 
 @kernel(borrows=True)
-def carried(force, half, x, v, side, start, end, block, impacts, origin):
+def carried(force, half, x, v, side, start, end, block, impacts, origin, slow=SLOW):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `through`."""
     nothing = load(_POINTS, 0)
-    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing)
+    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow)
