@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
-from fpk_rocking.density.refinement import Count
+from fpk_rocking.density.refinement import LEAST, Count
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
@@ -20,12 +20,13 @@ MAIN = load_scene(SCENES / "main.toml")
 
 def test_the_total_of_the_progress_grows_with_every_solution_beyond_those_known():
     told = []
-    count = Count(lambda *pair: told.append(pair), cycles=2, least=1)
-    for _ in range(2):
+    count = Count(lambda *pair: told.append(pair), cycles=2)
+    for _ in range(LEAST + 1):
         done = count.next()
         done()
         done()
-    assert told == [(1, 2), (2, 2), (3, 4), (4, 4)]
+    known, more = 2 * LEAST, 2 * LEAST + 2
+    assert told == [(k, known if k <= known else more) for k in range(1, more + 1)]
 
 
 def test_a_density_is_shown_where_it_is_resolved():

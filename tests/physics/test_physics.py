@@ -53,7 +53,7 @@ def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle
     """(sin φ)² + (cos φ)² = 1, (sin φ)' = φ' cos φ and u'' = s f cos φ - sin φ/α, by products of series."""
     work, alpha, orders = np.zeros(WORK), 0.7, np.arange(TERMS)
     force = np.random.default_rng(6).normal(size=TERMS) / 2.0**orders
-    assert _expand.py_func(0.4, 0.9, -1, force, 0.1, Body(0.8, 1.5, alpha), work) > 0.1
+    assert _expand.py_func(0.4, 0.9, -1, force, 0.1, 9.0, Body(0.8, 1.5, alpha), work) > 0.1
     angle, sine, cosine, push = (Polynomial(row) for row in work)
 
     def low(series):
