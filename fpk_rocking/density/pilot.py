@@ -88,7 +88,8 @@ def motion_of(white, times):
     spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
     states = np.array([white.start.angle, white.start.velocity]) + _pairs(random) @ spread.T
     sides = np.sign(np.where(states[:, 0], states[:, 0], states[:, 1]))
-    sides = np.where(sides, sides, np.sign(white.forcing.value(0.0)) or 1.0).astype(np.int32)
+    # The integers that a side is in every other kernel: of others the tracing would be compiled once more.
+    sides = np.where(sides, sides, np.sign(white.forcing.value(0.0)) or 1.0).astype(np.int64)
     seen = [np.array([[dynamics.cutoff, 1.0]])]
     for segment, duration, diffusion, axes in _steps(white, dynamics, times):
         nodes = _pairs(random)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from traced import path_ends
 from white_paths import survival
 
 from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start, WhiteNoise
@@ -20,9 +21,8 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.noise_paths import Noise, trace
+from fpk_rocking.density.step.noise_paths import Noise
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.motion import TERMS
 from montecarlo import simulate
 
 FORCING = Harmonic(3.6, 2.7, math.pi)
@@ -73,7 +73,7 @@ def test_flight_is_of_second_order(diffusion):
     """Moments after a flight in few steps: what is not linear shifts lines, and blurs them where there is noise."""
     alpha, forcing, duration, spread = 0.9, Harmonic(0.7, 3.0, math.pi + 0.4), 0.3, np.diag([0.0025, 0.0025])
     lines = np.array([-2.5, 0.0, *np.arange(0.05, 1.6, 0.07), 2.5]), np.array([-4.0, *np.arange(-1.2, 1.21, 0.07), 4.0])
-    space = Space(*lines, 4)
+    space = Space(*lines, 3)
     dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
     points, weights = spread_points([0.65, 0.1], spread)
     ends, gathered = flown(alpha, forcing, points, duration, diffusion)
@@ -96,9 +96,7 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
     for duration in (0.05, 0.025):
         dynamics = Dynamics(forcing, 1e-3, 0.5, 1.5, critical_angle=alpha)
         noise = Noise(duration, dynamics.diffusion, np.zeros((1, 2)), np.zeros((1, 2)), 1.0)
-        states, codes = np.empty((1, 2)), np.empty(1, np.int32)
-        segment = dynamics.segment(0.0, duration)
-        trace(0.1, 0.4, 1, segment, dynamics.block, noise, np.empty((4, TERMS)), states, codes)
+        states, _ = path_ends(0.1, 0.4, 1, dynamics.segment(0.0, duration), dynamics.block, noise)
         wanted, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
         errors.append(np.abs(states[0] - wanted[:, 0]).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.15)

@@ -243,7 +243,7 @@ def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
 
 def test_a_start_is_carried_on_windows_past_the_time_within_which_a_mesh_should_take_over():
     # A record that overturns a block at once leaves no step at which the mesh resolves the density.
-    dynamics, target = Dynamics.of(PULSED), Space(np.linspace(-1.57, 1.57, 9), np.linspace(-4.0, 4.0, 9), 2)
+    dynamics, target = Dynamics.of(PULSED), Space(np.linspace(-1.57, 1.57, 9), np.linspace(-4.0, 4.0, 9), 3)
     departure = Departure(dynamics, PULSED.start, RESOLUTIONS[0].windows, 0.1)
     coefficients, gone = departure.land(0.2, target)
     assert target.masses(coefficients).sum() + gone.sum() == pytest.approx(1.0, abs=1e-12)

@@ -12,6 +12,7 @@ from density_operators import affine, flow, free_flight, gauss_points, hermite_w
 from numpy.polynomial import legendre
 from scipy.sparse.linalg import spsolve
 from skfem import BilinearForm
+from traced import path_ends
 
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import landing, noise_paths
@@ -20,7 +21,6 @@ from fpk_rocking.density.step.occupied import meeting, with_neighbours
 from fpk_rocking.density.step.shifts import passes_end
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.forcing import Harmonic
-from fpk_rocking.physics.motion import TERMS
 
 CUTOFF = 1.2
 DYNAMICS = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
@@ -42,12 +42,10 @@ def traced(points, side, dynamics, quadrature, duration=DURATION):
     """Landing points (points, nodes, 2) and codes (points, nodes), one call of the path kernel a point."""
     nodes, _ = noise_paths.hermite_nodes(quadrature.long, quadrature.short)
     offsets = noise_offsets(dynamics, duration, quadrature.long, quadrature.short)
-    states, codes = np.empty((len(points), len(nodes), 2)), np.empty((len(points), len(nodes)), np.int32)
-    for k, (x, v) in enumerate(points):
-        noise = noise_paths.Noise(duration, dynamics.diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
-        segment, scratch = dynamics.segment(START, duration), np.empty((4, TERMS))
-        noise_paths.trace(x, v, side, segment, dynamics.block, noise, scratch, states[k], codes[k])
-    return states, codes
+    noise = noise_paths.Noise(duration, dynamics.diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
+    segment = dynamics.segment(START, duration)
+    states, codes = zip(*(path_ends(x, v, side, segment, dynamics.block, noise) for x, v in points), strict=True)
+    return np.array(states), np.array(codes)
 
 
 def affine_landing(points, side):

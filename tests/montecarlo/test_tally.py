@@ -135,7 +135,7 @@ def test_a_start_beyond_the_cut_off_is_counted_first():
 def test_the_largest_tally_does_not_overflow(states):
     """As many copies of a state as a tally takes: the mean is exact, and so is the covariance."""
     empty = counts.empty_counts(MAIN, MAIN.period * np.arange(2), *joint_edges(MAIN))
-    angle, velocity = (np.array(states) * empty.quantum).T
+    angle, velocity = np.ascontiguousarray((np.array(states) * empty.quantum).T)
     batch = batch_of(0, angle[:, None], velocity[:, None])
     counts.add(counts.Counts(*empty[:4], *(array[:1] for array in empty[4:])), batch)
     many = counts.LARGEST // len(states)

@@ -56,8 +56,8 @@ def test_a_cell_that_no_worker_survives_is_a_row(client, tmp_path):
 
 
 @contextlib.contextmanager
-def scheduler_and_workers(folder):
-    """Yield a scheduler, the first of three processes, and its address; the workers outlive it for a while."""
+def scheduler_and_worker(folder):
+    """Yield a scheduler, the first of two processes, and its address; the worker outlives it for a while."""
     file, processes = folder / "scheduler.json", []
     where = {"env": os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, "stderr": subprocess.DEVNULL}
     begin = [sys.executable, "-m", "distributed.cli.dask_"]
@@ -68,8 +68,7 @@ def scheduler_and_workers(folder):
 
     try:
         started("scheduler", "--host", "127.0.0.1", "--port", "0")
-        for _ in range(2):
-            started("worker", "--no-nanny", "--nthreads", "1", "--death-timeout", "60")
+        started("worker", "--no-nanny", "--nthreads", "1", "--death-timeout", "60")
         yield processes[0], file
     finally:
         for process in processes:
@@ -81,14 +80,14 @@ def test_a_scheduler_killed_in_the_middle(tmp_path):
     """A plain error; the rows that came are kept, and the sweep goes on from them without the cluster."""
     store, scenes = tmp_path / "rows.jsonl", GRID.scenes * 3
     asked = {"scenes": scenes, "verb": study_verbs.slow, "seed": 7, "store": store, "seconds": 0.2}
-    with scheduler_and_workers(tmp_path) as (scheduler, file):
+    with scheduler_and_worker(tmp_path) as (scheduler, file):
         client = distributed.Client(scheduler_file=str(file), timeout=30, set_as_default=False)
 
         def kill(done, _):
             if done == 4:
                 scheduler.kill()
 
-        client.wait_for_workers(2)
+        client.wait_for_workers(1)
         with client, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all scenes"):
             sweep(**asked, workers=client.get_executor(), progress=kill)
     kept = store.read_bytes()

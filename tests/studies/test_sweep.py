@@ -16,8 +16,9 @@ from fpk_rocking.base import ahead
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
-from fpk_rocking.studies import grid, sweep
-from fpk_rocking.studies.execution.cells import seed_of
+from fpk_rocking.studies import grid, sweep, sweeping
+from fpk_rocking.studies.execution import workers as execution_workers
+from fpk_rocking.studies.execution.cells import perform, seed_of
 from fpk_rocking.studies.verbs import VERBS, tasks_of
 from montecarlo import simulate
 
@@ -55,13 +56,13 @@ def test_seeds_depend_on_seed_and_number_alone(alone):
 
 
 @pytest.mark.parametrize("workers", [2, "threads"])
-def test_same_rows_from_any_workers(alone, workers):
-    if workers == 2:
-        found = sweep(GRID, study_verbs.amplitude, seed=7, workers=2)
-    else:
-        with concurrent.futures.ThreadPoolExecutor(3) as pool:
-            found = sweep(GRID, study_verbs.amplitude, seed=7, workers=pool)
-    assert told(found.rows) == told(alone.rows)
+def test_same_rows_from_any_workers(workers):
+    """One of them is of a scene that the verb refuses."""
+    asked = {"scenes": (*GRID.scenes, SCENE.varied(forcing={"phase": -1.0})), "verb": study_verbs.amplitude, "seed": 7}
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        found = sweep(**asked, workers=pool if workers == "threads" else workers)
+    assert told(found.rows) == told(sweep(**asked).rows)
+    assert [row["cell"] for row in found.failed] == [5]
 
 
 def test_monte_carlo_and_density_by_name():
@@ -77,14 +78,19 @@ def test_monte_carlo_and_density_by_name():
 
 
 def test_kernels_are_compiled_before_workers_start(monkeypatch):
-    """Those of the engines that the scenes ask for; the test has processes start after it has been told."""
-    told = []
+    """Those of the engines that the scenes ask for; here the workers are this process."""
+    told, begun = [], []
+
+    def rows_of(verb, cells, options, workers):
+        begun.append((workers, tuple(told)))
+        yield from (perform(verb, cell, options) for cell in cells)
+
     monkeypatch.setattr(ahead, "ready", told.append)
+    monkeypatch.setattr(sweeping, "rows_of", rows_of)
     white = SCENE.varied(noise=WhiteNoise(0.01))
-    assert sweep([SCENE, white], "mc", workers=1, cycles=1, realizations=1).failed == ()
-    assert told == []
-    assert sweep([SCENE, white], "mc", workers=2, cycles=1, realizations=1).failed == ()
-    assert told == ["montecarlo.ahead:exact", "montecarlo.ahead:white"]
+    for workers in (1, 2):
+        assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
+    assert begun == [(1, ()), (2, ("montecarlo.ahead:exact", "montecarlo.ahead:white"))]
 
 
 def test_tasks_are_those_of_the_engines_that_will_run():
@@ -124,10 +130,9 @@ def test_grid_has_its_last_axis_fastest():
 )
 def test_what_fails_is_a_row_with_its_reason(tmp_path, verb, reason):
     scenes = [SCENE.varied(forcing={"phase": -1.0}), SCENE]
-    for workers in (1, 2) if verb is study_verbs.amplitude else (1,):
-        found = sweep(scenes, verb, workers=workers)
-        assert found.rows[0]["reason"].startswith(reason)
-        assert found.rows[0]["values"] == {}
+    found = sweep(scenes, verb)
+    assert found.rows[0]["reason"].startswith(reason)
+    assert found.rows[0]["values"] == {}
     if verb is study_verbs.amplitude:
         assert [row["cell"] for row in found.failed] == [0]
         assert np.isnan(found.values("amplitude")).tolist() == [True, False]
@@ -142,23 +147,32 @@ def test_a_killed_process_is_replaced(tmp_path, alone):
     assert told(found.rows) == told(alone.rows)
 
 
-def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path):
-    found = sweep(GRID, study_verbs.deadly, workers=2, folder=str(tmp_path), times=99)
-    assert [row["reason"] for row in found.failed] == ["its process was killed, or ran out of memory"]
-    assert found.failed[0]["cell"] == 2
+def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path, monkeypatch):
+    """Of two packs of two cells; its neighbour is none that failed."""
+    monkeypatch.setattr(execution_workers, "_PACKS", 1)
+    scenes = grid(SCENE, {"forcing.amplitude": (1.0, 2.0, 4.0, 3.0)})
+    found = sweep(scenes, study_verbs.deadly, workers=2, folder=str(tmp_path), times=99)
+    assert [row["cell"] for row in found.rows] == [0, 1, 2, 3]
+    assert [(row["cell"], row["reason"]) for row in found.failed] == [
+        (3, "its process was killed, or ran out of memory")
+    ]
     assert len(list(tmp_path.iterdir())) <= 3
 
 
-@pytest.mark.parametrize("workers", [2, "threads"])
-def test_many_cells_go_in_packs(tmp_path, workers):
-    """Of 600 cells two a task; the one that kills its process is a row, its neighbour is not."""
-    amplitudes = tuple(np.linspace(5.0, 6.0, 600))
-    scenes = grid(SCENE, {"forcing.amplitude": (*amplitudes[:9], 3.0, *amplitudes[10:])})
-    verb, options = study_verbs.deadly, {"folder": str(tmp_path), "times": 99 if workers == 2 else 0}
-    with concurrent.futures.ThreadPoolExecutor(3) as pool:
-        found = sweep(scenes, verb, workers=2 if workers == 2 else pool, **options)
+def test_many_cells_go_in_packs():
+    """Of 600 cells two a task, in their order."""
+    packs = []
+
+    class Noting(concurrent.futures.ThreadPoolExecutor):
+        def submit(self, function, verb, cells, options):
+            packs.append([cell.number for cell in cells])
+            return super().submit(function, verb, cells, options)
+
+    with Noting(3) as pool:
+        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
+    assert packs == [[n, n + 1] for n in range(0, 600, 2)]
     assert [row["cell"] for row in found.rows] == list(range(600))
-    assert [row["cell"] for row in found.failed] == ([9] if workers == 2 else [])
+    assert found.failed == ()
 
 
 class Refusing(concurrent.futures.ThreadPoolExecutor):
@@ -355,13 +369,13 @@ def test_a_store_is_taken_by_one_sweep_at_a_time(tmp_path, alone):
 
 
 def test_sweeps_that_begin_one_store_at_once(tmp_path):
-    """One of three processes has it; the others are refused, or come later and find its rows."""
+    """One of two processes has it; the other is refused, or comes later and finds its rows."""
     pytest.importorskip("fcntl", reason="without locks of files")
     store, script = tmp_path / "rows.jsonl", tmp_path / "script.py"
     script.write_text(SCRIPT.replace("workers=2", "workers=1"))
     command = [sys.executable, script, store, "0.2"]
     pipes = {"stderr": subprocess.PIPE, "text": True, "env": {"PYTHONPATH": ":".join(sys.path)}}
-    runs = [subprocess.Popen(command, **pipes) for _ in range(3)]
+    runs = [subprocess.Popen(command, **pipes) for _ in range(2)]
     ended = [(run.communicate(timeout=60)[1], run.returncode) for run in runs]
     assert (("", 0)) in ended
     assert all(code == 0 or "ValueError: store: got " in said for said, code in ended)

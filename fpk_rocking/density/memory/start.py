@@ -10,7 +10,6 @@ exact block is taken as Gaussian too: see `moments`.
 import math
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from fpk_rocking.density.memory.nodes import whitened
 from fpk_rocking.density.space.space import shapes
@@ -137,6 +136,8 @@ def moments(dynamics, nodes, mean, covariance, end, side):
     callable
         Mean (2,) and covariance (2 + states, 2 + states) as a function of a time up to the end, as `Flight.at`.
     """
+    from scipy.integrate import solve_ivp  # takes longer to import than all else here
+
     alpha, forcing, size = dynamics.critical_angle, dynamics.forcing, 2 + len(nodes.drift)
     rate, source = np.zeros((size, size)), np.zeros((size, size))
     rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)

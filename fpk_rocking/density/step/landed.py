@@ -119,7 +119,7 @@ class Landed(NamedTuple):
             points=_with_room(self.points, 2 * before[1], 2 * blocks),
             most=max(self.most, int(sizes[:, 1].max())),
         )
-        _arrange(cells, states, self.cells, ends[:, 1], slots, *found[:-1])
+        _arrange(cells, states, self.cells, np.ascontiguousarray(ends[:, 1]), slots, *found[:-1])
         return found
 
 

@@ -292,7 +292,7 @@ class Step:
             fly_back(self._flight, values, exit_values, out)
         collect(
             values.reshape(-1, self.buffers.shape[2]), exit_values, trace.points, trace.events, self._landed,
-            self._flown, *self._grids, np.argwhere(self._deposited), out, *self._bases,
+            self._flown, *self._grids, np.ascontiguousarray(np.argwhere(self._deposited)), out, *self._bases,
         )  # fmt: skip
         out[~trace.active, 0, 0] = exit_values[2]
         return out

@@ -1,0 +1,14 @@
+"""Paths from one point of the phase plane, by the kernel that a step of the density solver has compiled anyway."""
+
+import numpy as np
+
+from fpk_rocking.density.step.landing import Gauss, trace_cells
+
+
+def path_ends(x, v, side, segment, block, noise):
+    """States (n, 2) and codes (n,) at the end of a step for its n nodes, from the one Gauss point of a cell."""
+    begin, weight, table = np.zeros(1), np.ones(1), np.ones((1, 1))
+    lines = np.array([x, x + side]), np.array([v, v + 1.0])
+    points = Gauss(*lines, begin, begin, weight, weight, table, table)
+    states, codes = trace_cells(np.zeros((1, 2), int), points, segment, block, noise)
+    return states[0, 0, 0], codes[0, 0, 0]
