@@ -23,30 +23,29 @@ def _march(stream, x, v, cycle, problem, room, angle, velocity, impacts):
     intervals, marks, rows = problem.count, problem.marks, problem.marks.size
     side = side_of(x, v)
     state = engine.begin(stream, x, v, side, cycle, problem, room)
-    row, mark = 1, marks[0]
-    for lap in range((angle.size - 1) // rows):
-        for j in range(intervals):
-            number = lap * intervals + j
-            engine.know(stream, number, j, cycle, problem, room)
-            quiet, ahead = engine.coast(state, side, number, j, problem, room)
-            if not quiet or mark < number + 1:
-                engine.resolve(number, j, problem, room)
-                while mark < number + 1:
-                    angle[row], velocity[row] = engine.look(state, side, number, j, mark - number, problem, room)
-                    row += 1
-                    mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
-            if quiet:
-                state = ahead
-            else:
-                state, side, time = engine.cross(state, ahead, side, number, j, cycle, problem, room, impacts)
-                if time < math.inf:
-                    return time, side
-            if mark == number + 1:
-                angle[row], velocity[row] = engine.seen(state, side, number, j, problem, room)
+    row, j, mark = 1, 0 * intervals, marks[0]  # j is no literal, for which all of an engine would be compiled too
+    for number in range((angle.size - 1) // rows * intervals):
+        engine.know(stream, number, j, cycle, problem, room)
+        quiet, ahead = engine.coast(state, side, number, j, problem, room)
+        if not quiet or mark < number + 1:
+            engine.resolve(number, j, problem, room)
+            while mark < number + 1:
+                angle[row], velocity[row] = engine.look(state, side, number, j, mark - number, problem, room)
                 row += 1
                 mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
-            if row == angle.size:
-                return math.nan, 0
+        if quiet:
+            state = ahead
+        else:
+            state, side, time = engine.cross(state, ahead, side, number, j, cycle, problem, room, impacts)
+            if time < math.inf:
+                return time, side
+        if mark == number + 1:
+            angle[row], velocity[row] = engine.seen(state, side, number, j, problem, room)
+            row += 1
+            mark = marks[(row - 1) % rows] + (row - 1) // rows * intervals
+        if row == angle.size:
+            break
+        j = j + 1 if j + 1 < intervals else 0
     return math.nan, 0
 
 
