@@ -108,7 +108,7 @@ def test_a_rattling_block_has_the_speeds_of_the_quasi_steady_layer():
     From time 4 to 8, about a maximum of the force at 6, 20 relaxation times after the start. 800 paths tell the mean
     to 1 %; what else is left of it is of first order in 1 - e.
     """
-    restitution, diffusion, frequency = 0.95, 5e-5, 0.2
+    restitution, diffusion, frequency = 0.95, 5e-5, 0.4
     scene = Scene(Block(restitution), Harmonic(0.5, frequency, math.pi - 6.0 * frequency), WhiteNoise(diffusion))
     run = histories(scene, cycles=1, realizations=800, seed=2, samples_per_cycle=4)
     chosen = (run.impact_time > 4.0) & (run.impact_time < 8.0)

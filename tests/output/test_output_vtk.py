@@ -8,7 +8,6 @@ import fakes
 import meshio
 import numpy as np
 import pytest
-import pyvista
 
 from fpk_rocking import BandNoise, Block, Harmonic, Scene, Start
 from fpk_rocking.density.space.density import Density
@@ -83,6 +82,8 @@ def test_both_sides_of_upright_are_kept(tmp_path):
 
 
 def test_series_read_by_pyvista(tmp_path):
+    import pyvista  # takes a second to import, in every process that collects tests
+
     listing = vtk.write_series(tmp_path, "jpdf", DENSITY, [0, 1, 10])
     entries = [entry.attrib for entry in ET.parse(listing).iter("DataSet")]
     assert [entry["file"] for entry in entries] == ["jpdf_0000.vtu", "jpdf_0001.vtu", "jpdf_0010.vtu"]

@@ -14,11 +14,15 @@ from test_sweep import GRID, told
 
 from fpk_rocking.studies import sweep
 
-distributed = pytest.importorskip("distributed")
+
+@pytest.fixture(scope="module")
+def distributed():
+    """The package, which takes long to import, in every process that collects tests."""
+    return pytest.importorskip("distributed")
 
 
 @pytest.fixture(scope="module")
-def client():
+def client(distributed):
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as connected:
         yield connected
@@ -76,7 +80,7 @@ def scheduler_and_worker(folder):
             process.wait()
 
 
-def test_a_scheduler_killed_in_the_middle(tmp_path):
+def test_a_scheduler_killed_in_the_middle(distributed, tmp_path):
     """A plain error; the rows that came are kept, and the sweep goes on from them without the cluster."""
     store, scenes = tmp_path / "rows.jsonl", GRID.scenes * 3
     asked = {"scenes": scenes, "verb": study_verbs.slow, "seed": 7, "store": store, "seconds": 0.2}
