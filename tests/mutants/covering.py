@@ -8,6 +8,7 @@ import cProfile
 import hashlib
 import json
 import re
+import signal
 import sys
 import time
 import types
@@ -15,8 +16,8 @@ import types
 import pytest
 from running import PACKAGES, PLACE, TREE, forked, run
 
-_LOADING = 0.5
-"""Seconds that a test file takes to be loaded, about."""
+_LOADING, _LONGEST = 0.5, 120
+"""Seconds that a test file takes to be loaded, about, and those after which a test is given up: no budget allows it."""
 
 
 def found(jobs):
@@ -44,8 +45,10 @@ class _Watch:
         from numba.core.event import TimingListener, install_listener
 
         profile, compiling, begin = cProfile.Profile(builtins=False), TimingListener(), time.monotonic()
+        signal.alarm(_LONGEST)
         with install_listener("numba:compile", compiling), profile:
             result = yield
+        signal.alarm(0)
         seconds = time.monotonic() - begin - (compiling.duration if compiling.done else 0.0)
         codes = {one.code for one in profile.getstats() if isinstance(one.code, types.CodeType)}
         self.tests[item.nodeid] = seconds, {code for code in codes if _name(code)}
@@ -56,11 +59,16 @@ class _Watch:
             self.failed.add(report.nodeid)
 
 
+def _give_up(*_):
+    raise TimeoutError
+
+
 def _watched(file):
     """Run a test file; return its tests that pass, and the functions of the packages that are kernels."""
     from numba.core.dispatcher import Dispatcher
 
     watch = _Watch()
+    signal.signal(signal.SIGALRM, _give_up)
     run([file], watch)
     modules = [one for name, one in list(sys.modules.items()) if name.startswith(PACKAGES) and one.__file__]
     scopes, kernels = {one.__file__: vars(one) for one in modules}, {}
@@ -122,7 +130,7 @@ def tests_for(mutant, known, kernels, budget):
             here = [run for run in test["runs"] if run.startswith(f"{mutant.file}:")]
             direct = wanted in here if mutant.function else bool(here)
             own = len(set(here) - kernels)
-            if direct or near > 2:
+            if direct or near > 1:
                 ranked.append((not direct, -near, -own, file, test["seconds"], name))
     chosen, files = [], set()
     for *_, file, seconds, name in sorted(ranked):
