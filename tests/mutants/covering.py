@@ -63,6 +63,20 @@ def _give_up(*_):
     raise TimeoutError
 
 
+def _called(code, scope, kernels, compiled):
+    """Kernels that a code names: of its own module, of one that it names, of either block, or, in Python, of any."""
+    from numba.core.dispatcher import Dispatcher
+
+    for name in code.co_names:
+        value = scope.get(name)
+        found = [value] if name in scope else kernels.get(name, ())
+        if isinstance(value, types.ModuleType):
+            found = map(vars(value).get, code.co_names)
+        elif isinstance(value, types.FunctionType):
+            found = [cell.cell_contents for cell in value.__closure__ or ()]
+        yield from (one for one in found if isinstance(one, Dispatcher) and (compiled or one.overloads))
+
+
 def _watched(file):
     """Run a test file; return its tests that pass, and the functions of the packages that are kernels."""
     from numba.core.dispatcher import Dispatcher
@@ -77,26 +91,15 @@ def _watched(file):
             if isinstance(value, Dispatcher):
                 kernels.setdefault(name, set()).add(value)
 
-    def called(code, scope, compiled):
-        """Kernels that a code names: of its own module, of one it names, of either block, or, in Python, of any."""
-        for name in code.co_names:
-            value = scope.get(name)
-            found = [value] if name in scope else kernels.get(name, ())
-            if isinstance(value, types.ModuleType):
-                found = map(vars(value).get, code.co_names)
-            elif isinstance(value, types.FunctionType):
-                found = [cell.cell_contents for cell in value.__closure__ or ()]
-            yield from (one for one in found if isinstance(one, Dispatcher) and (compiled or one.overloads))
-
     def reached(codes, compiled=False):
         """Names of functions, and of all kernels that they reach."""
         names, todo = set(), [(code, scopes.get(code.co_filename, {}), compiled) for code in codes]
-        for code, scope, compiled in todo:  # it grows meanwhile
-            if (code, id(scope), compiled) in names or code.co_name == "<module>":
+        for code, scope, by_kernel in todo:  # it grows meanwhile
+            if (code, id(scope), by_kernel) in names or code.co_name == "<module>":
                 continue
-            names.add((code, id(scope), compiled))
-            todo += [(one, scope, compiled) for one in code.co_consts if isinstance(one, types.CodeType)]
-            more = [one.py_func for one in called(code, scope, compiled)]
+            names.add((code, id(scope), by_kernel))
+            todo += [(one, scope, by_kernel) for one in code.co_consts if isinstance(one, types.CodeType)]
+            more = [one.py_func for one in _called(code, scope, kernels, by_kernel)]
             todo += [(one.__code__, one.__globals__, True) for one in more]
         return sorted({_name(code) for code, *_ in names})
 
