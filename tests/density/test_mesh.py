@@ -8,9 +8,8 @@ from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 
-def bound(start, cutoff=1.5, diffusion=0.01, amplitude=0.0):
-    """Of a scene whose forcing, if it has one, is largest at τ = 0, and then P = A/(1 + ω²), P' = 0."""
-    scene = Scene(Block(0.5), Harmonic(amplitude, 2.0), WhiteNoise(0.02), start, Overturning(cutoff))
+def bound(start, cutoff=1.5, diffusion=0.01, amplitude=0.0, phase=0.0):
+    scene = Scene(Block(0.5), Harmonic(amplitude, 2.0, phase), WhiteNoise(0.02), start, Overturning(cutoff))
     return velocity_bound(scene, diffusion)
 
 
@@ -26,7 +25,12 @@ def test_the_velocity_bound_has_room_for_escapes_and_noise():
 def test_the_velocity_bound_has_room_for_what_a_start_that_falls_has_in_excess():
     """It falls by x - v beyond the saddle's 1 + P - P', of which eight standard deviations are counted."""
     assert bound(Start(1.4, -3.0)) == bound(Start(-1.4, 3.0)) == pytest.approx(1.8 + 3.4)
-    assert bound(Start(1.4, 0.3)) == bound(Start())
+    assert bound(Start(1.4, 0.3)) == bound(Start(1.4)) == bound(Start())
+    for phase in (0.4, 2.0):
+        swing = bound(Start(), amplitude=3.0, phase=phase) - bound(Start())
+        saddle = 3.0 * (math.cos(phase) + 2.0 * math.sin(phase)) / 5.0
+        assert bound(Start(1.4, -3.0), amplitude=3.0, phase=phase) == pytest.approx(1.8 + swing + 3.4 - saddle)
+        assert bound(Start(-1.4, 3.0), amplitude=3.0, phase=phase) == pytest.approx(1.8 + swing + 3.4 + saddle)
     covariance = 0.01, -0.004, 0.02
     one, other = (
         bound(Start(1.4, -3.0, ((xx, xv), (xv, vv)))) for xx, xv, vv in (covariance, [4.0 * c for c in covariance])
