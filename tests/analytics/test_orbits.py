@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from oracle import Block
 
-from fpk_rocking.analytics.orbits import symmetric_orbits
+from fpk_rocking.analytics.orbits import _speeds, symmetric_orbits
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import Body
@@ -39,6 +39,13 @@ def half_cycles(orbit, phase, state, count):
             x, v, side, _ = advance(x, v, side, segment, 0.0, span, Body(orbit.restitution, CUTOFF))
         states.append((x, v) if k % 2 else (-x, -v))
     return np.array(states)
+
+
+def test_an_elastic_block_keeps_its_orbit_without_a_force_worth_the_name():
+    """At an amplitude whose square is 0 both roots are that of free rocking, and their discriminant is 0."""
+    found = _speeds(1e-200, 2.7, 1.0)
+    assert [found[0], found[-1]] == pytest.approx([math.tanh(0.5 * math.pi / 2.7)] * 2, rel=1e-14)
+    assert _speeds(1e-200, 2.7, 0.9) == []
 
 
 def flow(time):

@@ -17,8 +17,9 @@ from fpk_rocking.base import ahead, jit
 from fpk_rocking.density import ahead as density_tasks
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
+from montecarlo import ahead as engine_tasks
 from montecarlo.engines import filtered, nonlinear, rk4, white
-from montecarlo.engines.choice import ENGINES, task_of
+from montecarlo.engines.choice import ENGINES, engine_of, task_of
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -120,6 +121,17 @@ def test_every_engine_and_every_call_has_its_task():
     for task in ahead.TASKS:
         module, name = task.split(":")
         assert callable(getattr(importlib.import_module(module), name))
+
+
+def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        engine_tasks, "simulate", lambda scene, method, **_: seen.append(task_of(engine_of(scene, method), scene))
+    )
+    tasks = [task for task in ahead.TASKS if task.startswith("montecarlo.ahead:")]
+    for task in tasks:
+        getattr(engine_tasks, task.rpartition(":")[2])()
+    assert seen == tasks
 
 
 @pytest.mark.parametrize(

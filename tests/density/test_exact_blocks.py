@@ -90,6 +90,16 @@ def test_flight_is_of_second_order(diffusion):
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
+def test_an_exact_block_lands_on_another_mesh_only_by_a_trace_made_for_it():
+    space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 1) for count in (3, 4))
+    dynamics, quadrature = Dynamics(FORCING, 1e-3, 0.5, 1.5, critical_angle=0.6), Quadrature(2, 2, 2, 2)
+    trace = Trace(space, 0.0, 0.01, dynamics, quadrature)
+    Step(trace, space)
+    Step(Trace(space, 0.0, 0.01, dynamics, quadrature, to_other=True), other)
+    with pytest.raises(ValueError, match=r"^target: got .*, accepted: the mesh of the trace, or a trace with to_other"):
+        Step(trace, other)
+
+
 def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
     """A path that leaves x = 0, without noise: what units and the rest of the acceleration leave out."""
     alpha, forcing, errors = 0.6, Harmonic(1.5, 1.5, math.pi - 0.5), []

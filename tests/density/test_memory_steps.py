@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, FilteredNoise, Harmonic, Overturning, Scene, Start
+from fpk_rocking.density.memory.nodes import Nodes
 from fpk_rocking.density.memory.resolution import NodeGrid
 from fpk_rocking.density.memory.start import Flight
 from fpk_rocking.density.pilot import motion_of
@@ -14,6 +15,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.step.step import Dynamics
 
 
 def plane_of(scene):
@@ -39,6 +41,22 @@ def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
     assert rests == pytest.approx(wanted, abs=1e-10)
     assert halves.at_rest == pytest.approx(wholes.at_rest, abs=1e-10)
     assert halves.inside == pytest.approx(wholes.inside, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("start", "amplitude", "rests"),
+    [
+        (Start(), 0.9, True),
+        (Start(), 3.0, False),
+        (Start(0.1), 0.9, False),
+        (Start(0.0, 0.1), 0.9, False),
+        (Start(0.0, 0.0, ((1e-4, 0.0), (0.0, 1e-4))), 0.9, False),
+    ],
+)
+def test_a_start_is_at_rest_where_only_noise_can_lift_the_block(start, amplitude, rests):
+    scene = Scene(Block(0.5), Harmonic(amplitude, 2.0), FilteredNoise("exponential", 0.01, 1.0), start)
+    dynamics = Dynamics(scene.forcing, 0.0, 0.5, scene.overturning.angle)
+    assert Flight(scene, Nodes(scene.noise, (3,)), dynamics).at_rest is rests
 
 
 def test_held_noise_is_of_second_order_in_flight():

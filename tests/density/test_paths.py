@@ -3,15 +3,17 @@
 The flights are closed forms in numpy, without the kernels of the package.
 """
 
+import dataclasses
 import itertools
 import math
 
 import numpy as np
 import pytest
-from density_operators import affine, flow
+from density_operators import affine, flight_noise, flow
 
 from fpk_rocking import Harmonic
-from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Trace
 from fpk_rocking.physics.motion import saltation
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
@@ -78,3 +80,53 @@ def test_impacts_outside_the_step_are_told(side):
     for time, late in itertools.product((0.02, 0.23), (-0.05, -0.01, 0.01, 0.05)):
         *_, inside = expansion((-speed * late, 0.0), time, speed, side)
         assert inside == (0.0 < time + late < DURATION)
+
+
+def before_impact(speed, side):
+    """State at the begin of the step from which a flight meets x = 0 at TIME with a speed."""
+    matrix, shift = affine(DYNAMICS, START, TIME, side)
+    return np.linalg.inv(matrix) @ (np.array([0.0, speed]) - shift)
+
+
+def nodes_from(point, diffusion, **changed):
+    """Ends (n, 2) and codes (n,) of the nodes, three along the long axis and two along the short one, from a point."""
+    space = Space(*(one + np.array([-1e-8, 1e-8]) for one in point), 1)
+    dynamics = dataclasses.replace(DYNAMICS, diffusion=diffusion, **changed)
+    trace = Trace(space, START, DURATION, dynamics, Quadrature(1, 1, 3, 2))
+    return trace.states[0, 0, 0], trace.codes[0, 0, 0]
+
+
+@pytest.mark.parametrize(("side", "speed"), [(1, -0.7), (-1, 0.8)])
+def test_nodes_lie_along_the_axes_of_the_noise_that_went_through_an_impact(side, speed):
+    """J A J' + B, of the noise A before and B after the impact and the derivatives J of the flow from there on."""
+    noise, size = dataclasses.replace(DYNAMICS, diffusion=1e-10), 1e-5
+    moves = [flown(sign * size * one, TIME, speed, side) for one in np.eye(2) for sign in (1, -1)]
+    jacobian = np.array([moves[0] - moves[1], moves[2] - moves[3]]).T / (2.0 * size)
+    whole = jacobian @ flight_noise(noise, TIME) @ jacobian.T + flight_noise(noise, DURATION - TIME)
+    variances, vectors = np.linalg.eigh(whole)
+    point = before_impact(speed, side)
+    states, codes = nodes_from(point, noise.diffusion)
+    along = (states - flow(DYNAMICS, point, side, START, START + DURATION)) @ vectors / np.sqrt(variances)
+    nodes = np.array([(b, a) for a in (-math.sqrt(3.0), 0.0, math.sqrt(3.0)) for b in (-1.0, 1.0)])
+    assert np.abs(along) == pytest.approx(np.abs(nodes), abs=2e-3)
+    assert along[:, 0] * along[0, 0] == pytest.approx(nodes[:, 0] * nodes[0, 0], abs=4e-3)
+    assert along[:, 1] * along[0, 1] == pytest.approx(nodes[:, 1] * nodes[0, 1], abs=4e-3)
+    assert codes.tolist() == [-side] * 6
+
+
+def test_nodes_carried_by_an_expansion_and_one_by_one_are_the_same_but_for_its_third_order():
+    """On either side of the speed at which the one takes over from the other, 5 sqrt(2 D h)."""
+    point, speed = before_impact(-0.7, 1), 0.7
+    change = (speed / 5.0) ** 2 / (2.0 * DURATION)
+    ends = [nodes_from(point, change * (1.0 + part))[0] for part in (-1e-9, 1e-9)]
+    undisturbed = flow(DYNAMICS, point, 1, START, START + DURATION)
+    assert np.abs(ends[1] - ends[0]).max() < 0.04 * np.abs(ends[0] - undisturbed).max()
+
+
+def test_what_comes_to_rest_is_set_off_by_the_last_jump_to_its_own_side():
+    """Where impacts accumulate in a part of a step, the noise is a jump at its begin and one at its end."""
+    diffusion = 1e-2
+    states, codes = nodes_from(np.array([1e-7, 0.0]), diffusion, forcing=Harmonic(0.5, FREQUENCY, PHASE))
+    assert (states[2:4, 0] == 0.0).all()
+    assert states[2:4, 1] == pytest.approx(np.array([-1.0, 1.0]) * math.sqrt(diffusion * DURATION), rel=1e-12)
+    assert codes[2:4].tolist() == [-1, 1]

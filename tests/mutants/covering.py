@@ -1,11 +1,14 @@
 """Which tests run a function: found by one run of the suite under Python's own profiler.
 
-Compiled kernels are not seen there. Those that a Python function can reach by the names in it count as run with it.
+Compiled kernels are not seen there. Those that a Python function can reach by the names in it count as run with it, if
+Python has called the first of them in the same test file.
 """
 
 import cProfile
 import hashlib
 import json
+import re
+import signal
 import sys
 import time
 import types
@@ -13,8 +16,8 @@ import types
 import pytest
 from running import PACKAGES, PLACE, TREE, forked, run
 
-_LOADING = 0.5
-"""Seconds that a test file takes to be loaded, about."""
+_LOADING, _LONGEST = 0.5, 120
+"""Seconds that a test file takes to be loaded, about, and those after which a test is given up: no budget allows it."""
 
 
 def found(jobs):
@@ -42,8 +45,10 @@ class _Watch:
         from numba.core.event import TimingListener, install_listener
 
         profile, compiling, begin = cProfile.Profile(builtins=False), TimingListener(), time.monotonic()
+        signal.alarm(_LONGEST)
         with install_listener("numba:compile", compiling), profile:
             result = yield
+        signal.alarm(0)
         seconds = time.monotonic() - begin - (compiling.duration if compiling.done else 0.0)
         codes = {one.code for one in profile.getstats() if isinstance(one.code, types.CodeType)}
         self.tests[item.nodeid] = seconds, {code for code in codes if _name(code)}
@@ -54,11 +59,30 @@ class _Watch:
             self.failed.add(report.nodeid)
 
 
+def _give_up(*_):
+    raise TimeoutError
+
+
+def _called(code, scope, kernels, compiled):
+    """Kernels that a code names: of its own module, of one that it names, of either block, or, in Python, of any."""
+    from numba.core.dispatcher import Dispatcher
+
+    for name in code.co_names:
+        value = scope.get(name)
+        found = [value] if name in scope else kernels.get(name, ())
+        if isinstance(value, types.ModuleType):
+            found = map(vars(value).get, code.co_names)
+        elif isinstance(value, types.FunctionType):
+            found = [cell.cell_contents for cell in value.__closure__ or ()]
+        yield from (one for one in found if isinstance(one, Dispatcher) and (compiled or one.overloads))
+
+
 def _watched(file):
     """Run a test file; return its tests that pass, and the functions of the packages that are kernels."""
     from numba.core.dispatcher import Dispatcher
 
     watch = _Watch()
+    signal.signal(signal.SIGALRM, _give_up)
     run([file], watch)
     modules = [one for name, one in list(sys.modules.items()) if name.startswith(PACKAGES) and one.__file__]
     scopes, kernels = {one.__file__: vars(one) for one in modules}, {}
@@ -67,27 +91,22 @@ def _watched(file):
             if isinstance(value, Dispatcher):
                 kernels.setdefault(name, set()).add(value)
 
-    def reached(codes):
-        """Names of functions, and of all kernels that they name: of their own module, of one they name, or of any."""
-        names, todo = set(), [(code, scopes.get(code.co_filename, {})) for code in codes]
-        for code, scope in todo:  # it grows meanwhile
-            if (code, id(scope)) in names:
+    def reached(codes, compiled=False):
+        """Names of functions, and of all kernels that they reach."""
+        names, todo = set(), [(code, scopes.get(code.co_filename, {}), compiled) for code in codes]
+        for code, scope, by_kernel in todo:  # it grows meanwhile
+            if (code, id(scope), by_kernel) in names or code.co_name == "<module>":
                 continue
-            names.add((code, id(scope)))
-            todo += [(one, scope) for one in code.co_consts if isinstance(one, types.CodeType)]
-            for name in code.co_names:
-                value = scope.get(name)
-                called = [value] if name in scope else kernels.get(name, ())
-                if isinstance(value, types.ModuleType):
-                    called = map(vars(value).get, code.co_names)
-                called = [one.py_func for one in called if isinstance(one, Dispatcher)]
-                todo += [(one.__code__, one.__globals__) for one in called]
-        return sorted({_name(code) for code, _ in names})
+            names.add((code, id(scope), by_kernel))
+            todo += [(one, scope, by_kernel) for one in code.co_consts if isinstance(one, types.CodeType)]
+            more = [one.py_func for one in _called(code, scope, kernels, by_kernel)]
+            todo += [(one.__code__, one.__globals__, True) for one in more]
+        return sorted({_name(code) for code, *_ in names})
 
     passed = {name: one for name, one in watch.tests.items() if name not in watch.failed}
     return {
         "tests": {name: {"seconds": seconds, "runs": reached(codes)} for name, (seconds, codes) in passed.items()},
-        "kernels": reached({one.py_func.__code__ for same in kernels.values() for one in same}),
+        "kernels": reached({one.py_func.__code__ for same in kernels.values() for one in same}, compiled=True),
     }
 
 
@@ -105,15 +124,16 @@ def tests_for(mutant, known, kernels, budget):
     tests as near those go first that run most of what is no kernel in the same file.
     """
     *folders, leaf = mutant.file.removesuffix(".py").split("/")
-    wanted, module, ranked = f"{mutant.file}:{mutant.function}", ".".join([*folders, leaf]), []
+    wanted, package, ranked = f"{mutant.file}:{mutant.function}", re.escape(".".join(folders)), []
+    imported = re.compile(rf"{package}(\.| import .*\b){leaf}\b")
     for file, tests in known.items():
-        near = 2 * (leaf in file) + 2 * (module in (TREE / file).read_text(encoding="utf-8"))
+        near = 2 * (leaf in file) + 2 * bool(imported.search((TREE / file).read_text(encoding="utf-8")))
         near += len(set(folders) & set(file.split("/")))
         for name, test in tests.items():
             here = [run for run in test["runs"] if run.startswith(f"{mutant.file}:")]
             direct = wanted in here if mutant.function else bool(here)
             own = len(set(here) - kernels)
-            if direct or near > 2:
+            if direct or near > 1:
                 ranked.append((not direct, -near, -own, file, test["seconds"], name))
     chosen, files = [], set()
     for *_, file, seconds, name in sorted(ranked):
