@@ -11,7 +11,7 @@ from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.scene.scene import Scene
 
-__all__ = ["closure_of", "doubts", "noise_text", "remarks"]
+__all__ = ["cautions", "closure_of", "doubts", "noise_text", "remarks"]
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
@@ -88,6 +88,14 @@ def remarks(*results: Any) -> tuple[str, ...]:
     sentences: list[str] = []
     for result in results:
         sentences += filter(None, (result.scene.noise.remark, _sliding(result.scene.block), result.closure))
+        sentences += cautions(result)
+    return tuple(dict.fromkeys(sentences))
+
+
+def cautions(*results: Any) -> tuple[str, ...]:
+    """Return those of the `remarks` that say what speaks against some results; pictures have no room for more."""
+    sentences: list[str] = []
+    for result in results:
         sentences += [doubt.sentence for doubt in doubts(result)]
         sentences += filter(None, [result.check])
         sentences += _explained(result)
