@@ -93,8 +93,10 @@ def draw(path, values):
         f"Paper Fig. 3: noise lowers the critical amplitude, at e = {PAPER:g} and Ω = 4 from {without:.2f} to "
         f"{with_noise:.2f}"
     )
-    symbols = f"(14): the paper's Melnikov criterion. e: restitution. σ²: variance of the noise, {noise.variance:g}."
-    notes = [f"{symbols} Band [{noise.band[0]:g}, {noise.band[1]:g}] inferred."]
+    notes = [
+        "(14): the paper's Melnikov criterion. Mean square: of both parts of the Melnikov process. Exact crossing: of the "
+        f"manifolds of the saddles. e: restitution. Noise band [{noise.band[0]:g}, {noise.band[1]:g}], which is inferred."
+    ]
     with style.page(path, (10.5, 9.0), title, notes) as figure:
         (paper, others), (ratio, noisy) = figure.subplots(2, 2)
         _paper(paper, omega, noise)

@@ -1,9 +1,9 @@
 """Render every figure of the cases into docs/gallery.
 
 Each case is run as its own command line would, into a folder under ``results``, and its pictures are reduced to at most
-150 kB: fewer colours first, then fewer pixels. A picture holds its title, which the site shows beside it. What it wrote as ``.json`` stands beside them under the same name. A
-case that fails leaves the gallery as it was. Some cases draw from these numbers alone: for a change of their looks they
-need not run again.
+150 kB: fewer colours first, then fewer pixels. A picture file holds its title, which the site writes beside it. What
+the case wrote as ``.json`` stands beside the pictures under the same name. A case that fails leaves the gallery as it
+was. Some cases draw from these numbers alone: for a change of their looks they need not run again.
 
 Run time: about half an hour on 2 cores, half of it for the noise band.
 
@@ -146,8 +146,8 @@ def reduce(source, target):
 
 
 def title_of(picture):
-    """Return the title that an open PNG picture holds; empty where it holds none."""
-    return picture.text.get("Title", "")
+    """Return the title that an open picture holds; empty where it holds none."""
+    return picture.info.get("Title", "")
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
-from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
+from fpk_rocking.results.trust import CAUTION, REPLACED, VERDICTS, Doubt
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.scene.plausible import implausible
 from fpk_rocking.scene.scene import Scene
@@ -89,18 +89,19 @@ def remarks(*results: Any) -> tuple[str, ...]:
     sentences: list[str] = []
     for result in results:
         sentences += filter(None, (result.scene.noise.remark, _sliding(result.scene.block), result.closure))
-        sentences += cautions(result)
-    return tuple(dict.fromkeys(sentences))
-
-
-def cautions(*results: Any) -> tuple[str, ...]:
-    """Return those of the `remarks` that say what speaks against some results; pictures have no room for more."""
-    sentences: list[str] = []
-    for result in results:
         sentences += [doubt.sentence for doubt in doubts(result)]
         sentences += filter(None, [result.check])
         sentences += _explained(result)
     return tuple(dict.fromkeys(sentences))
+
+
+def cautions(*results: Any) -> tuple[str, ...]:
+    """Return what speaks against some results, each sentence once: the reasons of verdicts that are not "ok".
+
+    A picture has room for these alone; the `remarks` stand in tables and files.
+    """
+    told = (f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons)
+    return tuple(dict.fromkeys(told))
 
 
 def doubts(result: Any) -> list[Doubt]:
