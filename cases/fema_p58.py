@@ -102,7 +102,7 @@ def draw(path, values):
     found = [one for one in others if math.isclose(one["height"] / one["width"], SLENDER[0], rel_tol=1e-9)]
     rise = seconds_of(found[-1], found[-1]["median"]) / seconds_of(found[0], found[0]["median"])
     low, high = (0.5 * math.hypot(one["width"], one["height"]) for one in (found[0], found[-1]))
-    title = f"FEMA P-58 knows no effect of size; rigid blocks of R = {high:.2g} m stand {rise:.1f} times that of {low:.2g} m"
+    title = f"FEMA P-58 knows no effect of size; a rigid one of R = {high:.2g} m stands {rise:.1f} times the PGV of {low:.2g} m"
     with style.page(path, (11.0, 5.4), title, [note]) as figure:
         left, right = figure.subplots(1, 2)
         ours, limits = [one["median"] for one in same], [one["interval"] for one in same]

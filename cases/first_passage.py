@@ -110,9 +110,10 @@ def draw(path, values):
              "white noise of equal Melnikov variance; the band [0, 10] is inferred."]  # fmt: skip
     last = values["noise"][-1]
     peak = int(np.argmax(last["band"]))
+    cost = max(float(np.abs(np.subtract(row["band"], row["density"])).max()) for row in values["noise"])
     title = (
-        f"At σ² = {last['variance']:g} blocks overturn in bursts, most often in cycle {peak + 1} "
-        f"({100.0 * last['band'][peak]:.0f} %)"
+        f"Blocks overturn in bursts, most often in cycle {peak + 1}; white noise for band noise errs by up to {cost:.4f} a "
+        "cycle"
     )
     with style.page(path, (10.5, 12.0), title, notes) as figure:
         early, cycle, white, band = figure.subplots(4, 1, height_ratios=(0.8, 1.0, 0.8, 0.8))
@@ -145,7 +146,7 @@ def _early(axes, values):
         title=f"(a) Time of overturning in the first {EARLY} cycles, σ² = {variance:g}, band noise",
         xlabel=motion.TIME,
     )
-    axes.set(ylabel="left ← probability density → right", xlim=(0.0, edges[-1]))
+    axes.set(ylabel="probability density\nleft ← → right", xlim=(0.0, edges[-1]))
     axes.set_xticks(scene.period * np.arange(EARLY + 1), [f"{k} T" if k else "0" for k in range(EARLY + 1)])
 
 

@@ -184,8 +184,8 @@ def draw(path, values):
     )
     survival = values["from_rest"]["survival"]
     title = (
-        f"The phase of a second harmonic decides: survival from {min(survival):.2f} to {max(survival):.2f}, without it "
-        f"{values['phases'][0]['survival'][0]:.2f}"
+        f"The phase of a second harmonic decides: survival of {CYCLES} cycles from {min(survival):.2f} to "
+        f"{max(survival):.2f}, without it {values['phases'][0]['survival'][0]:.2f}"
     )
     with style.page(path, (10.5, 10.2), title, [forces, engines]) as figure:
         (force, amplitude), (rest, rates) = figure.subplots(2, 2)

@@ -110,7 +110,7 @@ def draw(path, values):
     places, survival = values["restitutions"], np.array(_ours(values)["survival"])[:, -1]
     best = int(np.argmax(survival))
     title = (
-        f"Survival is largest at a restitution of {places[best]:.2g}: {survival[best]:.2f} after {values['cycles'][-1]} "
+        f"Survival is largest at a restitution of {places[best]:.3g}: {survival[best]:.2f} after {values['cycles'][-1]} "
         f"cycles, {survival[0]:.2f} at {places[0]:g}"
     )
     with style.page(path, (13.5, 5.4), title, [drawn]) as figure:
