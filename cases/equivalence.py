@@ -170,10 +170,10 @@ def draw(path, values):
     last, cycles = values["harmonics"][-1], ", ".join(map(str, CYCLES))
     good = [row for row in values["noises"] if row["cover"] >= GOOD_COVER]
     error = max(float(np.abs(np.subtract(row["sampled"][-1], row["density"])).max()) for row in good)
-    title = f"White noise replaces band noise to {error:.2g} in survival where it covers {GOOD_COVER:g} of the Melnikov variance"
+    title = f"White noise replaces band noise to {error:.2g} in survival where the band covers {GOOD_COVER:g} of the Melnikov variance"
     notes = [
         f"Points: {values['realizations']:,} paths less density, the largest of the differences after {cycles} cycles "
-        "(standard error at most 0.004). Cover, spread: see the axes.",
+        f"(standard error at most 0.004). Grey: cover from {GOOD_COVER:g}, spread to {SMALL_SPREAD:g}.",
         f"(c) finite N: N = 100 less N = {last}; band: N = {last} less white noise; discretization: paths of white noise "
         "less density.",
     ]

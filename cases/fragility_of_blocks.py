@@ -115,7 +115,7 @@ def draw(path, values):
     blocks = values["blocks"]
     apart = max(abs(block["largest_difference"]["difference"]) for block in blocks.values())
     name, cost = max(((name, _cost(block)) for name, block in blocks.items()), key=lambda pair: pair[1])
-    title = f"Density and paths agree within {apart:.3f}; white noise for band noise overturns the {name} too often, by {cost:.2f}"
+    title = f"Density and paths agree within {apart:.3f}; white noise for band noise overturns the {name} too often, by up to {cost:.2f}"
     shaken = f"The strong {END - BEGIN:g} s of the project's synthetic record (peak 0.35 g at scale 1)"
     notes = [
         f"{shaken} and noise of 0.8 m/s² from 0 to 8 Hz with an envelope, both times the scale, until the block rests or "

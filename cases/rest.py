@@ -126,7 +126,7 @@ def draw(path, values):
         survival.set(title="(a) Survival", ylabel="P(not overturned)")
         rest.set(title="(b) Rest; band: estimated error", ylabel="P(at rest)")
         line, error = np.array(solved["filtered"]["at_rest"]), solved["filtered"]["rest_error_estimate"]
-        rest.fill_between(np.arange(line.size), line - error, line + error, color=style.COLOURS[1], alpha=0.2)
+        rest.fill_between(np.arange(1, line.size), line[1:] - error, line[1:] + error, color=style.COLOURS[1], alpha=0.2)
         rest.set_ylim(bottom=0.0)
         survival.legend(loc="lower left", fontsize=9)
         _over_cycle(figure, cycle, values["inside"], SHOWN * math.sqrt(noise.variance))
