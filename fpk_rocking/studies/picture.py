@@ -151,7 +151,7 @@ def small_figure(result: Any) -> Any:
     panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
     figure = figure_of(*panels)
     figure.axes[0].set_ylabel("probability")
-    figure.suptitle(f"The first {_PANELS} of {count} curves" if count > _PANELS else message(result), fontsize=9)
+    figure.suptitle(f"The first {_PANELS} of {count} curves" if count > _PANELS else message(result), fontsize=8)
     for m, axes in enumerate(figure.axes):
         axes.set_title(result.label(m) if count > 1 else "")
         axes.legend(loc="best", fontsize=7)
@@ -216,7 +216,7 @@ def _notes(results):
     sizes = (f"{one.engine}: {size_of(one)}" for one in results)
     sampled = any(one.realizations and not one.deterministic.all() for one in results)
     scaled = "forcing and noise" if first.noise_scaled else "the forcing alone"
-    text = f"{'; '.join(sizes)}{', 95 % intervals' if sampled else ''}. Scale: a factor of {scaled}. {_duration(first)}"
+    text = f"{'; '.join(sizes)}{', 95 % intervals' if sampled else ''}. Scale: of {scaled}. {_duration(first)}"
     return [text, *dict.fromkeys(str(one.trust) for one in results if one.trust.verdict != "ok")]
 
 
@@ -224,7 +224,7 @@ def _duration(result):
     if "cycles" in result.options:
         return f"Within {result.options['cycles']} forcing cycles."
     last, after = (
-        (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the end of the motion")
+        (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the motion")
     )
     sizes = {scene.block.dimensions for scene in result.scenes}
     size = sizes.pop() if len(sizes) == 1 else None
