@@ -17,14 +17,16 @@ def draw_errors(path, found):
     found : dict
         What the JSON file of the section holds of a scene.
     """
-    (first, others), (second, also) = (_certified(found["equal"], target) for target in ("L1 = 0.01, bins of .1", "dS = 5e-4"))
+    (first, others), (second, also) = (
+        _certified(found["equal"], target) for target in ("L1 = 0.01, bins of .1", "dS = 5e-4")
+    )
     title = (
-        f"To certify an L1 error of 0.01 takes the density solver {first:.2g} s, the fastest sampler {others:.2g} s; 5e-4 "
-        f"in survival {second:.2g} s and {also:.2g} s"
+        f"To certify an L1 error of 0.01 takes the density solver {first:.2g} s, the fastest sampler {others:.2g} s; "
+        f"5e-4 in survival {second:.2g} s and {also:.2g} s"
     )
     note = (
-        f"{CYCLES} cycles of the main scene. Lines: expected error of a sample, extrapolated (white: the density's noise; "
-        "exact, rk4: band noise). Measured errors below the dotted line are drawn on it."
+        f"{CYCLES} cycles of the main scene. Lines: expected error of a sample, extrapolated (white: the density's "
+        "noise; exact, rk4: band noise). Measured errors below the dotted line are drawn on it."
     )
     with style.page(path, (10.0, 5.0), title, [note]) as figure:
         panels = figure.subplots(1, 2)
@@ -56,7 +58,10 @@ def _errors(axes, found, kind, target):
     floor, seconds = found["unsure"][kind], [row["seconds"] for row in found["solver"].values()]
     certified = [row["told"][kind] for row in found["solver"].values()]
     axes.plot(seconds, certified, "D-", color="black", label="density solver, error it certifies")
-    for part, mark, name in (("solver", "D", "the same, measured error"), ("alone", "x", "on one mesh, measured error")):
+    for part, mark, name in (
+        ("solver", "D", "the same, measured error"),
+        ("alone", "x", "on one mesh, measured error"),
+    ):
         errors = [max(row[kind], floor) for row in found[part].values()]
         times = [row["seconds"] for row in found[part].values()]
         axes.plot(times, errors, mark, linestyle="none", color="black", markerfacecolor="white", label=name)
@@ -73,17 +78,19 @@ def _errors(axes, found, kind, target):
 def draw_growth(path, noise, horizon, tol):
     """Seconds as the noise falls, for both engines to the same error, and as the horizon grows."""
     note = (
-        f"Main scene, tol {tol:g}. (a) Both to the same L1 error in bins of 0.1: that which the density solver estimates. "
-        "Open: it warns that it misses its tolerance."
+        f"Main scene, tol {tol:g}. (a) Both to the same L1 error in bins of 0.1: that which the density solver "
+        "estimates. Open: it warns that it misses its tolerance."
     )
-    diffusions, warned, seconds = (np.array([row[name] for row in noise]) for name in ("diffusion", "warned", "seconds"))
+    diffusions, warned, seconds = (
+        np.array([row[name] for row in noise]) for name in ("diffusion", "warned", "seconds")
+    )
     sampled = np.array([row["white"] * (WHITE_ERROR / row["bins_estimate"]) ** 2 for row in noise])
     faster = diffusions[(seconds < sampled) & ~warned]
     *steps, operator = horizon
     pays = np.interp(operator["seconds"], *([row[name] for row in steps] for name in ("seconds", "cycles")))
     title = (
-        f"The density solver is faster than paths for D from {faster.min():g} to {faster.max():g}, the one-cycle operator "
-        f"faster from {pays:.0f} cycles"
+        f"The density solver is faster than paths for D from {faster.min():g} to {faster.max():g}, the one-cycle "
+        f"operator faster from {pays:.0f} cycles"
     )
     with style.page(path, (10.0, 4.8), title, [note]) as figure:
         left, right = figure.subplots(1, 2)

@@ -205,12 +205,13 @@ def draw(path, values):
     joint, ends = values["joint"], [row["band"][1] for row in rows]
     met = joint["meets_all"]
     found = f"b from {min(met):g} to {max(met):g}" if met else "no b"
-    notes = [
-        f"{values['realizations']:,} realizations a band. Dashed: {100 * LIKELY:g} %, from which on a statement counts as "
-        f"met. Grey: b whose likelihood is within a factor e^{WITHIN:g} of the largest. Triangles: lower than drawn."
-    ]
+    note = (
+        f"{values['realizations']:,} realizations a band. Dashed: {100 * LIKELY:g} %, from which on a statement "
+        f"counts as met. Grey: b whose likelihood is within a factor e^{WITHIN:g} of the largest. Triangles: "
+        "lower than drawn."
+    )
     title = f"Noise bands [0, b] meet what the paper shows with {found}; the likeliest b is {joint['best']:g}"
-    with style.page(path, (10.5, 8.2), title, notes) as figure:
+    with style.page(path, (10.5, 8.2), title, [note]) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
         for name, axes in zip((*HINTS[1:], "all"), panels, strict=True):
             _likelihood(axes, name, rows, ends, joint)

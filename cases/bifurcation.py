@@ -146,7 +146,9 @@ def _draw(path, scene, points, values):
         "Every diagram: Poincaré velocities after each of 100 cycles, 300 cycles after the start or the last amplitude."
     )
     stable, crisis = values["symmetric_orbit_stable_up_to"], np.mean(values["crisis"])
-    title = f"Without noise the symmetric orbit is stable up to A = {stable:.2f}, and no bounded motion exists beyond {crisis:.2f}"
+    title = (
+        f"Without noise the symmetric orbit is stable up to A = {stable:.2f}; the attractor ends at A = {crisis:.2f}"
+    )
     with style.page(path, (12.0, 9.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["growing", "growing", "beyond"], list(points)])
         _diagram(panels["growing"], scene, points["growing amplitude"], values, markersize=1.2)

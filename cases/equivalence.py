@@ -2,10 +2,10 @@
 
 The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
 is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's
-frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. So is a rival closure,
-which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of `physics.noise.equivalence`), and
-the average of the density solver over the diffusions of single realizations (`solve_realizations`); the numbers of both
-are in the file, not in the picture. For one noise the difference is divided into parts, each isolated by switching one thing:
+frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. The numbers, not the
+picture, also have a rival closure, which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of
+`physics.noise.equivalence`), and the average of the density solver over the diffusions of single realizations
+(`solve_realizations`). For one noise the difference is divided into parts, each isolated by switching one thing:
 
 * finite N: N = 100 against N = 1000,
 * band: N = 1000 against white noise, both sampled,
@@ -170,12 +170,19 @@ def draw(path, values):
     last, cycles = values["harmonics"][-1], ", ".join(map(str, CYCLES))
     good = [row for row in values["noises"] if row["cover"] >= GOOD_COVER]
     error = max(float(np.abs(np.subtract(row["sampled"][-1], row["density"])).max()) for row in good)
-    title = f"White noise replaces band noise to {error:.2g} in survival where the band covers {GOOD_COVER:g} of the Melnikov variance"
+    title = (
+        f"White noise replaces band noise to {error:.2g} in survival where the band covers {GOOD_COVER:g} of the "
+        "Melnikov variance"
+    )
     notes = [
-        f"Points: {values['realizations']:,} paths less density, the largest of the differences after {cycles} cycles "
-        f"(standard error at most 0.004). Grey: cover from {GOOD_COVER:g}, spread to {SMALL_SPREAD:g}.",
-        f"(c) finite N: N = 100 less N = {last}; band: N = {last} less white noise; discretization: paths of white noise "
-        "less density.",
+        (
+            f"Points: {values['realizations']:,} paths less density, the largest of the differences after {cycles} "
+            f"cycles (standard error at most 0.004). Grey: cover from {GOOD_COVER:g}, spread to {SMALL_SPREAD:g}."
+        ),
+        (
+            f"(c) finite N: N = 100 less N = {last}; band: N = {last} less white noise; discretization: paths of "
+            "white noise less density."
+        ),
     ]
     with style.page(path, (13.0, 9.4), title, notes) as figure:
         panels = figure.subplot_mosaic([["cover", "excess"], ["budget", "budget"]], height_ratios=(1.0, 0.85))
@@ -196,7 +203,10 @@ def _against_cover(axes, findings):
     axes.axvspan(GOOD_COVER, 1.02, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set(xlabel="cover: part of the Melnikov variance of white noise that the band has", xlim=(-0.02, 1.02))
-    axes.set(ylabel="difference of survival", title=f"(a) What the band leaves out, N = {findings['harmonics'][-1]} harmonics")
+    axes.set(
+        ylabel="difference of survival",
+        title=f"(a) What the band leaves out, N = {findings['harmonics'][-1]} harmonics",
+    )
     axes.legend(loc="lower center")
 
 

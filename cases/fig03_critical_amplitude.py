@@ -93,11 +93,12 @@ def draw(path, values):
         f"Paper Fig. 3: noise lowers the critical amplitude, at e = {PAPER:g} and Ω = 4 from {without:.2f} to "
         f"{with_noise:.2f}"
     )
-    notes = [
-        "(14): the paper's Melnikov criterion. Mean square: of both parts of the Melnikov process. Exact crossing: of the "
-        f"manifolds of the saddles. e: restitution. Noise band [{noise.band[0]:g}, {noise.band[1]:g}], which is inferred."
-    ]
-    with style.page(path, (10.5, 9.0), title, notes) as figure:
+    note = (
+        "(14): the paper's Melnikov criterion. Mean square: of both parts of the Melnikov process. Exact "
+        f"crossing: of the manifolds of the saddles. e: restitution. Noise band [{noise.band[0]:g}, "
+        f"{noise.band[1]:g}], which is inferred."
+    )
+    with style.page(path, (10.5, 9.0), title, [note]) as figure:
         (paper, others), (ratio, noisy) = figure.subplots(2, 2)
         _paper(paper, omega, noise)
         _others(others, omega, noise)

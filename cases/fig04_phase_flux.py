@@ -122,7 +122,9 @@ def draw(path, values):
         f"Paper Fig. 4: noise of σ² = {noise.variance:g} raises the phase flux, at e = {SHOWN[0]:g} from "
         f"{without:.3f} to {with_noise:.3f}"
     )
-    symbols = "A, Ω: amplitude and frequency of the forcing (vertical lines: 4). e: restitution. σ²: variance of the noise"
+    symbols = (
+        "A, Ω: amplitude and frequency of the forcing (vertical lines: 4). e: restitution. σ²: variance of the noise"
+    )
     notes = [f"{symbols}, band [{noise.band[0]:g}, {noise.band[1]:g}]."]
     with style.page(path, (10.5, 11.2), title, notes) as figure:
         rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]

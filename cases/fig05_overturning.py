@@ -106,7 +106,9 @@ def _lateness(ensemble, highest):
 def _draw(path, quiet, shown, chosen, ensembles, values):
     noise, after = shown.scene.noise, values["overturned_after_cycles"]
     notes = [f"(d): {values['realizations']:,} realizations a band, σ² = {noise.variance:g}; the paper states no band."]
-    title = f"Paper Fig. 5: periodic without noise; with it the block turns chaotic and overturns after {after:.0f} cycles"
+    title = (
+        f"Paper Fig. 5: periodic without noise; with it the block turns chaotic and overturns after {after:.0f} cycles"
+    )
     with style.page(path, (10.5, 9.2), title, notes) as figure:
         rows = [["periodic", "periodic"], ["noisy", "noisy"], ["points", "standing"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.5, 0.5, 1.0))

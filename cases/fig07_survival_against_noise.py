@@ -7,8 +7,9 @@ realizations can tell has an error estimate of its own. Without noise there is o
 follows. Monte Carlo with the white noise that the density assumes tells the error of the solver from that of replacing
 noise of 100 harmonics by white noise, which 200 cycles multiply.
 
-* (a) the fall of survival, and (b) the same on a logarithmic axis as far as the paper's last σ². A triangle in (b) is the
-  upper end of the 95 % interval where no realization stands: survival is below it, and nothing more is known from them.
+* (a) the fall of survival, and (b) the same on a logarithmic axis as far as the paper's last σ². A triangle in (b) is
+  the upper end of the 95 % interval where no realization stands: survival is below it, and nothing more is known from
+  them.
 * (c) other noise bands.
 * (d) other phases Ψ: π, that of the paper's Fig. 6, is the mirror image of 0, so that from rest survival is the same by
   symmetry; π/2 is not.
@@ -160,12 +161,14 @@ def draw(path, values):
     half = np.interp(0.5, ours["survival"][::-1], np.sqrt(values["variances"])[::-1])
     last, end = (values["density"][-1][name] for name in ("variance", "survival"))
     title = (
-        f"Paper Fig. 7: half of the blocks stand for {values['cycles']} cycles at σ = {half:.2g}; at {np.sqrt(last):g} the "
-        f"density has {end:.0e}"
+        f"Paper Fig. 7: half of the blocks stand for {values['cycles']} cycles at σ = {half:.2g}; at "
+        f"{np.sqrt(last):g} the density has {end:.0e}"
     )
-    notes = [f"Bars: 95 % intervals of {count:,} realizations of band noise, {PHASE_TIMES * count:,} in (d). The density "
-             "has white noise of equal Melnikov variance. (d): by symmetry Ψ = 0 and π survive equally."]  # fmt: skip
-    with style.page(path, (10.5, 10.0), title, notes) as figure:
+    note = (
+        f"Bars: 95 % intervals of {count:,} realizations of band noise, {PHASE_TIMES * count:,} in (d). The density "
+        "has white noise of equal Melnikov variance. (d): by symmetry Ψ = 0 and π survive equally."
+    )
+    with style.page(path, (10.5, 10.0), title, [note]) as figure:
         (both, tail), (bands, phases) = figure.subplots(2, 2)
         _both(both, values)
         _both(tail, values, limits=True)

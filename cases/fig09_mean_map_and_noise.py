@@ -97,14 +97,15 @@ def _judged(deviation, maps, cycles):
 
 def _draw(path, attractor, shown, paper, values):
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
-    notes = [
-        f"{size}, noise on [0, 10], which is inferred. Grey: without noise. Cross: overturned, at the cut-off. (a) to (f): "
-        f"seed 1; (g), (h): {values['seeds']} seeds, filled at the σ of (a) to (f); triangles: the mean does not overturn."
-    ]
+    note = (
+        f"{size}, noise on [0, 10], which is inferred. Grey: without noise. Cross: overturned, at the cut-off. "
+        f"(a) to (f): seed 1; (g), (h): {values['seeds']} seeds, filled at the σ of (a) to (f); triangles: the "
+        "mean does not overturn."
+    )
     fractal = max((one["deviation"] for one in values["maps"] if (one["dimension"] or 0.0) > 1.0), default=0.0)
     falls = min((one["deviation"] for one in values["maps"] if any(one["overturned_after"])), default=np.inf)
     title = f"Paper Fig. 9: the mean map is fractal up to σ = {fractal:g}; from σ = {falls:g} on the mean can overturn"
-    with style.page(path, (10.5, 11.4), title, notes) as figure:
+    with style.page(path, (10.5, 11.4), title, [note]) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
         panels = top.subplots(2, 3, sharex=True, sharey=True).ravel()
         for letter, axes, deviation, found in zip("abcdef", panels, paper, [None, *shown], strict=True):

@@ -106,24 +106,30 @@ def _row(density, band, white):
 
 def draw(path, values):
     """Draw what the JSON file holds."""
-    notes = [f"{values['realizations']:,} realizations of each noise, 95 % intervals. T: forcing period. The density has "
-             "white noise of equal Melnikov variance; the band [0, 10] is inferred."]  # fmt: skip
+    note = (
+        f"{values['realizations']:,} realizations of each noise, 95 % intervals. T: forcing period. The density has "
+        "white noise of equal Melnikov variance; the band [0, 10] is inferred."
+    )
     last = values["noise"][-1]
     peak = int(np.argmax(last["band"]))
     cost = max(float(np.abs(np.subtract(row["band"], row["density"])).max()) for row in values["noise"])
     title = (
-        f"Blocks overturn in bursts, most often in cycle {peak + 1}; white noise for band noise errs by up to {cost:.4f} a "
-        "cycle"
+        f"Blocks overturn in bursts, most often in cycle {peak + 1}; white noise for band noise errs by up to "
+        f"{cost:.4f} a cycle"
     )
-    with style.page(path, (10.5, 12.0), title, notes) as figure:
+    with style.page(path, (10.5, 12.0), title, [note]) as figure:
         early, cycle, white, band = figure.subplots(4, 1, height_ratios=(0.8, 1.0, 0.8, 0.8))
         white.sharex(cycle)
         band.sharex(cycle)
         band.sharey(white)
         _early(early, values)
         _cycles(cycle, values)
-        _differences(white, values, "white", "(c) Paths of the density's white noise less density: no difference is seen")
-        _differences(band, values, "band", "(d) Paths of band noise less density: what the replacement of the noise costs")
+        _differences(
+            white, values, "white", "(c) Paths of the density's white noise less density: no difference is seen"
+        )
+        _differences(
+            band, values, "band", "(d) Paths of band noise less density: what the replacement of the noise costs"
+        )
 
 
 def _early(axes, values):

@@ -3,8 +3,9 @@
 A bookcase of 0.35 m by 2.0 m, a rack of 0.6 m by 2.1 m and a statue on its pedestal of 0.9 m by 3.6 m stand from rest
 on a base that moves as the strong 12 s of the project's synthetic record, with noise of 0.8 m/s² from 0 to 8 Hz whose
 envelope rises and falls with the record, both times the scale. Two engines that share no numerics solve the same
-equations under the same white noise with that envelope: paths, with 95 % intervals, and the density. Beside them stand paths under the band noise itself: where the forcing hardly lifts a block off, white noise
-overturns it too often. Below are the differences of the paths from the density.
+equations under the same white noise with that envelope: paths, with 95 % intervals, and the density. Beside them stand
+paths under the band noise itself: where the forcing hardly lifts a block off, white noise overturns it too often. Below
+are the differences of the paths from the density.
 
 Run time: about five minutes on 2 cores, once the kernels are compiled; most of it is the density.
 
@@ -115,13 +116,16 @@ def draw(path, values):
     blocks = values["blocks"]
     apart = max(abs(block["largest_difference"]["difference"]) for block in blocks.values())
     name, cost = max(((name, _cost(block)) for name, block in blocks.items()), key=lambda pair: pair[1])
-    title = f"Density and paths agree within {apart:.3f}; white noise for band noise overturns the {name} too often, by up to {cost:.2f}"
+    title = (
+        f"Density and paths agree within {apart:.3f}; white noise for band noise overturns the {name} too often, by "
+        f"up to {cost:.2f}"
+    )
     shaken = f"The strong {END - BEGIN:g} s of the project's synthetic record (peak 0.35 g at scale 1)"
-    notes = [
-        f"{shaken} and noise of 0.8 m/s² from 0 to 8 Hz with an envelope, both times the scale, until the block rests or "
-        f"has overturned. Paths: {_realizations(blocks):,} a point, 95 % intervals."
-    ]
-    with style.page(path, (13.5, 7.2), title, notes) as figure:
+    note = (
+        f"{shaken} and noise of 0.8 m/s² from 0 to 8 Hz with an envelope, both times the scale, until the block "
+        f"rests or has overturned. Paths: {_realizations(blocks):,} a point, 95 % intervals."
+    )
+    with style.page(path, (13.5, 7.2), title, [note]) as figure:
         panels = figure.subplots(2, len(blocks), sharex="col", sharey="row", height_ratios=(2.0, 1.0), squeeze=False)
         for (curves, rests), (name, block) in zip(panels.T, blocks.items(), strict=True):
             _curves(curves, block)

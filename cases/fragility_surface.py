@@ -77,8 +77,8 @@ def draw(path, values):
     sizes, middle = values["sizes"], len(values["slendernesses"]) // 2
     half = float(np.interp(0.5, overturned[::-1, middle], sizes[::-1]))
     title = (
-        f"Large and squat blocks stand longer: of height over width {values['slendernesses'][middle]:.2g} half overturn "
-        f"at R = {half:.2g} m"
+        f"Large and squat blocks stand longer: of height over width {values['slendernesses'][middle]:.2g} half "
+        f"overturn at R = {half:.2g} m"
     )
     shaking = f"Scale 1: {CYCLES} cycles of 3 m/s² at 1.5 Hz, noise of 0.3 m/s² from 0 to 8 Hz"
     notes = [f"{shaking}. {values['realizations']:,} paths a point. R: half diagonal."]

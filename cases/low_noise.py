@@ -96,8 +96,8 @@ def draw(path, values):
         f"{100 * math.e * values['tol']:.1f} %; two standard errors of the splitting, {REPEATS} repeats."
     )
     title = (
-        f"Two methods agree on escape rates down to {min(one['rate'] for one in sampled):.0e} a cycle; the operator reaches "
-        f"{min(row['escape_rate'] for row in rows):.0e}"
+        f"Two methods agree on escape rates down to {min(one['rate'] for one in sampled):.0e} a cycle; the operator "
+        f"reaches {min(row['escape_rate'] for row in rows):.0e}"
     )
     with style.page(path, (11.0, 5.6), title, [note]) as figure:
         left, right = figure.subplots(1, 2)

@@ -77,8 +77,11 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
 def _draw(path, operator, quiet, ensemble, outlook):
     leading = operator.eigenvalues[0].real
     title = f"Noise blurs the attractor, and {100.0 * (1.0 - leading):.1f} % of the blocks on it overturn in each cycle"
-    notes = [f"Main scene; the operator has white noise of equal Melnikov variance, D = {ensemble.scene.noise.diffusion:.3g}."]
-    with style.page(path, (11.0, 8.4), title, notes) as figure:
+    note = (
+        "Main scene; the operator has white noise of equal Melnikov variance, D = "
+        f"{ensemble.scene.noise.diffusion:.3g}."
+    )
+    with style.page(path, (11.0, 8.4), title, [note]) as figure:
         (first, second), (third, fourth) = figure.subplots(2, 2)
         first.plot(quiet.angle[0, FORGOTTEN:], quiet.velocity[0, FORGOTTEN:], ",", color=style.COLOURS[0], alpha=0.6)
         first.set(title=f"(a) Without noise: {quiet.cycles - FORGOTTEN:,} cycles of one block", **_STATE)
@@ -95,8 +98,8 @@ def _draw(path, operator, quiet, ensemble, outlook):
         circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 300))
         third.plot(circle.real, circle.imag, color="#999999", linewidth=0.8)
         third.plot(operator.eigenvalues.real, operator.eigenvalues.imag, "o", color=style.COLOURS[1])
-        style.named(third, f"{leading:.3f}: share that stands", (leading, 0.0), "black", offset=(-30.0, 45.0), ha="right",
-                    arrowprops={"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0})  # fmt: skip
+        look = {"ha": "right", "arrowprops": {"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0}}
+        style.named(third, f"{leading:.3f}: share that stands", (leading, 0.0), "black", (-30.0, 45.0), **look)
         third.set(
             title="(c) Leading eigenvalues of a cycle, unit circle",
             xlabel="real part",

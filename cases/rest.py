@@ -112,21 +112,24 @@ def draw(path, values):
     forcing, noise, solved, sampled = scene.forcing, scene.noise, values["solved"], values["sampled"]
     overturned = [1.0 - found["survival"][-1] for found in (solved["white"], sampled["band"], solved["filtered"])]
     title = (
-        "White noise overturns a block that rests in between too often: {:.2f}, band noise {:.2f}, low-pass noise {:.2f}"
+        "White noise overturns a block that rests in between too often: {:.2f}, band noise {:.2f}, low-pass noise "
+        "{:.2f}"
     ).format(*overturned)
-    notes = [
+    note = (
         f"e = {scene.block.restitution:g}, {forcing}, T = 2π/Ω; band noise of variance {noise.variance:g} on "
-        f"[{noise.band[0]:g}, {noise.band[1]:g}]; all nondimensional. Points: {values['realizations']:,} paths. Lines: "
-        "density, noise of equal Melnikov variance (low-pass: also of equal variance)."
-    ]
-    with style.page(path, (13.5, 5.2), title, notes) as figure:
+        f"[{noise.band[0]:g}, {noise.band[1]:g}]; all nondimensional. Points: {values['realizations']:,} paths. "
+        "Lines: density, noise of equal Melnikov variance (low-pass: also of equal variance)."
+    )
+    with style.page(path, (13.5, 5.2), title, [note]) as figure:
         survival, rest, cycle = figure.subplots(1, 3)
         _by_cycle(survival, values, "survival")
         _by_cycle(rest, values, "at_rest")
         survival.set(title="(a) Survival", ylabel="P(not overturned)")
         rest.set(title="(b) Rest; band: estimated error", ylabel="P(at rest)")
         line, error = np.array(solved["filtered"]["at_rest"]), solved["filtered"]["rest_error_estimate"]
-        rest.fill_between(np.arange(1, line.size), line[1:] - error, line[1:] + error, color=style.COLOURS[1], alpha=0.2)
+        rest.fill_between(
+            np.arange(1, line.size), line[1:] - error, line[1:] + error, color=style.COLOURS[1], alpha=0.2
+        )
         rest.set_ylim(bottom=0.0)
         survival.legend(loc="lower left", fontsize=9)
         _over_cycle(figure, cycle, values["inside"], SHOWN * math.sqrt(noise.variance))
@@ -147,7 +150,12 @@ def _over_cycle(figure, axes, inside, most):
         inside["times"], inside["noise"], np.array(inside["resting"]).T, vmin=0.0, vmax=1.0, cmap="GnBu"
     )
     figure.colorbar(image, ax=axes, label="P(at rest | η)")
-    axes.set(title="(c) Rest in the second cycle, by the low-pass noise", xlabel="time τ/T", ylabel="noise η", ylim=(-most, most))
+    axes.set(
+        title="(c) Rest in the second cycle, by the low-pass noise",
+        xlabel="time τ/T",
+        ylabel="noise η",
+        ylim=(-most, most),
+    )
     axes.grid(visible=False)
 
 

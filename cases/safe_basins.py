@@ -115,8 +115,8 @@ def _draw(path, scene, quiet, maps, mean, values):
     horizon, noisiest = values["cycles"][0], max(maps)
     (row,) = (one for one in values["erosion"] if one["variance"] == noisiest)
     parts = zip(row["area"], values["area_without_noise"], values["cycles"], strict=True)
-    left = " and ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles}" for area, alone, cycles in parts)
-    title = f"Noise of σ = {math.sqrt(noisiest):g} leaves of the safe area {left} cycles"
+    left = ", ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
+    title = f"Of the area of safe starts noise of σ = {math.sqrt(noisiest):g} leaves {left}"
     limit = scene.overturning.angle
     with style.page(path, (13.5, 10.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["quiet", 0, "time"], [1, 2, "erosion"]])
@@ -161,7 +161,11 @@ def _erosion(axes, values):
     for k, (area, _) in enumerate(values["area_without_noise"]):
         axes.plot(0.0, area, "*", color=style.COLOURS[k], markersize=16 - 7 * k, markerfacecolor="none")
     style.named(axes, "no noise, both", (0.0, values["area_without_noise"][0][0]), "black", offset=(12.0, -3.0))
-    axes.set(title="(f) Safe area", xlabel="standard deviation of the noise σ, nondimensional", ylabel="safe area, nondimensional")
+    axes.set(
+        title="(f) Safe area",
+        xlabel="standard deviation of the noise σ, nondimensional",
+        ylabel="safe area, nondimensional",
+    )
     axes.set_ylim(bottom=0.0)
 
 

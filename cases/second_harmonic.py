@@ -206,7 +206,12 @@ def _forces(axes, scene):
         axes.plot(turns, force, color=colour, label=f"Ψ₂ = {name}")
     alone = with_second(scene, 0.0, 0.0).forcing
     axes.plot(turns, [alone.value(turn * alone.period) for turn in turns], color="black", linewidth=1.0, label="A₂ = 0")
-    axes.set(title="(a) The forcing over one cycle", xlabel="time τ/T", ylabel="base acceleration f, nondimensional", xlim=(0.0, 1.0))
+    axes.set(
+        title="(a) The forcing over one cycle",
+        xlabel="time τ/T",
+        ylabel="base acceleration f, nondimensional",
+        xlim=(0.0, 1.0),
+    )
     axes.set_ylim(top=4.3)
     axes.legend(loc="upper left")
 

@@ -103,15 +103,15 @@ def _stood(scene, restitution):
 def draw(path, values):
     """Draw what the JSON file holds."""
     drawn = (
-        f"Open symbols: {values['realizations']:,} paths a point, band noise of variance 0.04, 95 % intervals (triangles: "
-        "upper limits). Lines through dots: density, with white noise of equal Melnikov variance; colours as in (a). Grey: "
-        "overturns without noise."
+        f"Open symbols: {values['realizations']:,} paths a point, band noise of variance 0.04, 95 % intervals "
+        "(triangles: upper limits). Lines through dots: density, with white noise of equal Melnikov variance; colours "
+        "as in (a). Grey: overturns without noise."
     )
     places, survival = values["restitutions"], np.array(_ours(values)["survival"])[:, -1]
     best = int(np.argmax(survival))
     title = (
-        f"Survival is largest at a restitution of {places[best]:.3g}: {survival[best]:.2f} after {values['cycles'][-1]} "
-        f"cycles, {survival[0]:.2f} at {places[0]:g}"
+        f"Survival is largest at a restitution of {places[best]:.3g}: {survival[best]:.2f} after "
+        f"{values['cycles'][-1]} cycles, {survival[0]:.2f} at {places[0]:g}"
     )
     with style.page(path, (13.5, 5.4), title, [drawn]) as figure:
         linear, logarithmic, bands = figure.subplots(1, 3)

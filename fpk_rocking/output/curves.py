@@ -20,7 +20,7 @@ _MARKERS = "osD^"
 _SIZE = (10.5, 7.6)
 _LINE = 0.22
 _SMALL = 2.8
-_NOTE_WIDTH = 115
+_NOTE_WIDTH = 125
 
 
 def survival_figure(path: File, results: Sequence[Result], title: str = "") -> pathlib.Path:
@@ -45,13 +45,14 @@ def survival_figure(path: File, results: Sequence[Result], title: str = "") -> p
     """
     with style.drawing() as new_figure:
         closures = (result.closure for result in results)
-        notes = dict.fromkeys(filter(None, (*closures, *cautions(*results))))
-        notes = [line for note in notes for line in textwrap.wrap(note, _NOTE_WIDTH)]
+        notes = textwrap.wrap(" ".join(dict.fromkeys((*filter(None, closures), *cautions(*results)))), _NOTE_WIDTH)
         width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
         figure = new_figure(figsize=(width, height))
         compared = [compare(result, results[0], joint_cycles=()) for result in results[1:]]
         title = title or _message(results, compared)
-        figure.suptitle(title, fontsize=style.title_size(title, width), y=1.0 - 0.12 / height, va="top", in_layout=False)
+        figure.suptitle(
+            title, fontsize=style.title_size(title, width), y=1.0 - 0.12 / height, va="top", in_layout=False
+        )
         rows = [["survival", "tail", "leakage"], ["difference"] * 3]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.9, 1.0))
         labels = [f"{label_of(result)} ({_noise(result)})" for result in results]

@@ -81,4 +81,4 @@ def _notes(results):
         "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
         "right the panels end at the cut-off."
     )
-    return (scene_text(results[0].scene), drawn, *cautions(*results))
+    return (" ".join((scene_text(results[0].scene), drawn, *cautions(*results))),)

@@ -123,4 +123,10 @@ def _bars(axes, histogram, title, label):
     middles = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
     axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
     style.error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")
-    axes.set(title=title, xlabel=label, ylabel="probability density", ylim=(0.0, None), xlim=(histogram.edges[0], histogram.edges[-1]))
+    axes.set(
+        title=title,
+        xlabel=label,
+        ylabel="probability density",
+        ylim=(0.0, None),
+        xlim=(histogram.edges[0], histogram.edges[-1]),
+    )

@@ -133,9 +133,6 @@ def _needle(axes, start, highest):
 
 
 def _notes(results, columns):
-    drawn = (
-        "Surfaces: mean density in 0.1 × 0.1 around each point, one scale a cycle. Walls at the cut-off: probability "
-        "overturned to that side, full height = 1."
-    )
-    lines = (scene_text(results[0].scene), drawn, *cautions(*results))
-    return [part for line in lines for part in textwrap.wrap(line, 48 * columns)]
+    drawn = "Surfaces: mean density in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
+    text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
+    return textwrap.wrap(text, 48 * columns)

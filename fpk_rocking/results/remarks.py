@@ -100,7 +100,9 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
     A picture has room for these alone; the `remarks` stand in tables and files.
     """
-    told = (f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons)
+    told = (
+        f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons
+    )
     return tuple(dict.fromkeys(told))
 
 

@@ -197,9 +197,7 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
     equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
     standing = np.isfinite(states["angle"][1][:, -1]).sum()
     assert f"of the {standing} that stand after {made_results.CYCLES} cycles" in points.get_title()
-    for column, axes in enumerate(
-        (panels["(c) Mean Poincaré points"], panels["mean velocity"])
-    ):
+    for column, axes in enumerate((panels["(c) Mean Poincaré points"], panels["mean velocity"])):
         equal(axes.containers[0][0].get_ydata(), means.points[:, column])
         equal(bars(axes.containers[0])[1], means.points[:, column] + 1.96 * means.standard_error[:, column])
     for title, wanted in zip(("(d) Time of overturning", "(e) Speed just before an impact"), bins, strict=True):
