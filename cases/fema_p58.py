@@ -103,8 +103,8 @@ def draw(path, values):
     rise = seconds_of(found[-1], found[-1]["median"]) / seconds_of(found[0], found[0]["median"])
     low, high = (0.5 * math.hypot(one["width"], one["height"]) for one in (found[0], found[-1]))
     title = (
-        f"FEMA P-58 knows no effect of size; a rigid one of R = {high:.2g} m stands {rise:.1f} times the PGV of "
-        f"{low:.2g} m"
+        f"FEMA P-58 knows no effect of size; a rigid block of R = {high:.2g} m stands {rise:.1f} times the PGV of one "
+        f"of {low:.2g} m"
     )
     with style.page(path, (11.0, 5.4), title, [note]) as figure:
         left, right = figure.subplots(1, 2)

@@ -162,7 +162,7 @@ def draw(path, values):
     last, end = (values["density"][-1][name] for name in ("variance", "survival"))
     title = (
         f"Paper Fig. 7: half of the blocks stand for {values['cycles']} cycles at σ = {half:.2g}; at "
-        f"{np.sqrt(last):g} the density has {end:.0e}"
+        f"{np.sqrt(last):g}, by the density, {end:.0e}"
     )
     note = (
         f"Bars: 95 % intervals of {count:,} realizations of band noise, {PHASE_TIMES * count:,} in (d). The density "

@@ -107,7 +107,7 @@ def _draw(path, attractor, free, mapped, mean, values):
     noise = free.scene.noise
     notes = [f"Noise of σ² = {noise.variance:g} on [{noise.band[0]:g}, {noise.band[1]:g}], which is inferred."]
     dimensions = (values[name]["dimension"] for name in ("restarted", "without_noise"))
-    title = "Paper Fig. 8: the mean map restores the attractor, of dimension {:.2f}; {:.2f} without noise"
+    title = "Paper Fig. 8: the mean map restores the attractor: dimension {:.2f}, without noise {:.2f}"
     title = title.format(*dimensions)
     with style.page(path, (10.5, 10.6), title, notes) as figure:
         panels = figure.subplot_mosaic([["a", "a"], ["b", "c"], ["d", "d"]], height_ratios=(0.6, 1.0, 0.6))

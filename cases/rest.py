@@ -112,8 +112,8 @@ def draw(path, values):
     forcing, noise, solved, sampled = scene.forcing, scene.noise, values["solved"], values["sampled"]
     overturned = [1.0 - found["survival"][-1] for found in (solved["white"], sampled["band"], solved["filtered"])]
     title = (
-        "White noise overturns a block that rests in between too often: {:.2f}, band noise {:.2f}, low-pass noise "
-        "{:.2f}"
+        "White noise overturns a block that rests in between too often: {:.2f} against {:.2f} (band noise) and {:.2f} "
+        "(low-pass noise)"
     ).format(*overturned)
     note = (
         f"e = {scene.block.restitution:g}, {forcing}, T = 2π/Ω; band noise of variance {noise.variance:g} on "

@@ -115,8 +115,8 @@ def _draw(path, scene, quiet, maps, mean, values):
     horizon, noisiest = values["cycles"][0], max(maps)
     (row,) = (one for one in values["erosion"] if one["variance"] == noisiest)
     parts = zip(row["area"], values["area_without_noise"], values["cycles"], strict=True)
-    left = ", ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
-    title = f"Of the area of safe starts noise of σ = {math.sqrt(noisiest):g} leaves {left}"
+    left = ", to ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
+    title = f"Noise of σ = {math.sqrt(noisiest):g} shrinks the area of safe starts to {left}"
     limit = scene.overturning.angle
     with style.page(path, (13.5, 10.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["quiet", 0, "time"], [1, 2, "erosion"]])
