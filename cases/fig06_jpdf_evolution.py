@@ -96,7 +96,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
 def draw(out, cycles, density, band, white, against):
     """Draw surfaces, maps and survival, each with what it shows as its title."""
     after_start = [cycle for cycle in cycles if cycle > 0]
-    stand = " and ".join(f"{100.0 * density.survival[k]:.2g} % stand after {k} cycles" for k in after_start[-2:])
+    stand = f"{100.0 * density.survival[max(cycles)]:.2g} % stand after {max(cycles)} cycles"
     title = f"Paper Fig. 6: the density spreads, splits and leaks; {stand}"
     surfaces.surface_figure(out / "fig06.png", [density, band], cycles, title)
     ends = " and ".join(f"{100.0 * one.survival[max(cycles)]:.1f} %" for one in (density, band))
