@@ -124,9 +124,7 @@ def draw(path, values):
         band.sharey(white)
         _early(early, values)
         _cycles(cycle, values)
-        _differences(
-            white, values, "white", "(c) Paths of white noise less density: the error of the solver"
-        )
+        _differences(white, values, "white", "(c) Paths of white noise less density: the error of the solver")
         _differences(
             band, values, "band", "(d) Paths of band noise less density: what the replacement of the noise costs"
         )

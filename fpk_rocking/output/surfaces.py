@@ -133,6 +133,6 @@ def _needle(axes, start, highest):
 
 
 def _notes(results, columns):
-    drawn = "Surfaces: mean density in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
+    drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
     text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
-    return textwrap.wrap(text, 52 * columns)
+    return textwrap.wrap(text, 50 * columns)
