@@ -102,10 +102,13 @@ def draw(path, values):
         f"of those of {values['realizations']:,} blocks that stand after {values['forgotten_cycles']} cycles, until "
         f"cycle {values['cycles']}."
     )
-    ratios = [ratio for found in (*values["over_noise"], values["over_restitution"])
-              for ratio in found["flux_over_rate"] if ratio]  # fmt: skip
-    title = f"The phase flux hardly changes with the noise; it is {min(ratios):.2g} to {float(f'{max(ratios):.2g}'):,.0f} times the rate"
-    with style.page(path, (10.5, 5.6), f"{title} of overturning", [sampled]) as figure:
+    studies = *values["over_noise"], values["over_restitution"]
+    ratios = [float(f"{ratio:.2g}") for found in studies for ratio in found["flux_over_rate"] if ratio]
+    title = (
+        f"The phase flux hardly changes with the noise; it is {min(ratios)} to {max(ratios):,.0f} times the rate of "
+        "overturning"
+    )
+    with style.page(path, (10.5, 5.6), title, [sampled]) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
         for found, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
             _pair(noise, values["variances"], found, colour, marker)
