@@ -169,7 +169,7 @@ def draw(path, values):
     """Draw errors against cover and against spread, and the error budget."""
     last, cycles = values["harmonics"][-1], ", ".join(map(str, CYCLES))
     good = [row for row in values["noises"] if row["cover"] >= GOOD_COVER]
-    error = max(float(np.abs(np.subtract(row["sampled"][-1], row["density"])).max()) for row in good)
+    error = max((float(np.abs(np.subtract(row["sampled"][-1], row["density"])).max()) for row in good), default=np.nan)
     title = (
         f"White noise replaces band noise to {error:.2g} in survival where the band covers {GOOD_COVER:g} of the "
         "Melnikov variance"
