@@ -3,8 +3,10 @@
 Also its pictures and its figures as JSON, in docs/benchmarks/.
 
 python benchmarks/equal_error.py            # about 5 minutes
+python benchmarks/equal_error.py --redraw   # the pictures alone, from the JSON file
 """
 
+import json
 import math
 import subprocess
 import sys
@@ -203,11 +205,25 @@ def main():
         parts = (scenes[name][part] for part in ("solver", "alone", "rates", "baseline"))
         scenes[name]["equal"] = at_equal_error(truth, *parts)
     noise, horizon, memory = noise_rows(), horizon_rows(), peaks()
-    kept = {name: {k: v for k, v in found.items() if k != "truth"} for name, found in scenes.items()}
+    kept = {
+        name: {k: v for k, v in found.items() if k != "truth"} | {"unsure": found["truth"].unsure}
+        for name, found in scenes.items()
+    }
     values = {"cycles": CYCLES, "scenes": kept, "noise": noise, "horizon": horizon, "peak_MB": memory}
     write_section(TITLE, body(scenes, noise, horizon, memory), values=values)
-    draw_errors(DATA / f"{slug(TITLE)}.png", scenes["main"])
-    draw_growth(DATA / f"{slug(TITLE)}_growth.png", noise, horizon, LOOSE)
+    draw(values)
+
+
+def draw(values):
+    """Draw what the JSON file of the section holds, as small as the pictures of the gallery."""
+    sys.path.insert(0, str(ROOT / "cases"))
+    from gallery import reduce
+
+    errors, growth = (DATA / f"{slug(TITLE)}{part}.png" for part in ("", "_growth"))
+    draw_errors(errors, values["scenes"]["main"])
+    draw_growth(growth, values["noise"], values["horizon"], LOOSE)
+    for picture in (errors, growth):
+        reduce(picture, picture)
 
 
 def body(scenes, noise, horizon, memory):
@@ -301,4 +317,7 @@ def noise_line(row):
 
 
 if __name__ == "__main__":
-    main()
+    if "--redraw" in sys.argv:
+        draw(json.loads((DATA / f"{slug(TITLE)}.json").read_text(encoding="utf-8")))
+    else:
+        main()

@@ -203,17 +203,15 @@ def draw(path, values):
     """Draw what the JSON file holds of the bands that begin at 0."""
     rows = [row for row in values["rows"] if row["band"][0] == 0.0]
     joint, ends = values["joint"], [row["band"][1] for row in rows]
-    size = f"{values['realizations']:,} realizations a band; mean maps of {values['map']['realizations']:,}"
     met = joint["meets_all"]
-    found = f"all are met by b = {', '.join(f'{b:g}' for b in met)} of those tried" if met else "no b meets all"
-    seeds = f"{values['map']['seeds']} seeds at σ = 0.12 and 0.13, {values['map']['seeds_of_others']} else"
-    limits = (
-        f"Dashed: {100 * LIKELY:g} %, from which on a statement counts as met; in 5(b), where {LATE} cycles lie within "
-        f"the central 95 %. Grey: b whose product of all is within e^-{WITHIN:g} of its largest. Wedges: lower still."
+    found = f"b from {min(met):g} to {max(met):g}" if met else "no b"
+    note = (
+        f"{values['realizations']:,} realizations a band. Dashed: {100 * LIKELY:g} %, from which on a statement "
+        f"counts as met. Grey: b whose likelihood is within a factor e^{WITHIN:g} of the largest. Triangles: "
+        "lower than drawn."
     )
-    notes = [f"{size}, {seeds}.", limits, f"{found[0].upper()}{found[1:]}."]
-    title = "Which noise band [0, b] gives what the paper shows?"
-    with style.page(path, (10.5, 8.2), title, notes) as figure:
+    title = f"Noise bands [0, b] meet what the paper shows with {found}; the likeliest b is {joint['best']:g}"
+    with style.page(path, (10.5, 8.2), title, [note]) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
         for name, axes in zip((*HINTS[1:], "all"), panels, strict=True):
             _likelihood(axes, name, rows, ends, joint)
@@ -242,7 +240,8 @@ def _likelihood(axes, name, rows, ends, joint):
         axes.plot(drawn[shown], less[shown], "o-", color=style.COLOURS[1], markersize=4)
         axes.plot(drawn[~shown], np.full(np.count_nonzero(~shown), -_SHOWN), "v", color=style.COLOURS[1], markersize=6)
         axes.axhline(-WITHIN, color="black", linewidth=0.8, linestyle="--")
-        axes.set(title="All, and Fig. 3: logarithm of the\nproduct, less its largest", ylim=(-_SHOWN - 0.6, 0.6))
+        axes.set(title="Figs. 3 to 9 together:\nlikelihood, over its largest", ylim=(-_SHOWN - 0.6, 0.6))
+        axes.set_ylabel("natural logarithm of the ratio")
         return
     chances = [row["likelihood"][name] for row in rows]
     axes.plot(ends, chances, "o-", color=style.COLOURS[0], markersize=4)

@@ -145,7 +145,11 @@ def _draw(path, scene, points, values):
     note = (
         "Every diagram: Poincaré velocities after each of 100 cycles, 300 cycles after the start or the last amplitude."
     )
-    with style.page(path, (12.0, 9.0), "The block without noise: bifurcations and boundary crisis", [note]) as figure:
+    stable, crisis = values["symmetric_orbit_stable_up_to"], np.mean(values["crisis"])
+    title = (
+        f"Without noise the symmetric orbit is stable up to A = {stable:.2f}; the attractor ends at A = {crisis:.2f}"
+    )
+    with style.page(path, (12.0, 9.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["growing", "growing", "beyond"], list(points)])
         _diagram(panels["growing"], scene, points["growing amplitude"], values, markersize=1.2)
         title = f"(a) Growing amplitude, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}"

@@ -2,10 +2,10 @@
 
 The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
 is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's
-frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. So is a rival closure,
-which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of `physics.noise.equivalence`), and
-the average of the density solver over the diffusions of single realizations (`solve_realizations`). For one noise the
-difference is divided into parts, each isolated by switching one thing:
+frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. The numbers, not the
+picture, also have a rival closure, which keeps the jump of velocity in the heteroclinic orbit (`jump_diffusion` of
+`physics.noise.equivalence`), and the average of the density solver over the diffusions of single realizations
+(`solve_realizations`). For one noise the difference is divided into parts, each isolated by switching one thing:
 
 * finite N: N = 100 against N = 1000,
 * band: N = 1000 against white noise, both sampled,
@@ -166,70 +166,63 @@ def worst(differences):
 
 
 def draw(path, values):
-    """Draw errors against cover and spread, what the average over realizations leaves, and the error budget."""
-    size = f"{values['realizations']:,} realizations (± 0.004 or less, one standard error)"
-    cycles = ", ".join(map(str, CYCLES))
-    points = (
-        f"N: harmonics of the band noise. Each point: the difference that is largest after {cycles} cycles; {size}. "
-        "Grey: where the errors are small."
+    """Draw errors against cover and against spread, and the error budget."""
+    last, cycles = values["harmonics"][-1], ", ".join(map(str, CYCLES))
+    good = [row for row in values["noises"] if row["cover"] >= GOOD_COVER]
+    error = max((float(np.abs(np.subtract(row["sampled"][-1], row["density"])).max()) for row in good), default=np.nan)
+    title = (
+        f"White noise replaces band noise to {error:.2g} in survival where the band covers {GOOD_COVER:g} of the "
+        "Melnikov variance"
     )
-    closures = (
-        "(a) D = σ_M²/2, half the Melnikov variance of the band, as in the density solver. (b) D from the band "
-        "with the velocity jump at the impact of the heteroclinic orbit kept. Cover: part of the Melnikov variance of "
-        "white noise that the band has. Spread: standard deviation over mean of the diffusions of single realizations."
-    )
-    parts = (
-        "(e) whole: N = 100 less density; finite N: N = 100 less N = 1000; band: N = 1000 less white noise; "
-        "discretization: white noise less density."
-    )
-    notes = [points, closures, parts]
-    rows = [["cover", "jump"], ["excess", "left"], ["budget", "budget"]]
-    with style.page(path, (10.5, 11.4), "White noise for band noise: where it is trustworthy", notes) as figure:
-        panels = figure.subplot_mosaic(rows, height_ratios=(1.2, 1.0, 0.8))
-        last = values["harmonics"][-1]
-        _against_cover(panels["cover"], values, "density", f"(a) D = σ_M²/2, N = {last}")
-        panels["jump"].sharey(panels["cover"])
-        _against_cover(panels["jump"], values, "jump_density", f"(b) D with the jump kept, N = {last}")
-        panels["left"].sharey(panels["excess"])
-        _against_spread(panels["excess"], values, "density", "(c) Excess of N harmonics over white noise")
-        _against_spread(panels["left"], values, "averaged", "(d) What the average over realizations leaves of it")
+    notes = [
+        (
+            f"Points: {values['realizations']:,} paths less density, the largest of the differences after {cycles} "
+            f"cycles (standard error at most 0.004). Grey: cover from {GOOD_COVER:g}, spread to {SMALL_SPREAD:g}."
+        ),
+        (
+            f"(c) finite N: N = 100 less N = {last}; band: N = {last} less white noise; discretization: paths of "
+            "white noise less density."
+        ),
+    ]
+    with style.page(path, (13.0, 9.4), title, notes) as figure:
+        panels = figure.subplot_mosaic([["cover", "excess"], ["budget", "budget"]], height_ratios=(1.0, 0.85))
+        _against_cover(panels["cover"], values)
+        _against_spread(panels["excess"], values)
         _budget(panels["budget"], values["budget"])
 
 
-def _against_cover(axes, findings, name, title):
-    """Draw what Monte Carlo of the most harmonics differs by from the density with one closure."""
+def _against_cover(axes, findings):
+    """Draw what Monte Carlo of the most harmonics differs by from the density."""
     for k, (e, mark) in enumerate(
         zip(dict.fromkeys(row["restitution"] for row in findings["noises"]), "os", strict=False)
     ):
         here = [row for row in findings["noises"] if row["restitution"] == e]
-        errors = [worst(np.subtract(row["sampled"][-1], row[name])) for row in here]
+        errors = [worst(np.subtract(row["sampled"][-1], row["density"])) for row in here]
         look = {"color": style.COLOURS[k], "markerfacecolor": "none", "markersize": 6}
         axes.plot([row["cover"] for row in here], errors, mark, label=f"e = {e:g}", **look)
     axes.axvspan(GOOD_COVER, 1.02, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(xlabel="cover of the band", xlim=(-0.02, 1.02), ylabel="survival, Monte Carlo less density", title=title)
+    axes.set(xlabel="cover: part of the Melnikov variance of white noise that the band has", xlim=(-0.02, 1.02))
+    axes.set(
+        ylabel="difference of survival",
+        title=f"(a) What the band leaves out, N = {findings['harmonics'][-1]} harmonics",
+    )
     axes.legend(loc="lower center")
 
 
-def _against_spread(axes, findings, name, title):
-    """Draw what N harmonics differ by from a density, less what the most harmonics differ by from white noise."""
+def _against_spread(axes, findings):
+    """Draw what N harmonics differ by from the density, less what the most harmonics differ by."""
     shades = style.shades(len(findings["harmonics"]))
     for k, (count, colour) in enumerate(zip(findings["harmonics"][:-1], shades, strict=False)):
-        spreads, left = [], []
-        for row in findings["noises"]:
-            held = row["averaged"][k] if name == "averaged" else row["density"]
-            band_error = np.subtract(row["sampled"][-1], row["density"])
-            spreads.append(row["spread"][k])
-            left.append(worst(np.subtract(row["sampled"][k], held) - band_error))
-        axes.plot(spreads, left, ".", color=colour, label=f"N = {count}")
+        excess = [worst(np.subtract(row["sampled"][k], row["sampled"][-1])) for row in findings["noises"]]
+        axes.plot([row["spread"][k] for row in findings["noises"]], excess, ".", color=colour, label=f"N = {count}")
     spread = np.linspace(0.0, 1.2, 121)
-    law = f"{EXCESS:g} spread²"
-    axes.plot(spread, EXCESS * spread**2, color="black", linewidth=1.0, label=law)
+    axes.plot(spread, EXCESS * spread**2, color="black", linewidth=1.0, label=f"{EXCESS:g} spread²")
     axes.axvspan(0.0, SMALL_SPREAD, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(title=title, xlabel="spread of the realizations' diffusions, relative", ylabel="difference in survival")
-    axes.set_xlim(0.0, 1.25)
-    axes.legend(fontsize=9, loc="upper left", bbox_to_anchor=(0.26, 1.0))
+    axes.set(title="(b) What N harmonics add to it", ylabel="difference of survival", xlim=(0.0, 1.25))
+    axes.set_xlabel("spread: standard deviation over mean of the realizations' diffusions")
+    axes.legend(loc="upper left", bbox_to_anchor=(0.26, 1.0))
 
 
 def _budget(axes, found):
@@ -242,8 +235,8 @@ def _budget(axes, found):
     axes.invert_yaxis()
     (low, high), sigma = BUDGETED
     size = f"{found['realizations']:,} realizations"
-    title = f"(e) Error budget: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
-    axes.set(xlabel="Monte Carlo less density, in survival", title=title)
+    title = f"(c) Parts of the error: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
+    axes.set(xlabel="difference of survival", title=title)
     axes.legend(fontsize=9)
 
 

@@ -66,7 +66,7 @@ def run(out, restitution=0.7, frequencies=(0.0, 0.5, 1.0, 2.0, 2.7, 4.0, 8.0)) -
         "transfer": np.atleast_1d(melnikov.transfer(frequencies)).tolist(),
         "transfer_by_quadrature": work,
     }
-    draw(out / "fig02.png", restitution, frequencies, work)
+    draw(out / "fig02.png", values)
     summary.write_summary(out / "fig02.json", values)
     return values
 
@@ -95,14 +95,15 @@ def free_orbit(energy, count=200):
     return 1.0 + size * np.sinh(time), size * np.cosh(time)
 
 
-def draw(path, restitution, frequencies, work):
-    """Write the picture."""
-    with style.page(path, (10.5, 8.4), "The free rocking block (cf. paper Fig. 2)") as figure:
+def draw(path, values):
+    """Draw what the JSON file holds, and the curves in closed form."""
+    title = "Paper Fig. 2: free blocks rock inside the heteroclinic orbits and overturn outside"
+    with style.page(path, (10.5, 8.4), title) as figure:
         (well, portrait), (orbit, transform) = figure.subplots(2, 2)
         _well(well)
-        _portrait(portrait, restitution)
+        _portrait(portrait, values["restitution"])
         _orbit(orbit)
-        _transform(transform, frequencies, work)
+        _transform(transform, values["frequencies"], values["transfer_by_quadrature"])
 
 
 def _well(axes):
@@ -161,7 +162,7 @@ def _orbit(axes):
             axes, label, (time[-1], values[-1]), colour, offset=(-4.0, -14.0 if values[-1] > 0.5 else 14.0), ha="right"
         )
     axes.set(title="(c) Heteroclinic orbit from left to right; impact at τ = 0")
-    axes.set(xlabel=motion.TIME, ylabel="angle and velocity")
+    axes.set(xlabel=motion.TIME, ylabel="angle and velocity, nondimensional")
 
 
 def _transform(axes, frequencies, work):

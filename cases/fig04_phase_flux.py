@@ -5,7 +5,8 @@ unit time, to first order. Around (A, Ω) = (4, 4), without noise and with σ² 
 
 * (a) the Melnikov process of one realization of the noise, whose positive part, shaded, has the mean Φ,
 * Φ (b) against the amplitude, (c) against the frequency and (e) against the variance of the noise, for two e,
-* (d) Φ against the restitution: corrected, as eqs. 17 and 18 are printed, and by Monte Carlo of the expectation.
+* (d) Φ against the restitution: corrected, as eqs. 17 and 18 are printed (docs/theory.md), and by Monte Carlo of the
+  expectation.
 
 Band noise of finitely many harmonics is not Gaussian; the mean of the positive part over many realizations tells how
 much of Φ rests on its being so.
@@ -34,12 +35,12 @@ FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
 BANDS = (5.0, 10.0, 20.0)
 SHOWN = (0.5, 0.9)
-SHOWN_CYCLES = 12
+SHOWN_CYCLES, POINTS = 12, 121
 PHASES, APART = 32, 13
 _FLUX = "phase flux Φ, nondimensional"
 
 
-def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -> dict:
+def run(out, variance=0.16, strata=512, realizations=4000, seed=1) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -48,8 +49,6 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
         Folder for the files; created if missing.
     variance : float
         σ² of the noise on [0, 10].
-    points : int
-        Of each curve.
     strata, realizations, seed : int
         Of the sampled expectation, and of the band noise whose processes are averaged.
 
@@ -58,8 +57,7 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
     dict
         What ``fig04.json`` holds: fluxes without and with noise by method, one column a restitution.
     """
-    ours = load_scene("main").noise
-    noise = BandNoise(variance, ours.band, ours.harmonics, ours.remark)
+    noise = noise_of(variance)
     noises = [[NoNoise()], [noise]]
     corrected = melnikov.phase_flux(FORCING, RESTITUTIONS, noises)
     sampled, error = melnikov.phase_flux_sampled(FORCING, RESTITUTIONS, noises, strata=strata, seed=seed)
@@ -71,6 +69,7 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
         "amplitude": FORCING.amplitude,
         "frequency": FORCING.frequency,
         "variances": [0.0, variance],
+        "seed": seed,
         "restitutions": list(RESTITUTIONS),
         "corrected": corrected.tolist(),
         "sampled": sampled.tolist(),
@@ -83,9 +82,15 @@ def run(out, variance=0.16, points=121, strata=512, realizations=4000, seed=1) -
         "corrected_by_band": melnikov.phase_flux(FORCING, RESTITUTIONS, bands).tolist(),
         "remarks": [noise.remark],
     }
-    draw(out / "fig04.png", noise, points, values, seed)
+    draw(out / "fig04.png", values)
     summary.write_summary(out / "fig04.json", values)
     return values
+
+
+def noise_of(variance):
+    """Return the band noise of the main scene with another variance."""
+    ours = load_scene("main").noise
+    return BandNoise(variance, ours.band, ours.harmonics, ours.remark)
 
 
 def drawn(noise, count, seed):
@@ -109,21 +114,26 @@ def process_flux(noise, restitution, realizations, seed):
     return float(means.mean()), float(means.std(ddof=1) / math.sqrt(realizations))
 
 
-def draw(path, noise, points, values, seed):
-    """Write the picture."""
-    symbols = (
-        "A, Ω: amplitude and frequency of the forcing; e: restitution; σ²: variance of the noise. (17), (18): the "
-        "paper's equations, as printed and corrected (docs/theory.md). Vertical lines: the value of the other panels."
+def draw(path, values):
+    """Draw what the JSON file holds, and the curves in closed form."""
+    noise, place = noise_of(values["variances"][1]), RESTITUTIONS.index(SHOWN[0])
+    without, with_noise = (row[place] for row in values["corrected"])
+    title = (
+        f"Paper Fig. 4: noise of σ² = {noise.variance:g} raises the phase flux, at e = {SHOWN[0]:g} from "
+        f"{without:.3f} to {with_noise:.3f}"
     )
-    notes = [symbols, f"Noise band [{noise.band[0]:g}, {noise.band[1]:g}] unless stated. {noise.remark}"]
-    with style.page(path, (10.5, 11.2), "Phase flux (cf. paper Fig. 4)", notes) as figure:
+    symbols = (
+        "A, Ω: amplitude and frequency of the forcing (vertical lines: 4). e: restitution. σ²: variance of the noise"
+    )
+    notes = [f"{symbols}, band [{noise.band[0]:g}, {noise.band[1]:g}]."]
+    with style.page(path, (10.5, 11.2), title, notes) as figure:
         rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 1.0))
-        _process(panels["process"], noise, seed)
-        _sweep(panels["amplitude"], np.linspace(0.0, 8.0, points), 0, noise, "amplitude A")
-        _sweep(panels["frequency"], np.linspace(0.5, 8.0, points), 1, noise, "frequency Ω")
-        _restitution(panels["restitution"], noise, points, values)
-        _variance(panels["variance"], points)
+        _process(panels["process"], noise, values["seed"])
+        _sweep(panels["amplitude"], np.linspace(0.0, 8.0, POINTS), 0, noise, "amplitude A")
+        _sweep(panels["frequency"], np.linspace(0.5, 8.0, POINTS), 1, noise, "frequency Ω")
+        _restitution(panels["restitution"], noise, values)
+        _variance(panels["variance"])
 
 
 def _process(axes, noise, seed):
@@ -151,8 +161,9 @@ def _sweep(axes, swept, place, noise, name):
         still, noisy = (melnikov.phase_flux(tuple(forcing), e, one) for one in (NoNoise(), noise))
         axes.plot(swept, still, color=colour)
         axes.plot(swept, noisy, "--", color=colour)
-        # Over the frequency only the curves with noise reach the end.
-        style.named(axes, f"e = {e:g}", (swept[-1], (noisy if place else still)[-1]), colour, fontsize=9)
+        # Over the frequency only the curves with noise reach the end. A line of the grid passes through the last name.
+        end, free = (noisy if place else still)[-1], {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+        style.named(axes, f"e = {e:g}", (swept[-1], end), colour, fontsize=9, bbox=free)
     axes.plot([], [], color="#555555", label="no noise")
     axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}")
     fixed = f"A = {FORCING.amplitude:g}" if place else f"Ω = {FORCING.frequency:g}"
@@ -167,8 +178,8 @@ def _sweep(axes, swept, place, noise, name):
     axes.legend(loc="lower left" if place else "upper left")
 
 
-def _restitution(axes, noise, points, values):
-    e = np.linspace(0.0, 1.0, points)
+def _restitution(axes, noise, values):
+    e = np.linspace(0.0, 1.0, POINTS)
     curves = (
         (melnikov.phase_flux(FORCING, e, NoNoise()), "-", 0, "corrected, σ² = 0"),
         (melnikov.phase_flux(FORCING, e, noise), "-", 1, f"corrected, σ² = {noise.variance:g}"),
@@ -189,8 +200,8 @@ def _restitution(axes, noise, points, values):
     axes.legend(loc="upper left", fontsize=9)
 
 
-def _variance(axes, points):
-    variance, lines = np.linspace(0.0, 0.4, points), (":", "-", "--")
+def _variance(axes):
+    variance, lines = np.linspace(0.0, 0.4, POINTS), (":", "-", "--")
     for e, colour in zip(SHOWN, style.COLOURS, strict=False):
         for high, line in zip(BANDS, lines, strict=True):
             flux = melnikov.phase_flux(FORCING, e, [BandNoise(one, (0.0, high), 100) for one in variance])

@@ -7,14 +7,15 @@ realizations can tell has an error estimate of its own. Without noise there is o
 follows. Monte Carlo with the white noise that the density assumes tells the error of the solver from that of replacing
 noise of 100 harmonics by white noise, which 200 cycles multiply.
 
-* (a) the fall of survival, and (b) the same on a logarithmic axis as far as the paper's last σ². A wedge in (b) is the
-  upper end of the 95 % interval where no realization stands: survival is below it, and nothing more is known from them.
+* (a) the fall of survival, and (b) the same on a logarithmic axis as far as the paper's last σ². A triangle in (b) is
+  the upper end of the 95 % interval where no realization stands: survival is below it, and nothing more is known from
+  them.
 * (c) other noise bands.
 * (d) other phases Ψ: π, that of the paper's Fig. 6, is the mirror image of 0, so that from rest survival is the same by
   symmetry; π/2 is not.
 
-The axis of σ² is scaled like its square root, for the fall is over in the first quarter of the paper's axis. The
-paper's caption has the variance up to 0.4, its text up to 0.04; the latter is taken.
+The axis is that of σ, for the fall is over in the first quarter of the paper's axis of σ². The paper's caption has the
+variance up to 0.4, its text up to 0.04; the latter is taken.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 7: (A, Ω, e, Ψ) = (4.6, 2.7, 0.5, 0).
@@ -50,7 +51,7 @@ _PHASE_LOOKS = (
     {"color": "#555555", "marker": "D", "markersize": 9.0, "markerfacecolor": "none", "linestyle": "none"},
 )
 _CLOSURE = "The density solver has white noise of equal Melnikov variance: a closure, to be judged by Monte Carlo."
-_VARIANCE = "variance of the noise σ², nondimensional"
+_DEVIATION = "standard deviation of the noise σ, nondimensional"
 
 
 def run(
@@ -156,77 +157,74 @@ def _plain(ensembles):
 
 def draw(path, values):
     """Draw what the JSON file holds."""
-    title = f"Survival after {values['cycles']} cycles against noise (cf. paper Fig. 7)"
-    count = values["realizations"]
-    notes = [f"{count:,} realizations of band noise a point, {PHASE_TIMES * count:,} in (d); bars: 95 % intervals.",
-             "(a) has the symbols of (b), without the wedges. (d): phases 0 and π are mirror images of each other.",
-             *values["remarks"]]  # fmt: skip
-    with style.page(path, (10.5, 10.0), title, notes) as figure:
+    count, ours = values["realizations"], next(one for one in values["bands"] if one["band"][1] == OURS)
+    half = np.interp(0.5, ours["survival"][::-1], np.sqrt(values["variances"])[::-1])
+    last, end = (values["density"][-1][name] for name in ("variance", "survival"))
+    title = (
+        f"Paper Fig. 7: half of the blocks stand for {values['cycles']} cycles at σ = {half:.2g}; at "
+        f"{np.sqrt(last):g}, by the density, {end:.0e}"
+    )
+    note = (
+        f"Bars: 95 % intervals of {count:,} realizations of band noise, {PHASE_TIMES * count:,} in (d). The density "
+        "has white noise of equal Melnikov variance. (d): by symmetry Ψ = 0 and π survive equally."
+    )
+    with style.page(path, (10.5, 10.0), title, [note]) as figure:
         (both, tail), (bands, phases) = figure.subplots(2, 2)
         _both(both, values)
-        _both(tail, values, wedges=True)
-        both.set_title("(a) The paper's figure, band [0, 10], and the density")
-        tail.set(title="(b) The same to the paper's last σ², logarithmic", yscale="log", ylim=(1e-10, 3.0))
+        _both(tail, values, limits=True)
+        both.set_title("(a) The paper's figure, and the density; symbols as in (b)")
+        tail.set(title="(b) The same to the paper's last σ, logarithmic", yscale="log", ylim=(1e-10, 3.0))
         tail.legend(fontsize=9, loc="lower left")
         rows = {f"band [0, {one['band'][1]:g}]": one for one in reversed(values["bands"])}
         looks = (
             {"color": colour, "marker": marker} for colour, marker in zip(style.shades(3)[::-1], "Dso", strict=True)
         )
         _several(bands, values["variances"], rows, looks)
-        bands.set_title("(c) Three noise bands")
+        bands.set_title("(c) Band noise, three bands")
         _several(phases, values["phase_variances"], {_phase_label(one): one for one in values["phases"]}, _PHASE_LOOKS)
         phases.set_title("(d) Three phases Ψ of the forcing")
         for axes in (both, tail, bands, phases):
-            axes.set(xlabel=_VARIANCE, ylabel="P(not overturned)", xlim=(-1e-5, 0.043))
-            axes.set_xscale("function", functions=(_root, _square))
-            axes.set_xticks((0.0, 0.001, 0.005, 0.01, 0.02, 0.03, 0.04))
+            axes.set(xlabel=_DEVIATION, ylabel="P(not overturned)", xlim=(-0.004, 0.21))
         for axes in (both, bands, phases):
             axes.set_ylim(-0.02, 1.05)
         for axes in (both, phases):
-            axes.set_xlim(-1e-5, 0.0135)
+            axes.set_xlim(-0.002, 0.118)
 
 
 def _phase_label(one):
     return f"Ψ = {one['phase']}" + ("" if one["stands_without_noise"] else ": overturns without noise too")
 
 
-def _root(values):
-    return np.sign(values) * np.sqrt(np.abs(values))
-
-
-def _square(values):
-    return np.sign(values) * np.square(values)
-
-
-def _both(axes, values, wedges=False):
+def _both(axes, values, limits=False):
     ours = next(one for one in values["bands"] if one["band"][1] == OURS)
     look = {"color": style.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
-    _limited(axes, values["variances"], ours["survival"], ours["interval"], look, wedges)
+    _limited(axes, values["variances"], ours["survival"], ours["interval"], look, limits)
     white, found = values["white"], values["density"]
     columns = ([one[name] for one in white] for name in ("variance", "survival", "interval"))
     label = f"white noise, {white[0]['realizations']:,} realizations"
-    _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label}, wedges)
-    if wedges:
+    _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label}, limits)
+    if limits:
         axes.plot([], [], "v", color="#777777", markersize=5, label="no realization stands: 95 % upper limit")
     columns = ([one[name] for one in found] for name in ("variance", "survival"))
     look = {"marker": "D", "markersize": 8.0, "markerfacecolor": "none", "linestyle": "none"}
-    axes.plot(*columns, color=style.COLOURS[0], label="Fokker-Planck density, white noise", **look)
+    variances, survival = columns
+    axes.plot(np.sqrt(variances), survival, color=style.COLOURS[0], label="Fokker-Planck density, white noise", **look)
     axes.plot(0.0, float(values["stands_without_noise"]), "*", color="black", markersize=11, label="no noise", zorder=3)
 
 
-def _limited(axes, variances, survival, interval, look, wedges):
+def _limited(axes, variances, survival, interval, look, limits):
     """Draw survival with its intervals where any realization stands, else, if wanted, the upper limit."""
-    variances, survival, interval = map(np.asarray, (variances, survival, interval))
+    places, survival, interval = np.sqrt(variances), np.asarray(survival), np.asarray(interval)
     some = survival > 0.0
-    style.error_bars(axes, variances[some], survival[some], interval[some], **look)
-    if wedges:
-        axes.plot(variances[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
+    style.error_bars(axes, places[some], survival[some], interval[some], **look)
+    if limits:
+        axes.plot(places[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
 
 
 def _several(axes, variances, rows, looks):
     for (label, found), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
-        style.error_bars(axes, variances, found["survival"], found["interval"], **(shape | look))
+        style.error_bars(axes, np.sqrt(variances), found["survival"], found["interval"], **(shape | look))
     axes.legend(fontsize=9)
 
 

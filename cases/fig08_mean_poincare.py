@@ -105,14 +105,16 @@ def dimensions_of(samples):
 
 def _draw(path, attractor, free, mapped, mean, values):
     noise = free.scene.noise
-    notes = [f"σ² = {noise.variance:g} on [{noise.band[0]:g}, {noise.band[1]:g}]. {values['remarks'][0]}"]
-    title = "A chaotic motion that overturns, and its mean Poincaré map (cf. paper Fig. 8)"
+    notes = [f"Noise of σ² = {noise.variance:g} on [{noise.band[0]:g}, {noise.band[1]:g}], which is inferred."]
+    dimensions = (values[name]["dimension"] for name in ("restarted", "without_noise"))
+    title = "Paper Fig. 8: the mean map restores the attractor: dimension {:.2f}, without noise {:.2f}"
+    title = title.format(*dimensions)
     with style.page(path, (10.5, 10.6), title, notes) as figure:
         panels = figure.subplot_mosaic([["a", "a"], ["b", "c"], ["d", "d"]], height_ratios=(0.6, 1.0, 0.6))
         _cycle_by_cycle(panels["a"], free, values)
         for name in "bc":
             panels[name].plot(*attractor.T, ".", markersize=1.0, color="#bbbbbb", rasterized=True)
-            panels[name].set(xlabel=motion.ANGLE, ylabel=motion.VELOCITY, xlim=(-1.6, 1.0), ylim=(-0.9, 1.5))
+            panels[name].set(xlabel=motion.ANGLE, ylabel=motion.VELOCITY, xlim=(-1.6, 0.5), ylim=(-0.5, 1.4))
         panels["b"].plot(*mapped.points[SETTLED + 1 :].T, ".", markersize=3.0, color=style.COLOURS[0])
         dimensions = (
             f"{values[name]['dimension']:.2f} ± {values[name]['deviation_of_dimension']:.2f}"

@@ -9,7 +9,7 @@ wears away from 0.06 to 0.12, where mean points stay bounded; from 0.13 on the m
 * (g) the correlation dimension of the mean points against σ, over several seeds: 1 on a curve, more on this attractor.
   It is taken between lengths of 0.05 and 0.4, above the sampling error of a mean and below the size of the attractor;
 * (h) the number of cycles after which the mean overturns, for the same seeds, and above them for how many it does
-  within 500; a wedge there stands for seeds with which it does not.
+  within 500; a triangle there stands for seeds with which it does not. Filled symbols have the paper's σ.
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996, Fig. 9: (A, Ω, e, Ψ) = (4.6, 2.7, 0.5, 3.14).
@@ -97,14 +97,15 @@ def _judged(deviation, maps, cycles):
 
 def _draw(path, attractor, shown, paper, values):
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
-    drawn = (
-        f"{size}; grey: without noise; cross: overturned, at the cut-off. (a) to (f): seed 1; (g), (h): "
-        f"{values['seeds']} seeds. Triangles on the axis: the paper's σ. Wedges: the mean stands for all "
-        f"{values['cycles']} cycles."
+    note = (
+        f"{size}, noise on [0, 10], which is inferred. Grey: without noise. Cross: overturned, at the cut-off. "
+        f"(a) to (f): seed 1; (g), (h): {values['seeds']} seeds, filled at the σ of (a) to (f); triangles: the "
+        "mean does not overturn."
     )
-    notes = [drawn, *values["remarks"]]
-    title = "The mean Poincaré map as noise grows (cf. paper Fig. 9)"
-    with style.page(path, (10.5, 11.4), title, notes) as figure:
+    fractal = max((one["deviation"] for one in values["maps"] if (one["dimension"] or 0.0) > 1.0), default=0.0)
+    falls = min((one["deviation"] for one in values["maps"] if any(one["overturned_after"])), default=np.inf)
+    title = f"Paper Fig. 9: the mean map is fractal up to σ = {fractal:g}; from σ = {falls:g} on the mean can overturn"
+    with style.page(path, (10.5, 11.4), title, [note]) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
         panels = top.subplots(2, 3, sharex=True, sharey=True).ravel()
         for letter, axes, deviation, found in zip("abcdef", panels, paper, [None, *shown], strict=True):
@@ -136,26 +137,29 @@ def _dimension_panel(axes, paper, values):
     some = [one for one in values["maps"] if one["dimension"] is not None]
     columns = ([one[name] for one in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
     x, y, error = map(np.array, columns)
-    shape = {"marker": "o", "markersize": 4, "markerfacecolor": "white", "linestyle": "none"}
-    axes.errorbar(x, y, error, color=style.COLOURS[0], **shape)
+    shape = {"marker": "o", "markersize": 4, "linestyle": "none", "color": style.COLOURS[0]}
+    for shown, face in _by_paper(x, paper):
+        axes.errorbar(x[shown], y[shown], error[shown], markerfacecolor=face, **shape)
     still = values["without_noise"]
-    axes.errorbar(0.0, still["dimension"], still["deviation_of_dimension"], color="black", **(shape | {"marker": "D"}))
+    axes.errorbar(0.0, still["dimension"], still["deviation_of_dimension"], **(shape | {"color": "black"}))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle="--")
     axes.annotate("a curve", (0.0, 1.0), xytext=(2, -12), textcoords="offset points")
     axes.set(
         title="(g) Correlation dimension of the mean points;\nbars: standard deviation over seeds", xlabel=_DEVIATION
     )
     axes.set_ylabel("correlation dimension")
-    _mark(axes, paper)
 
 
 def _ended_panel(axes, paper, values):
     last = values["cycles"]
     pairs = [(one["deviation"], after) for one in values["maps"] for after in one["overturned_after"]]
     ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)
-    axes.plot(*ended.T, "o", color=style.COLOURS[0], markersize=4, markerfacecolor="none")
-    standing = sorted({deviation for deviation, after in pairs if not after})
-    axes.plot(standing, np.full(len(standing), last), "^", color=style.COLOURS[0], markersize=5, markerfacecolor="none")
+    standing = np.array(sorted({deviation for deviation, after in pairs if not after}))
+    look = {"color": style.COLOURS[0], "linestyle": "none"}
+    for shown, face in _by_paper(ended[:, 0], paper):
+        axes.plot(*ended[shown].T, "o", markersize=4, markerfacecolor=face, **look)
+    for shown, face in _by_paper(standing, paper):
+        axes.plot(standing[shown], np.full(shown.sum(), last), "^", markersize=5, markerfacecolor=face, **look)
     for one in values["maps"]:
         fallen = sum(after is not None for after in one["overturned_after"])
         if one["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
@@ -164,13 +168,12 @@ def _ended_panel(axes, paper, values):
     axes.set(yscale="log", ylim=(5, 3.5 * last), xlim=(-0.005, 0.168), xlabel=_DEVIATION)
     axes.set(ylabel="forcing cycles until the mean overturns")
     axes.set_title("(h) Overturning of the mean, and\nhow many seeds overturn")
-    _mark(axes, paper)
 
 
-def _mark(axes, paper):
-    """Mark the values of σ that the paper shows."""
-    axes.plot(paper, np.zeros(len(paper)), "^", color="black", markersize=5, transform=axes.get_xaxis_transform(),
-              clip_on=False)  # fmt: skip
+def _by_paper(deviations, paper):
+    """Return which values of σ the paper shows, for filled symbols, and which it does not, for open ones."""
+    shown = np.isin(deviations, paper)
+    return (shown, style.COLOURS[0]), (~shown, "white")
 
 
 def told(values):

@@ -3,8 +3,8 @@
 Of two blocks of one shape the larger one stands longer. Blocks from rest are shaken for ten cycles at 1.5 Hz and 3
 m/s², with noise of 0.3 m/s² from 0 to 8 Hz. Shown is the probability of overturning over the half diagonal R and the
 slenderness (height over width) at this shaking, and, for one slenderness and for one size, against the scale of the
-shaking, with the medians of lognormal fits. The first is a sweep over a grid, the others are fragility surfaces;
-`--workers 2` runs all of them on two processes.
+shaking. The first is a sweep over a grid, the others are fragility surfaces; `--workers 2` runs all of them on two
+processes.
 
 Run time: about half a minute on 2 cores, once the kernels are compiled.
 
@@ -20,7 +20,7 @@ from fpk_rocking import Scene
 from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.studies import fragility, grid, sweep
-from fpk_rocking.studies.picture import NAMES, draw_map, draw_surface
+from fpk_rocking.studies.picture import NAMES, draw_map
 
 SIZES = tuple(np.geomspace(0.3, 3.0, 15).tolist())
 SLENDERNESSES = tuple(np.geomspace(3.0, 9.0, 13).tolist())
@@ -66,28 +66,37 @@ def run(out, sizes=SIZES, slendernesses=SLENDERNESSES, scales=SCALES, realizatio
         "by_size": by_size.summary(),
         "by_slenderness": by_shape.summary(),
     }
-    _draw(out / "surface.png", overturned, by_size, by_shape)
+    draw(out / "surface.png", values)
     summary.write_summary(out / "surface.json", values)
     return values
 
 
-def _draw(path, overturned, by_size, by_shape):
-    size = SCENE.block.dimensions
-    shape, radius = size.height / size.width, size.half_diagonal
+def draw(path, values):
+    """Draw P(overturned) over size and slenderness, and over the scale with either of them."""
+    size, overturned = SCENE.block.dimensions, np.array(values["overturned"])
+    sizes, middle = values["sizes"], len(values["slendernesses"]) // 2
+    half = float(np.interp(0.5, overturned[::-1, middle], sizes[::-1]))
+    title = (
+        f"Large and squat blocks stand longer: of height over width {values['slendernesses'][middle]:.2g} half "
+        f"overturn at R = {half:.2g} m"
+    )
     shaking = f"Scale 1: {CYCLES} cycles of 3 m/s² at 1.5 Hz, noise of 0.3 m/s² from 0 to 8 Hz"
-    sampled = f"{by_size.realizations:,} realizations a point, exact engine"
-    drawn = "R: half diagonal. Black lines: probabilities 0.1, 0.5 and 0.9. Dots: medians of lognormal fits."
-    notes = [f"{shaking}. {sampled}. {drawn}", *by_shape.remarks]
-    with style.page(path, (16.0, 6.2), "Overturning over size and slenderness", notes) as figure:
+    notes = [f"{shaking}. {values['realizations']:,} paths a point. R: half diagonal."]
+    with style.page(path, (13.5, 5.4), title, notes) as figure:
         panels = figure.subplots(1, 3)
-        filled = draw_map(panels[0], by_size.place, by_shape.place, overturned.T)
+        filled = draw_map(panels[0], sizes, values["slendernesses"], overturned.T)
         panels[0].set(xlabel=NAMES["size"], ylabel=NAMES["slenderness"])
-        panels[0].set_title("(a) Scale 1", loc="left")
-        draw_surface(panels[1], by_size)
-        panels[1].set_title(f"(b) {NAMES['slenderness'].capitalize()} {shape:.2g}", loc="left")
-        draw_surface(panels[2], by_shape)
-        panels[2].set_title(f"(c) R = {radius:.2f} m", loc="left")
+        panels[0].set_title("(a) Scale 1")
+        _over_scale(panels[1], values["by_size"])
+        panels[1].set_title(f"(b) {NAMES['slenderness'].capitalize()} {size.height / size.width:.2g}")
+        _over_scale(panels[2], values["by_slenderness"])
+        panels[2].set_title(f"(c) R = {size.half_diagonal:.2f} m")
         figure.colorbar(filled, ax=panels, label="P(overturned)")
+
+
+def _over_scale(axes, curves):
+    draw_map(axes, curves["scale"], curves["place"], curves["overturned"])
+    axes.set(xlabel="scale of the shaking", ylabel=NAMES[curves["axis"]])
 
 
 def told(values):

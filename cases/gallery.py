@@ -1,9 +1,9 @@
 """Render every figure of the cases into docs/gallery.
 
 Each case is run as its own command line would, into a folder under ``results``, and its pictures are reduced to at most
-150 kB: fewer colours first, then fewer pixels. What it wrote as ``.json`` stands beside them under the same name. A
-case that fails leaves the gallery as it was. Some cases draw from these numbers alone: for a change of their looks they
-need not run again.
+150 kB: fewer colours first, then fewer pixels. A picture file holds its title, which the site writes beside it. What
+the case wrote as ``.json`` stands beside the pictures under the same name. A case that fails leaves the gallery as it
+was. Some cases draw from these numbers alone: for a change of their looks they need not run again.
 
 Run time: about half an hour on 2 cores, half of it for the noise band.
 
@@ -58,11 +58,18 @@ DRAWN_FROM_NUMBERS = (
     "band_inferred",
     "equivalence",
     "fema_p58",
+    "fig02_phase_portrait",
+    "fig03_critical_amplitude",
+    "fig04_phase_flux",
     "fig07_survival_against_noise",
     "first_passage",
+    "fragility_of_blocks",
+    "fragility_surface",
     "leakage_against_flux",
     "low_noise",
+    "rest",
     "second_harmonic",
+    "slenderness",
     "survival_against_restitution",
 )
 ROOT = pathlib.Path(__file__).parents[1]
@@ -120,20 +127,27 @@ def _numbers(folder):
 
 
 def reduce(source, target):
-    """Write a picture with 256 colours, as wide as `LARGEST` lets it be."""
-    from PIL import Image
+    """Write a picture with 256 colours, as wide as `LARGEST` lets it be, and with its title."""
+    from PIL import Image, PngImagePlugin
 
+    about = PngImagePlugin.PngInfo()
     with Image.open(source) as opened:
         picture = opened.convert("RGB")
+        about.add_itxt("Title", title_of(opened))
     for width in WIDTHS:
         size = (min(width, picture.width), round(picture.height * min(1.0, width / picture.width)))
         # Of Pillow's methods this one alone leaves lines in their colours where other colours fill more of the picture.
         method = {"method": Image.Quantize.MAXCOVERAGE, "dither": Image.Dither.NONE}
         few = picture.resize(size, Image.Resampling.LANCZOS).quantize(256, **method)
         with replaced_atomically(target) as temporary:
-            few.save(temporary, format="PNG", optimize=True)
+            few.save(temporary, format="PNG", optimize=True, pnginfo=about)
         if pathlib.Path(target).stat().st_size <= LARGEST:
             return
+
+
+def title_of(picture):
+    """Return the title that an open picture holds; empty where it holds none."""
+    return picture.info.get("Title", "")
 
 
 def main() -> int:

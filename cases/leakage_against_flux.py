@@ -102,8 +102,13 @@ def draw(path, values):
         f"of those of {values['realizations']:,} blocks that stand after {values['forgotten_cycles']} cycles, until "
         f"cycle {values['cycles']}."
     )
-    notes = [sampled, *values["remarks"]]
-    with style.page(path, (10.5, 5.6), "Phase flux and measured rate of overturning", notes) as figure:
+    studies = *values["over_noise"], values["over_restitution"]
+    ratios = [float(f"{ratio:.2g}") for found in studies for ratio in found["flux_over_rate"] if ratio]
+    title = (
+        f"The phase flux hardly changes with the noise; it is {min(ratios)} to {max(ratios):,.0f} times the rate of "
+        "overturning"
+    )
+    with style.page(path, (10.5, 5.6), title, [sampled]) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
         for found, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
             _pair(noise, values["variances"], found, colour, marker)
@@ -111,9 +116,7 @@ def draw(path, values):
             style.named(noise, f"band [0, {found['band'][1]:g}]", point, colour, offset=(10.0, -4.0))
         point = values["variances"][0], values["over_noise"][0]["flux_per_cycle"][0]
         style.named(noise, "ΦT, all three bands", point, "black", (0.0, 6.0))
-        noise.set(
-            xscale="log", xlabel="variance of the noise σ², nondimensional", ylabel="ΦT and rate, per forcing cycle"
-        )
+        noise.set(xscale="log", xlabel="variance of the noise σ², nondimensional", ylabel="ΦT and rate, per cycle")
         noise.set_title(f"(a) Restitution e = {BLOCK:g}")
         _pair(block, values["restitutions"], values["over_restitution"], style.shades(len(BANDS))[1], "s")
         ours = values["over_restitution"]

@@ -95,7 +95,11 @@ def draw(path, values):
         "Main scene with A = 3, white noise of diffusion D. Bars: error estimates of the operator, refined to "
         f"{100 * math.e * values['tol']:.1f} %; two standard errors of the splitting, {REPEATS} repeats."
     )
-    with style.page(path, (11.0, 5.6), "Escape rates at low noise", [note]) as figure:
+    title = (
+        f"Two methods agree on escape rates down to {min(one['rate'] for one in sampled):.0e} a cycle; the operator "
+        f"reaches {min(row['escape_rate'] for row in rows):.0e}"
+    )
+    with style.page(path, (11.0, 5.6), title, [note]) as figure:
         left, right = figure.subplots(1, 2)
         rate = np.array([row["escape_rate"] for row in rows])
         error = rate * [row["escape_error"] for row in rows]

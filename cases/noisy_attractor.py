@@ -25,7 +25,6 @@ from matplotlib.colors import PowerNorm
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.output import motion, style, summary
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
 LONG = (1, 10, 100, 200, 1000, 10**4)
@@ -69,20 +68,24 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
         "survival": {str(k): [s, e] for k, s, e in zip(LONG, long.survival, long.error_estimate, strict=True)},
         "closure": operator.closure,
     }
-    notes = [f"Escape rate {operator.escape_rate:.5f} a cycle (relative error estimate {operator.escape_error:.0e}).",
-             *remarks(ensemble), operator.closure]  # fmt: skip
-    _draw(out / "attractor.png", operator, quiet, ensemble, outlook, notes)
+    _draw(out / "attractor.png", operator, quiet, ensemble, outlook)
     write_function(out / "attractor.vtu", operator.quasi_stationary, "density")
     summary.write_summary(out / "attractor.json", values)
     return values
 
 
-def _draw(path, operator, quiet, ensemble, outlook, notes):
-    with style.page(path, (11.0, 9.6), "The noisy attractor at whole forcing cycles", notes) as figure:
+def _draw(path, operator, quiet, ensemble, outlook):
+    leading = operator.eigenvalues[0].real
+    title = f"Noise blurs the attractor, and {100.0 * (1.0 - leading):.1f} % of the blocks on it overturn in each cycle"
+    note = (
+        "Main scene; the operator has white noise of equal Melnikov variance, D = "
+        f"{ensemble.scene.noise.diffusion:.3g}."
+    )
+    with style.page(path, (11.0, 8.4), title, [note]) as figure:
         (first, second), (third, fourth) = figure.subplots(2, 2)
         first.plot(quiet.angle[0, FORGOTTEN:], quiet.velocity[0, FORGOTTEN:], ",", color=style.COLOURS[0], alpha=0.6)
         first.set(title=f"(a) Without noise: {quiet.cycles - FORGOTTEN:,} cycles of one block", **_STATE)
-        limit = {"xlim": (-np.pi / 2, np.pi / 2), "ylim": (-2.2, 2.2)}
+        limit = {"xlim": (-np.pi / 2, np.pi / 2), "ylim": (-0.8, 1.9)}
         first.set(**limit)
         # Means over small bins: near x = 0 the density is singular, and its polynomials swing about it.
         edges = np.linspace(*limit["xlim"], 141), np.linspace(*limit["ylim"], 141)
@@ -95,11 +98,10 @@ def _draw(path, operator, quiet, ensemble, outlook, notes):
         circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 300))
         third.plot(circle.real, circle.imag, color="#999999", linewidth=0.8)
         third.plot(operator.eigenvalues.real, operator.eigenvalues.imag, "o", color=style.COLOURS[1])
-        leading = operator.eigenvalues[0].real, 0.0
-        style.named(third, f"{leading[0]:.3f}: share that stands", leading, "black", offset=(-30.0, 45.0), ha="right",
-                    arrowprops={"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0})  # fmt: skip
+        look = {"ha": "right", "arrowprops": {"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0}}
+        style.named(third, f"{leading:.3f}: share that stands", (leading, 0.0), "black", (-30.0, 45.0), **look)
         third.set(
-            title="(c) Leading eigenvalues of a cycle; grey: unit circle",
+            title="(c) Leading eigenvalues of a cycle, unit circle",
             xlabel="real part",
             ylabel="imaginary part",
             aspect="equal",

@@ -6,7 +6,7 @@ the same variance and Melnikov variance lets it rest; its density has two more d
 
 Shown are survival by Monte Carlo of the band noise and of the low-pass noise, and by the density solver with low-pass
 noise (``closure="filtered"``) and with white noise; the probability of being at rest after every cycle; and, over the
-second cycle, the probability of being at rest at every value of the noise, with the density of the angle there.
+second cycle, the probability of being at rest at every value of the noise.
 
 Noise, block and forcing are this project's.
 
@@ -23,17 +23,16 @@ import warnings
 import numpy as np
 from command import command
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import Scene, load_scene, solve_fpk
 from fpk_rocking.density.memory.resolution import node_grid
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.output import motion, style, summary
+from fpk_rocking.output import style, summary
 from montecarlo import simulate
 
 CYCLES, STEPS, SHOWN = 10, 128, 3.5  # steps in a cycle that is looked into; standard deviations of the noise in (c)
-ANGLE_EDGES = np.linspace(-0.3, 0.3, 61)
 
 
 def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1) -> dict:
@@ -65,7 +64,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     values["sampled"] = {name: _sampled(one, cycles, realizations, seed) for name, one in _noises(scene, filtered)}
     values["solved"] = {closure: _solved(scene, cycles, tol, closure) for closure in ("filtered", "white")}
     values["inside"] = look_inside(filtered, resolution)
-    draw(out / "rest.png", scene, values)
+    draw(out / "rest.png", values)
     summary.write_summary(out / "rest.json", values)
     return values
 
@@ -90,55 +89,50 @@ def _solved(scene, cycles, tol, closure):
 
 
 def look_inside(scene, resolution):
-    """Rest by value of the noise at every step of the second cycle, and at its end the density of the angle."""
+    """Rest by value of the noise at every step of the second cycle."""
     white = scene.white_equivalent()
     bound = velocity_bound(white, white.noise.diffusion)
     plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, white.period * np.arange(3)))
     grid = node_grid(scene, plane, resolution)._replace(marks=np.linspace(0.0, 0.5, STEPS // 2 + 1))
     run = FilteredRun(scene, grid, 1e-8)
-    times, resting, angles = [], [], []
+    times, resting = [], []
 
     each = run.nodes.weights.sum(axis=1)
     for k, state in run.states(2, scene.start):
         if k < STEPS:
             continue
-        order = -1 if state.turned else 1
-        held = state.density.sum(axis=1)
-        binned = np.array(
-            [run.space.bin_integrals(part, ANGLE_EDGES, run.space.velocity_lines[[0, -1]]) for part in held]
-        )
         times.append(k / STEPS - 1.0)
-        resting.append((state.rest.sum(axis=1) / each)[::order].tolist())
-        angles.append((binned[:, :, 0] / each[:, None])[::order, ::order].tolist())
-    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting, "angles": angles[-1]}
+        resting.append((state.rest.sum(axis=1) / each)[:: -1 if state.turned else 1].tolist())
+    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting}
 
 
-def draw(path, scene, values):
-    """Draw survival, rest by cycle, and rest and the density of the angle by value of the noise."""
-    forcing, noise = scene.forcing, scene.noise
-    text = (
-        f"Restitution {scene.block.restitution:g}, {forcing}, band noise of variance {noise.variance:g} on "
-        f"[{noise.band[0]:g}, {noise.band[1]:g}]; T = 2π/Ω. All quantities are nondimensional."
+def draw(path, values):
+    """Draw survival, rest by cycle, and rest by value of the noise."""
+    scene = Scene.from_toml(values["scene"])
+    forcing, noise, solved, sampled = scene.forcing, scene.noise, values["solved"], values["sampled"]
+    overturned = [1.0 - found["survival"][-1] for found in (solved["white"], sampled["band"], solved["filtered"])]
+    title = (
+        "White noise overturns a block that rests in between too often: {:.2f} against {:.2f} (band noise) and {:.2f} "
+        "(low-pass noise)"
+    ).format(*overturned)
+    note = (
+        f"e = {scene.block.restitution:g}, {forcing}, T = 2π/Ω; band noise of variance {noise.variance:g} on "
+        f"[{noise.band[0]:g}, {noise.band[1]:g}]; all nondimensional. Points: {values['realizations']:,} paths. "
+        "Lines: density, noise of equal Melnikov variance (low-pass: also of equal variance)."
     )
-    found = (
-        f"Points: Monte Carlo, {values['realizations']:,} realizations. Lines: Fokker-Planck density, with low-pass "
-        "noise of the same variance and Melnikov variance, and with white noise of the same Melnikov variance."
-    )
-    error = values["solved"]["filtered"]["rest_error_estimate"]
-    inside = (
-        f"Estimated error of the line in (b): {error:.2g}. (c), (d): second cycle, by the value of the low-pass noise "
-        "η at that time; (d) at the end of the cycle."
-    )
-    with style.page(path, (10.5, 9.6), "A block that rests", [text, found, inside]) as figure:
-        (survival, rest), (cycle, density) = figure.subplots(2, 2)
+    with style.page(path, (13.5, 5.2), title, [note]) as figure:
+        survival, rest, cycle = figure.subplots(1, 3)
         _by_cycle(survival, values, "survival")
         _by_cycle(rest, values, "at_rest")
         survival.set(title="(a) Survival", ylabel="P(not overturned)")
-        rest.set(title="(b) Rest", ylabel="P(at rest)")
+        rest.set(title="(b) Rest; band: estimated error", ylabel="P(at rest)")
+        line, error = np.array(solved["filtered"]["at_rest"]), solved["filtered"]["rest_error_estimate"]
+        rest.fill_between(
+            np.arange(1, line.size), line[1:] - error, line[1:] + error, color=style.COLOURS[1], alpha=0.2
+        )
         rest.set_ylim(bottom=0.0)
-        survival.legend(loc="lower left")
+        survival.legend(loc="lower left", fontsize=9)
         _over_cycle(figure, cycle, values["inside"], SHOWN * math.sqrt(noise.variance))
-        _by_noise(density, values["inside"])
 
 
 def _by_cycle(axes, values, name):
@@ -147,7 +141,7 @@ def _by_cycle(axes, values, name):
     axes.plot(values["solved"]["filtered"][name], color=style.COLOURS[1], label="low-pass noise, density")
     if name == "survival":
         axes.plot(values["solved"]["white"][name], color=style.COLOURS[2], label="white noise, density")
-    axes.set(xlabel="cycles")
+    axes.set(xlabel="forcing cycles")
     axes.xaxis.get_major_locator().set_params(integer=True)
 
 
@@ -156,20 +150,13 @@ def _over_cycle(figure, axes, inside, most):
         inside["times"], inside["noise"], np.array(inside["resting"]).T, vmin=0.0, vmax=1.0, cmap="GnBu"
     )
     figure.colorbar(image, ax=axes, label="P(at rest | η)")
-    axes.set(title="(c) Rest over a cycle", xlabel="time τ/T", ylabel="noise η", ylim=(-most, most))
+    axes.set(
+        title="(c) Rest in the second cycle, by the low-pass noise",
+        xlabel="time τ/T",
+        ylabel="noise η",
+        ylim=(-most, most),
+    )
     axes.grid(visible=False)
-
-
-def _by_noise(axes, inside):
-    middles, sizes = 0.5 * (ANGLE_EDGES[1:] + ANGLE_EDGES[:-1]), np.diff(ANGLE_EDGES)
-    shown = [k for k, value in enumerate(inside["noise"]) if abs(value) < 0.5]
-    for k, colour in zip(shown, style.shades(len(shown)), strict=True):
-        label = f"η = {inside['noise'][k]:+.2f}"
-        axes.plot(middles, np.array(inside["angles"][k]) / sizes, color=colour, label=label)
-    axes.set(title="(d) Blocks that move, by the noise", xlabel=motion.ANGLE, ylabel="density of the angle, given η")
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=1e-2)
-    axes.legend(fontsize=9)
 
 
 def told(values):

@@ -109,13 +109,16 @@ def _quiet(scene, horizons, count, seed, bound):
 
 def _draw(path, scene, quiet, maps, mean, values):
     note = (
-        "Main scene (A = 4.6, Ω = 2.7, Ψ = π, e = 0.5); white noise of the band [0, 10], which is inferred. Safe area "
-        f"without noise from {values['starts']:,} random starts; bars: error estimates of the meshes. Dashed: moving "
-        "separatrices."
+        "Main scene with white noise of equal Melnikov variance. Dashed: moving separatrices. (f) without noise from "
+        f"{values['starts']:,} random starts; bars: error estimates of the meshes."
     )
-    horizon = values["cycles"][0]
+    horizon, noisiest = values["cycles"][0], max(maps)
+    (row,) = (one for one in values["erosion"] if one["variance"] == noisiest)
+    parts = zip(row["area"], values["area_without_noise"], values["cycles"], strict=True)
+    left = ", to ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
+    title = f"Noise of σ = {math.sqrt(noisiest):g} shrinks the area of safe starts to {left}"
     limit = scene.overturning.angle
-    with style.page(path, (13.5, 10.0), "Safe starts, and how noise erodes them", [note]) as figure:
+    with style.page(path, (13.5, 10.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["quiet", 0, "time"], [1, 2, "erosion"]])
         edges, parts = quiet
         grid = np.linspace(-limit, limit, 500), np.linspace(-_FASTEST, _FASTEST, 500)
@@ -158,7 +161,11 @@ def _erosion(axes, values):
     for k, (area, _) in enumerate(values["area_without_noise"]):
         axes.plot(0.0, area, "*", color=style.COLOURS[k], markersize=16 - 7 * k, markerfacecolor="none")
     style.named(axes, "no noise, both", (0.0, values["area_without_noise"][0][0]), "black", offset=(12.0, -3.0))
-    axes.set(title="(f) Safe area", xlabel="σ, nondimensional", ylabel="safe area, nondimensional")
+    axes.set(
+        title="(f) Safe area",
+        xlabel="standard deviation of the noise σ, nondimensional",
+        ylabel="safe area, nondimensional",
+    )
     axes.set_ylim(bottom=0.0)
 
 

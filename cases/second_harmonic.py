@@ -173,29 +173,28 @@ def draw(path, values):
     """Draw the forcings, survival against A₂, and against Ψ₂ the shares from rest and the rates in the long run."""
     scene = Scene.from_toml(values["scene"])
     (first, second), later = scene.forcing.amplitudes, values["long_run"]
-    rate, flux = (later[name][0] for name in ("rate_without", "flux_per_cycle_without"))
-    scene_text = (
-        f"f(τ) = -A₁ cos(Ωτ + Ψ₁) - A₂ cos(2Ωτ + Ψ₂), T = 2π/Ω, A₁ = {first:g}, Ω = {scene.forcing.frequency:g}, "
-        f"Ψ₁ = 0; A₂ = {second:g} except in (b). Restitution {scene.block.restitution:g}, white noise of diffusion "
-        f"D = {scene.noise.diffusion:g}. All quantities are nondimensional."
+    forces = (
+        f"f = -A₁ cos(Ωτ + Ψ₁) - A₂ cos(2Ωτ + Ψ₂), A₁ = {first:g}, A₂ = {second:g} but in (b), Ω = "
+        f"{scene.forcing.frequency:g}, Ψ₁ = 0, T = 2π/Ω; e = {scene.block.restitution:g}, white noise of D = "
+        f"{scene.noise.diffusion:g}."
     )
-    engines_text = (
-        f"Solid lines: Fokker-Planck density. Points: Monte Carlo of the same noise, {values['realizations']:,} "
-        f"realizations each, 95 % intervals; in (d) from cycle {CYCLES} to {LONG_CYCLES}."
+    engines = (
+        f"Lines: density. Points: {values['realizations']:,} paths, 95 % intervals. (d) from cycle {CYCLES} to "
+        f"{LONG_CYCLES}, over the rate {later['rate_without'][0]:.2g} a cycle and side at A₂ = 0."
     )
-    rates_text = (
-        f"(d): at A₂ = 0 each side has the rate {rate:.2g} and the Melnikov flux {flux:.2g} a cycle. Ψ₂ + π exchanges "
-        "the sides, so the lines beyond π repeat those below it; the points are sampled everywhere."
+    survival = values["from_rest"]["survival"]
+    title = (
+        f"The phase of a second harmonic decides: survival of {CYCLES} cycles from {min(survival):.2f} to "
+        f"{max(survival):.2f}, without it {values['phases'][0]['survival'][0]:.2f}"
     )
-    notes = [scene_text, engines_text, rates_text]
-    with style.page(path, (10.5, 10.6), "What a second harmonic of the forcing does to survival", notes) as figure:
+    with style.page(path, (10.5, 10.2), title, [forces, engines]) as figure:
         (force, amplitude), (rest, rates) = figure.subplots(2, 2)
         _forces(force, scene)
         _against_amplitude(amplitude, values)
         _shares(rest, values["from_rest"])
         _rates(rates, later)
         for axes in (rest, rates):
-            axes.set(xlabel="phase Ψ₂ of the second harmonic", xlim=(-0.1, 2.0 * math.pi + 0.1))
+            axes.set(xlabel="phase Ψ₂ of the second harmonic, rad", xlim=(-0.1, 2.0 * math.pi + 0.1))
             axes.set_xticks(np.linspace(0.0, 2.0 * math.pi, 5), ("0", "π/2", "π", "3π/2", "2π"))
 
 
@@ -207,7 +206,12 @@ def _forces(axes, scene):
         axes.plot(turns, force, color=colour, label=f"Ψ₂ = {name}")
     alone = with_second(scene, 0.0, 0.0).forcing
     axes.plot(turns, [alone.value(turn * alone.period) for turn in turns], color="black", linewidth=1.0, label="A₂ = 0")
-    axes.set(title="(a) The forcing over one cycle", xlabel="time τ/T", ylabel="base acceleration f", xlim=(0.0, 1.0))
+    axes.set(
+        title="(a) The forcing over one cycle",
+        xlabel="time τ/T",
+        ylabel="base acceleration f, nondimensional",
+        xlim=(0.0, 1.0),
+    )
     axes.set_ylim(top=4.3)
     axes.legend(loc="upper left")
 
@@ -220,7 +224,7 @@ def _against_amplitude(axes, values):
         place = (1.02 * values["amplitudes"][-1], found["survival"][-1])
         axes.text(*place, f" Ψ₂ = {found['phase']}", va="center", color=colour)
     axes.set(title=f"(b) From rest: survival after {values['cycles']} cycles", ylim=(0.0, 1.0))
-    axes.set(xlabel="amplitude A₂ of the second harmonic", ylabel="P(not overturned)")
+    axes.set(xlabel="amplitude A₂ of the second harmonic, nondimensional", ylabel="P(not overturned)")
     axes.set_xlim(-0.03, 1.25 * values["amplitudes"][-1])
     axes.set_xticks(np.linspace(0.0, values["amplitudes"][-1], 5))
 

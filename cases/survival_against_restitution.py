@@ -2,9 +2,9 @@
 
 The main scene from rest with restitutions from 0.5 to 1, a study that Lin and Yim (1996) leave to their Part II. Shown
 is the probability of standing after 10, 20 and 40 forcing cycles by Monte Carlo with Wilson's intervals and by the
-density, (a) on linear and (b) on logarithmic axes; (c) survival after 20 cycles under three noise bands; and (d) for
-how many cycles the block stands without noise, from rest. A wedge in (b) is the upper end of the interval where none
-stands; one in (d) is a block that stands for all of the 200 cycles it is followed.
+density, (a) on linear and (b) on logarithmic axes; and (c) survival after 20 cycles under three noise bands. A triangle
+in (b) is the upper end of the interval where none stands. Grey are the restitutions with which the block overturns from
+rest without noise, of the 200 cycles for which it is followed.
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 
@@ -103,46 +103,51 @@ def _stood(scene, restitution):
 def draw(path, values):
     """Draw what the JSON file holds."""
     drawn = (
-        f"Open symbols: Monte Carlo, {values['realizations']:,} realizations a point, variance 0.04, 95 % intervals; a "
-        "wedge, where none stands, is the upper limit. Lines through dots: Fokker-Planck density. (b): colours of (a)."
+        f"Open symbols: {values['realizations']:,} paths a point, band noise of variance 0.04, 95 % intervals "
+        "(triangles: upper limits). Lines through dots: density, with white noise of equal Melnikov variance; colours "
+        "as in (a). Grey: overturns without noise."
     )
-    notes = [drawn, *values["remarks"]]
-    with style.page(path, (10.5, 9.2), "Survival against the restitution of the impacts", notes) as figure:
-        (linear, logarithmic), (bands, quiet) = figure.subplots(2, 2)
+    places, survival = values["restitutions"], np.array(_ours(values)["survival"])[:, -1]
+    best = int(np.argmax(survival))
+    title = (
+        f"Survival is largest at a restitution of {places[best]:.3g}: {survival[best]:.2f} after "
+        f"{values['cycles'][-1]} cycles, {survival[0]:.2f} at {places[0]:g}"
+    )
+    with style.page(path, (13.5, 5.4), title, [drawn]) as figure:
+        linear, logarithmic, bands = figure.subplots(1, 3)
         _both(linear, values)
-        _both(logarithmic, values, wedges=True)
+        _both(logarithmic, values, limits=True)
         linear.set(title="(a) Survival, band [0, 10]", ylim=(-0.02, 1.02))
         logarithmic.set(title="(b) The same, logarithmic", yscale="log", ylim=(None, 2.0))
         _bands(bands, values)
         for axes in (linear, logarithmic, bands):
-            axes.set_ylabel("P(not overturned)")
-        _quiet(quiet, values)
-        for axes in (linear, logarithmic, bands, quiet):
-            axes.set_xlabel(_RESTITUTION)
+            axes.set(xlabel=_RESTITUTION, ylabel="P(not overturned)")
+            _quiet(axes, values)
 
 
 def _quiet(axes, values):
-    places, cycles = np.array(values["restitutions"]), np.array(values["cycles_without_noise"])
-    stands = cycles >= QUIET_CYCLES
-    axes.plot(places[~stands], cycles[~stands], "o", color="black")
-    axes.plot(places[stands], cycles[stands], "^", color="black", markerfacecolor="white")
-    if stands.any():
-        point = places[stands][0], QUIET_CYCLES
-        style.named(axes, f"has not overturned after {QUIET_CYCLES} cycles", point, "black", offset=(-4.0, -18.0))
-    axes.set(title="(d) No noise: cycles until overturning", ylabel="forcing cycles", yscale="log", ylim=(1.0, 400.0))
+    """Shade the restitutions with which the block overturns without noise."""
+    overturns = np.array(values["cycles_without_noise"]) < QUIET_CYCLES
+    if overturns.any():
+        found = np.array(values["restitutions"])[overturns]
+        axes.axvspan(found[0], found[-1], color="#dddddd", zorder=0)
 
 
-def _both(axes, values, wedges=False):
-    ours = next(one for one in values["bands"] if one["band"][1] == OURS)
+def _ours(values):
+    return next(one for one in values["bands"] if one["band"][1] == OURS)
+
+
+def _both(axes, values, limits=False):
+    ours = _ours(values)
     survival, interval = np.array(ours["survival"]), np.array(ours["interval"])
     lines = np.array([one["survival"] for one in values["density"]])
     places = [one["restitution"] for one in values["density"]]
     for column, (cycle, colour) in enumerate(zip(values["cycles"], style.COLOURS, strict=False)):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
-        x, shown, limits = np.array(values["restitutions"])[some], survival[some, column], interval[some, column]
-        style.error_bars(axes, x, shown, limits, color=colour)
-        if wedges:
+        x, shown = np.array(values["restitutions"])[some], survival[some, column]
+        style.error_bars(axes, x, shown, interval[some, column], color=colour)
+        if limits:
             look = {"color": colour, "markersize": 5}
             axes.plot(np.array(values["restitutions"])[~some], interval[~some, column, 1], "v", **look)
         else:
@@ -166,7 +171,7 @@ def _named_at_peak(axes, places, survival, text, colour):
 
 def told(values):
     """Print the survival."""
-    ours = next(one for one in values["bands"] if one["band"][1] == OURS)
+    ours = _ours(values)
     known = {one["restitution"]: one["survival"] for one in values["density"]}
     print(f"e: survival after {values['cycles']} cycles, Monte Carlo | density; cycles stood without noise")
     for e, row, quiet in zip(values["restitutions"], ours["survival"], values["cycles_without_noise"], strict=True):

@@ -306,7 +306,7 @@ def _compare(options):
         if len(options.inputs) == 1:
             first.save(options.out / "ensemble.npz")
             second.save(options.out / "density.npz")
-        curves.survival_figure(options.out / "survival.png", [second, first], "Survival and leakage")
+        curves.survival_figure(options.out / "survival.png", [second, first])
         summary.write_summary(options.out / "summary.json", compared.to_dict())
     _print(options, compared, compared.to_dict(), lambda: tables.comparison_table([compared]), [second, first])
 
@@ -354,9 +354,9 @@ def _fragility(options):
         result.to_csv(options.out / "fragility.csv")
         summary.write_summary(options.out / "summary.json", values)
         if over is None:
-            curves_figure(options.out / "fragility.png", [result], "Fragility", which=None)
+            curves_figure(options.out / "fragility.png", [result], which=None)
         else:
-            surface_figure(options.out / "fragility.png", result, "Fragility")
+            surface_figure(options.out / "fragility.png", result)
     title, table, sentences = fragility_table(result)
     _print(options, result, values, lambda: (title, table, (*sentences, *beta)))
 

@@ -8,11 +8,12 @@ import pathlib
 import sys
 
 from bars import escaped
+from PIL import Image
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "cases"))
 
-from gallery import PICTURES, numbers_of  # noqa: E402 - found by the line above
+from gallery import PICTURES, numbers_of, title_of  # noqa: E402 - found by the line above
 
 
 def _written(app):
@@ -39,7 +40,7 @@ def _text(name):
 def _page(name):
     title, rest, line = _text(name)
     blocks = [_block(text) for text in rest.split("\n\n")]
-    figures = [f".. figure:: ../gallery/{kept}\n   :alt: {title}" for kept in PICTURES[name].values()]
+    figures = [f".. figure:: ../gallery/{kept}\n   :alt: {_message(kept)}" for kept in PICTURES[name].values()]
     numbers = f"The numbers behind the picture: :download:`{numbers_of(name)} <../gallery/{numbers_of(name)}>`."
     source = f".. literalinclude:: ../../cases/{name}.py\n   :language: python\n   :lines: {line}-"
     parts = [_headed(escaped(title), "="), *figures, *blocks, numbers, _headed(f"cases/{name}.py", "-"), source]
@@ -54,19 +55,28 @@ def _block(text):
     return f".. code-block:: sh\n\n{text}" if text.startswith("    ") else escaped(text).replace("* (", "* \\(")
 
 
+def _message(kept):
+    """Return what a picture of the gallery says: its title."""
+    with Image.open(ROOT / "docs" / "gallery" / kept) as picture:
+        return title_of(picture)
+
+
 def _index():
     intro = (
         "One script a figure or study. Each reads a scene, calls the engines and writes pictures, tables and VTK "
         "files; ``make gallery`` runs them all, in about half an hour."
     )
-    entries = [
-        f"   * - .. image:: ../gallery/{next(iter(PICTURES[name].values()))}\n"
-        f"          :target: {name}.html\n          :alt: {_text(name)[0]}\n     - :doc:`{name}`"
-        for name in PICTURES
-    ]
+    entries = [_entry(name, *PICTURES[name].values()) for name in PICTURES]
     table = ".. list-table::\n   :widths: 40 60\n   :class: gallery\n\n" + "\n".join(entries)
     tree = ".. toctree::\n   :hidden:\n\n" + "\n".join(f"   {name}" for name in PICTURES)
     return "\n\n".join([_headed("Figures and studies", "="), intro, table, tree]) + "\n"
+
+
+def _entry(name, first, *others):
+    """Return the row of a case: its first picture, its page, and what each of its pictures says."""
+    image = f"   * - .. image:: ../gallery/{first}\n          :target: {name}.html\n          :alt: {_message(first)}"
+    messages = "".join(f"\n\n       {escaped(_message(kept))}." for kept in (first, *others))
+    return f"{image}\n     - :doc:`{name}`{messages}"
 
 
 def _headed(title, rule):

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from fpk_rocking.base.types import File
 from fpk_rocking.compare import compare
 from fpk_rocking.output import style
-from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.remarks import cautions, noise_text
 from fpk_rocking.results.result import Result, label_of
 from fpk_rocking.results.times import shown_times, time_name
 
@@ -20,10 +20,10 @@ _MARKERS = "osD^"
 _SIZE = (10.5, 7.6)
 _LINE = 0.22
 _SMALL = 2.8
-_NOTE_WIDTH = 115
+_NOTE_WIDTH = 125
 
 
-def survival_figure(path: File, results: Sequence[Result], title: str) -> pathlib.Path:
+def survival_figure(path: File, results: Sequence[Result], title: str = "") -> pathlib.Path:
     """Draw survival, also on a logarithmic axis, differences from the first result, and leakage per cycle and side.
 
     Samples are drawn with their 95 % intervals. The interval of a difference supposes that both results have the same
@@ -36,7 +36,7 @@ def survival_figure(path: File, results: Sequence[Result], title: str) -> pathli
     results : sequence of Result
         Two to four results, whose scenes differ in the noise alone; the first is the reference.
     title : str
-        Title of the figure.
+        By default survival in the end, and the largest difference from the first result.
 
     Returns
     -------
@@ -44,10 +44,15 @@ def survival_figure(path: File, results: Sequence[Result], title: str) -> pathli
         The file written.
     """
     with style.drawing() as new_figure:
-        notes = [line for note in remarks(*results) for line in textwrap.wrap(note, _NOTE_WIDTH)]
+        closures = (result.closure for result in results)
+        notes = textwrap.wrap(" ".join(dict.fromkeys((*filter(None, closures), *cautions(*results)))), _NOTE_WIDTH)
         width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
         figure = new_figure(figsize=(width, height))
-        figure.suptitle(title, fontsize=15, y=1.0 - 0.12 / height, va="top", in_layout=False)
+        compared = [compare(result, results[0], joint_cycles=()) for result in results[1:]]
+        title = title or _message(results, compared)
+        figure.suptitle(
+            title, fontsize=style.title_size(title, width), y=1.0 - 0.12 / height, va="top", in_layout=False
+        )
         rows = [["survival", "tail", "leakage"], ["difference"] * 3]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.9, 1.0))
         labels = [f"{label_of(result)} ({_noise(result)})" for result in results]
@@ -55,8 +60,8 @@ def survival_figure(path: File, results: Sequence[Result], title: str) -> pathli
             _survival(panels["survival"], result, label, colour, marker)
             _survival(panels["tail"], result, label, colour, marker)
             _leakage(panels["leakage"], result, colour, marker)
-        for place, result in enumerate(results[1:], start=1):
-            _difference(panels["difference"], compare(result, results[0], joint_cycles=()), shown_times(result), place)
+        for place, (result, comparison) in enumerate(zip(results[1:], compared, strict=True), start=1):
+            _difference(panels["difference"], comparison, shown_times(result), place)
         _label(panels, results[0].engine, time_name(results[0].scene))
         handles, names = panels["survival"].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
@@ -66,9 +71,16 @@ def survival_figure(path: File, results: Sequence[Result], title: str) -> pathli
         return style.save(figure, path)
 
 
+def _message(results, compared):
+    """Return survival of all results in the end, and the largest difference from the first."""
+    ends = ", ".join(f"{result.survival[-1]:.3f}" for result in results)
+    apart = max(float(np.abs(one.difference).max()) for one in compared)
+    return f"Survival in the end {ends}; the largest difference is {apart:.2g}"
+
+
 def _noise(result):
-    """Name the noise of a result; a remark below the panels says what a density has in its place."""
-    return "equivalent noise, see below" if result.closure else noise_text(result.scene.noise)
+    """Name the noise of a result; a note below the panels says what a density has in its place."""
+    return "noise replaced, see below" if result.closure else noise_text(result.scene.noise)
 
 
 def _points(marker) -> dict:

@@ -8,9 +8,10 @@ from matplotlib.ticker import MaxNLocator
 
 from fpk_rocking.base.types import File
 from fpk_rocking.output import style
+from fpk_rocking.output.surfaces import row_name
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.results.remarks import remarks, scene_text
-from fpk_rocking.results.result import Result, label_of
+from fpk_rocking.results.remarks import cautions, scene_text
+from fpk_rocking.results.result import Result
 
 __all__ = ["density_maps"]
 
@@ -58,7 +59,7 @@ def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], t
             axes.set_xlabel("angle Θ")
             axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         for axes, result in zip(panels[:, 0], results, strict=True):
-            axes.set_ylabel(f"{label_of(result).replace(', ', chr(10))}\nvelocity dΘ/dτ")
+            axes.set_ylabel(f"{row_name(result)}\nvelocity dΘ/dτ")
             axes.set(xlim=np.array([-1.0, 1.0]) * scene.overturning.angle, ylim=shown)
 
 
@@ -80,4 +81,4 @@ def _notes(results):
         "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
         "right the panels end at the cut-off."
     )
-    return (scene_text(results[0].scene), drawn, *remarks(*results))
+    return (" ".join((scene_text(results[0].scene), drawn, *cautions(*results))),)

@@ -7,17 +7,16 @@ import numpy as np
 
 from fpk_rocking.base.types import File
 from fpk_rocking.output import style
-from fpk_rocking.results.remarks import noise_text, remarks
+from fpk_rocking.results.remarks import cautions, noise_text
 from fpk_rocking.results.result import label_of
 
 __all__ = ["ANGLE", "TIME", "VELOCITY", "history_panel", "motion_figure"]
 
 TIME = "time τ, nondimensional"
 ANGLE = r"angle Θ = θ / θ$_\mathrm{cr}$"
-VELOCITY = "velocity dΘ/dτ"
+VELOCITY = "velocity dΘ/dτ, nondimensional"
 
-_SIZE = (10.5, 12.4)
-_INTERVALS = "density, 95 % intervals"
+_SIZE = (10.5, 10.4)
 
 
 def motion_figure(
@@ -34,7 +33,7 @@ def motion_figure(
     ensemble : Ensemble
         Realizations whose Poincaré points after the last cycle are shown.
     maps : dict of str to MeanMap
-        One to four mean Poincaré maps by their labels.
+        One to four mean Poincaré maps by their labels; two are legible at a glance.
     passage, speeds : Histogram
         Densities of the time of overturning, and of the speed just before an impact.
     title : str
@@ -46,32 +45,36 @@ def motion_figure(
         The file written.
     """
     scene = ensemble.scene
-    notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *remarks(ensemble)]
+    notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *cautions(ensemble)]
     with style.page(path, _SIZE, title, notes) as figure:
-        top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.15, 1.0, 0.8))
+        top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 1.0, 0.8))
         rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for r, axes in enumerate(rows):
             history_panel(axes, histories, r)
-            axes.set_title(f"realization {r}", loc="right", fontsize=9, color="#333333", pad=3.0)
-        rows[0].set_title("Time histories; a dot is an impact, a cross the overturning at the cut-off", loc="left")
-        rows[-1].set_xlabel(TIME)
+        rows[0].set_title("(a) Single blocks: a dot is an impact, a cross the overturning at the cut-off (dashed)")
+        rows[-1].set(xlabel=TIME, xlim=(0.0, _shown(histories)))
         top.supylabel(ANGLE, fontsize=10)
         panels = middle.subplot_mosaic([["points", "angle"], ["points", "velocity"]])
         _points(panels["points"], ensemble)
         for column, name in enumerate(("angle", "velocity")):
             _means(panels[name], maps, column)
-        panels["angle"].set_title("Mean Poincaré points; overturned clamped or left out")
+        panels["angle"].set_title("(c) Mean Poincaré points")
         panels["angle"].tick_params(labelbottom=False)
         panels["angle"].set_ylabel("mean angle")
         panels["velocity"].set(xlabel="forcing cycles", ylabel="mean velocity")
-        names = panels["angle"].get_legend_handles_labels()
-        panels["velocity"].legend(*names, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=2)
+        panels["velocity"].xaxis.get_major_locator().set_params(integer=True)
+        middle.legend(*panels["angle"].get_legend_handles_labels(), fontsize=9, loc="outside lower right", ncols=2)
         first, impacts = bottom.subplots(1, 2)
-        _bars(first, passage, "Time of overturning", TIME)
-        first.set_ylabel(_INTERVALS)
-        _bars(impacts, speeds, "Speed just before an impact", "speed, nondimensional")
-        impacts.set_ylabel(_INTERVALS)
+        _bars(first, passage, "(d) Time of overturning", TIME)
+        _bars(impacts, speeds, "(e) Speed just before an impact", "speed, nondimensional")
     return pathlib.Path(path)
+
+
+def _shown(histories):
+    """Return the time at which the histories may end: a little after the last overturning, if all overturn."""
+    if np.all(histories.overturn_side != 0):
+        return min(1.05 * float(histories.overturn_time.max()), histories.time[-1])
+    return histories.time[-1]
 
 
 def history_panel(axes, histories, r, impacts=True):
@@ -103,8 +106,8 @@ def history_panel(axes, histories, r, impacts=True):
 def _points(axes, ensemble):
     angle, velocity = ensemble.angle[:, -1], ensemble.velocity[:, -1]
     standing = np.count_nonzero(np.isfinite(angle))
-    axes.plot(angle, velocity, ",", color=style.COLOURS[0], alpha=0.6, rasterized=True)
-    axes.set(title=f"Poincaré points of the {standing:,} that stand after {ensemble.cycles} cycles")
+    axes.plot(angle, velocity, ".", markersize=1.5, color=style.COLOURS[0], alpha=0.5, rasterized=True)
+    axes.set(title=f"(b) Poincaré points of the {standing:,} that stand after {ensemble.cycles} cycles")
     axes.set(xlabel=ANGLE, ylabel=VELOCITY)
 
 
@@ -120,4 +123,10 @@ def _bars(axes, histogram, title, label):
     middles = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
     axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
     style.error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")
-    axes.set(title=title, xlabel=label, ylim=(0.0, None), xlim=(histogram.edges[0], histogram.edges[-1]))
+    axes.set(
+        title=title,
+        xlabel=label,
+        ylabel="probability density",
+        ylim=(0.0, None),
+        xlim=(histogram.edges[0], histogram.edges[-1]),
+    )

@@ -9,9 +9,10 @@ import numpy as np
 from fpk_rocking.base.look import COLOURS, OVERTURNED, SURFACE, drawing
 from fpk_rocking.results.storage import replaced_atomically
 
-__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "error_bars", "named", "page", "save", "shades"]
+__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "error_bars", "named", "page", "save", "shades", "title_size"]
 
 _NOTE_WIDTH = 13.0  # letters an inch
+_TITLE, _TITLE_WIDTH = 15.0, 122.0  # points of print; points times letters an inch
 
 
 @contextlib.contextmanager
@@ -25,18 +26,24 @@ def page(path, size, title, notes=()):
     size : (float, float)
         In inches.
     title : str
+        On one line: a long one is set smaller.
     notes : sequence of str
         What a reader has to know to judge the panels; each begins a line of its own.
     """
     with drawing() as new_figure:
         figure = new_figure(figsize=size, layout="constrained")
         figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-        figure.suptitle(title, fontsize=15)
+        figure.suptitle(title, fontsize=title_size(title, size[0]))
         if notes:
             text = "\n".join(line for note in notes for line in textwrap.wrap(note, round(_NOTE_WIDTH * size[0])))
             figure.supxlabel(text, x=0.02, ha="left", color="#333333", fontsize=10, linespacing=1.5)
         yield figure
         save(figure, path)
+
+
+def title_size(title, width) -> float:
+    """Return the size of print, in points, at which a title fits on a line of some width in inches."""
+    return min(_TITLE, _TITLE_WIDTH * width / max(len(title), 1))
 
 
 def shades(count) -> list:
@@ -85,7 +92,7 @@ def error_bars(axes, x, values, interval, **look):
 
 
 def save(figure, path) -> pathlib.Path:
-    """Write a figure whole or not at all; the suffix of the path chooses the format."""
+    """Write a figure whole or not at all, its title with it; the suffix of the path chooses the format."""
     with replaced_atomically(path) as temporary:
-        figure.savefig(temporary)
+        figure.savefig(temporary, metadata={"Title": figure.get_suptitle()})
     return pathlib.Path(path)

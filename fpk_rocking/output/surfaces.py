@@ -11,10 +11,10 @@ from matplotlib.ticker import MaxNLocator
 from fpk_rocking.base.types import File
 from fpk_rocking.output import style
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.results.remarks import remarks, scene_text
+from fpk_rocking.results.remarks import cautions, scene_text
 from fpk_rocking.results.result import Result, label_of
 
-__all__ = ["surface_figure"]
+__all__ = ["row_name", "surface_figure"]
 
 _COLUMNS = 3
 _PANEL = (3.6, 3.05)
@@ -53,7 +53,7 @@ def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int],
     bottom, top = (0.3 + 0.2 * len(notes)) / height, 1.0 - 0.45 / height
     with style.drawing() as new_figure:
         figure = new_figure(figsize=(width, height))
-        figure.suptitle(title, fontsize=15, y=1.0 - 0.12 / height, va="top")
+        figure.suptitle(title, fontsize=style.title_size(title, width), y=1.0 - 0.12 / height, va="top")
         around = {"left": 0.04, "right": 0.965, "bottom": bottom, "top": top}
         cells = figure.add_gridspec(rows, columns, **around, wspace=0.0, hspace=0.0)
         for block, shown in enumerate(blocks):
@@ -65,10 +65,15 @@ def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int],
                     _panel(figure.add_subplot(cell, projection="3d", **_VIEW), result, cycle, surface, highest)
             for row, result in enumerate(results):
                 low, high = cells[block * len(results) + row, 0].get_position(figure).intervaly
-                figure.text(0.025, 0.5 * (low + high), label_of(result).replace(", ", "\n"), **_ROW_NAME)
+                figure.text(0.025, 0.5 * (low + high), row_name(result), **_ROW_NAME)
         for line, note in enumerate(reversed(notes)):
             figure.text(0.02, (0.12 + 0.2 * line) / height, note, color="#333333")
         return style.save(figure, path)
+
+
+def row_name(result: Result) -> str:
+    """Return the name of a row of panels: the engine, its size, and whether it has the noise of the scene."""
+    return label_of(result).replace(", ", "\n") + "\nnoise replaced" * bool(result.closure)
 
 
 def _surface(result, cycle):
@@ -128,9 +133,6 @@ def _needle(axes, start, highest):
 
 
 def _notes(results, columns):
-    drawn = (
-        "Surfaces: mean density in 0.1 × 0.1 around each point, one scale a cycle. Walls at the cut-off: probability "
-        "overturned to that side, full height = 1."
-    )
-    lines = (scene_text(results[0].scene), drawn, *remarks(*results))
-    return [part for line in lines for part in textwrap.wrap(line, 48 * columns)]
+    drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
+    text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
+    return textwrap.wrap(text, 50 * columns)

@@ -7,12 +7,12 @@ import numpy as np
 
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
-from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
+from fpk_rocking.results.trust import CAUTION, REPLACED, VERDICTS, Doubt
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.scene.plausible import implausible
 from fpk_rocking.scene.scene import Scene
 
-__all__ = ["closure_of", "doubts", "noise_text", "remarks"]
+__all__ = ["cautions", "closure_of", "doubts", "noise_text", "remarks"]
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
@@ -93,6 +93,17 @@ def remarks(*results: Any) -> tuple[str, ...]:
         sentences += filter(None, [result.check])
         sentences += _explained(result)
     return tuple(dict.fromkeys(sentences))
+
+
+def cautions(*results: Any) -> tuple[str, ...]:
+    """Return what speaks against some results, each sentence once: the reasons of verdicts that are not "ok".
+
+    A picture has room for these alone; the `remarks` stand in tables and files.
+    """
+    told = (
+        f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons
+    )
+    return tuple(dict.fromkeys(told))
 
 
 def doubts(result: Any) -> list[Doubt]:

@@ -10,10 +10,9 @@ from fpk_rocking.base.types import Array, File
 from fpk_rocking.output import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
-from fpk_rocking.studies.lognormal import P_VALUE
 from fpk_rocking.studies.tables import size_of
 
-__all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "small_figure", "surface_figure"]
+__all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "message", "small_figure", "surface_figure"]
 
 NAMES = {
     "size": "half diagonal R, m",
@@ -30,7 +29,7 @@ _WIDE, _LINE = 5.2, 0.22
 _ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
 
 
-def curves_figure(path: File, results: Sequence[Any], title: str, which: int | None = 0) -> pathlib.Path:
+def curves_figure(path: File, results: Sequence[Any], title: str = "", which: int | None = 0) -> pathlib.Path:
     """Draw the fragility curves of one or two results, a panel for each scene; the first result has its fit drawn too.
 
     Parameters
@@ -40,7 +39,7 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
     results : sequence of Fragility
         One or two results on the same scenes, by different engines.
     title : str
-        Title of the figure.
+        By default that of the first result: the scale at which half of the blocks overturn.
     which : int or None
         Index of the probability: 0 overturning, 1, 2, ... the levels; None draws all of them.
 
@@ -54,10 +53,9 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
     columns = min(count, 3)
     rows = -(-count // columns)
     shown = range(len(first.names)) if which is None else [which]
-    notes = [first.describe(m, one) for m in range(count) for one in shown]
-    notes += [P_VALUE] * first.tested + _notes(results)
+    notes = _notes(results)
     size = (_WIDE * columns if columns > 1 else _SIZE, _ROW * rows + _LINE * len(notes) + 0.8)
-    with style.page(path, size, title, notes) as figure:
+    with style.page(path, size, title or message(first), notes) as figure:
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
         for panel in panels[count:]:
             panel.set_visible(False)
@@ -72,7 +70,7 @@ def curves_figure(path: File, results: Sequence[Any], title: str, which: int | N
     return pathlib.Path(path)
 
 
-def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathlib.Path:
+def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> pathlib.Path:
     """Draw the probability over the scale and the parameter in which the scenes differ, with the medians of the fits.
 
     Parameters
@@ -88,7 +86,7 @@ def surface_figure(path: File, result: Any, title: str, which: int = 0) -> pathl
         The file written.
     """
     notes = _notes([result])
-    with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title, notes) as figure:
+    with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title or message(result), notes) as figure:
         _surface(figure, figure.subplots(), result, which)
     return pathlib.Path(path)
 
@@ -115,6 +113,36 @@ def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
     return filled
 
 
+def message(result: Any) -> str:
+    """Return the title of a picture of fragility: the scales at which half of the blocks overturn.
+
+    They are interpolated between the probabilities, along the logarithm of the scale; no fit is used.
+    """
+    if result.deterministic.all() and not result.mixture:
+        return "Fragility"
+    halves = np.array([_half(result.scale, one) for one in result.overturned])
+    halves = halves[np.isfinite(halves)]
+    if halves.size == 0:
+        low, high = np.nanmin(result.overturned), np.nanmax(result.overturned)
+        return f"From {100.0 * low:.3g} to {100.0 * high:.3g} % of the blocks overturn"
+    low, high = halves.min(), halves.max()
+    if len(result.place) > 1:
+        return f"Half of the blocks overturn at scales from {low:.3g} to {high:.3g}"
+    known = result.intensities[0].at(low)
+    return f"Half of the blocks overturn at scale {low:.3g}" + f": {known}" * bool(known)
+
+
+def _half(scale, probability):
+    """Return the first scale at which the probability rises to one half; nan where it is not seen to do so."""
+    known = np.isfinite(probability)
+    scale, probability = scale[known], probability[known]
+    above = np.flatnonzero(probability >= 0.5)
+    if above.size == 0 or above[0] == 0:
+        return np.nan
+    ends = slice(above[0] - 1, above[0] + 1)
+    return np.exp(np.interp(0.5, probability[ends], np.log(scale[ends])))
+
+
 def small_figure(result: Any) -> Any:
     """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
@@ -123,12 +151,10 @@ def small_figure(result: Any) -> Any:
     panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
     figure = figure_of(*panels)
     figure.axes[0].set_ylabel("probability")
-    if count > _PANELS:
-        figure.suptitle(f"The first {_PANELS} of {count} curves", fontsize=9)
+    figure.suptitle(f"The first {_PANELS} of {count} curves" if count > _PANELS else message(result), fontsize=8)
     for m, axes in enumerate(figure.axes):
         axes.set_title(result.label(m) if count > 1 else "")
-        samples = [pair for pair in zip(*axes.get_legend_handles_labels(), strict=True) if "fit" not in pair[1]]
-        axes.legend(*zip(*samples, strict=True), loc="best", fontsize=8)
+        axes.legend(loc="best", fontsize=7)
     return figure
 
 
@@ -154,7 +180,9 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     found, label = result.fits[m][which], f"{_made_by(result)}, {result.names_with_degrees[which]}"
     if fit and not found.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
-        axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
+        verdict = f" (rejected, off by up to {found.misfit:.2g})" if found.rejected else ""
+        look = {"color": colour, "linewidth": 1.0, "linestyle": "--" if found.rejected else "-"}
+        axes.plot(fine, found(fine), label=f"lognormal fit{verdict}", **look)
     if result.deterministic[m]:
         look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
         axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
@@ -183,21 +211,19 @@ def _event(result, which):
 
 
 def _notes(results):
+    """Return what a point stands for, and what speaks against the results."""
     first = results[0]
-    shaken = "the forcing and of the noise" if first.noise_scaled else "the forcing alone"
-    notes = [f"Scale: a factor of the acceleration of {shaken}. {_duration(first)}"]
-    for one in results:
-        sampled = one.realizations and not one.deterministic.all()
-        notes.append(f"{one.engine}: {size_of(one)}{', 95 % intervals' if sampled else ''}.")
-    return [*notes, *dict.fromkeys(sentence for one in results for sentence in one.remarks)]
+    sizes = (f"{one.engine}: {size_of(one)}" for one in results)
+    sampled = any(one.realizations and not one.deterministic.all() for one in results)
+    scaled = "forcing and noise" if first.noise_scaled else "the forcing alone"
+    text = f"{'; '.join(sizes)}{', 95 % intervals' if sampled else ''}. Scale: of {scaled}. {_duration(first)}"
+    return [text, *dict.fromkeys(str(one.trust) for one in results if one.trust.verdict != "ok")]
 
 
 def _duration(result):
     if "cycles" in result.options:
         return f"Within {result.options['cycles']} forcing cycles."
-    last, after = (
-        (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the end of the motion")
-    )
+    last, after = (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the motion")
     sizes = {scene.block.dimensions for scene in result.scenes}
     size = sizes.pop() if len(sizes) == 1 else None
     return f"Until {f'τ = {last:g}' if size is None else f'{size.seconds(last):.3g} s'}{after}."

@@ -11,8 +11,8 @@ from fpk_rocking import BandNoise, melnikov
 
 COARSE = {
     "fig02_phase_portrait": {},
-    "fig03_critical_amplitude": {"points": 21},
-    "fig04_phase_flux": {"points": 13, "strata": 64, "realizations": 500},
+    "fig03_critical_amplitude": {},
+    "fig04_phase_flux": {"strata": 64, "realizations": 500},
 }
 
 

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from fpk_rocking.output import style
 
@@ -33,7 +33,11 @@ def test_gallery_holds_these_pictures_and_the_documents_show_no_others():
     assert {path.name for path in files} == kept
     assert max(path.stat().st_size for path in files) <= gallery.LARGEST
     for path in files:
-        assert path.suffix == ".png" or json.loads(path.read_text(encoding="utf-8"))
+        if path.suffix == ".json":
+            assert json.loads(path.read_text(encoding="utf-8"))
+            continue
+        with Image.open(path) as picture:
+            assert gallery.title_of(picture), f"{path.name}: a title that says what the picture shows"
     for document in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         shown = re.findall(r"\]\((?:docs/)?gallery/([^)]+)\)", document.read_text(encoding="utf-8"))
         assert set(shown) <= kept, document
@@ -47,10 +51,12 @@ def test_reduced_pictures(tmp_path, monkeypatch, largest, width):
     pixels[:] = np.linspace(90, 255, 1500)[None, :, None]
     line = tuple(int(style.COLOURS[1][place : place + 2], 16) for place in (1, 3, 5))
     pixels[400:406] = line
-    Image.fromarray(pixels).save(tmp_path / "large.png")
+    about = PngImagePlugin.PngInfo()
+    about.add_itxt("Title", "σ falls")
+    Image.fromarray(pixels).save(tmp_path / "large.png", pnginfo=about)
     gallery.reduce(tmp_path / "large.png", tmp_path / "small.png")
     with Image.open(tmp_path / "small.png") as made:
-        assert (made.mode, made.width) == ("P", width)
+        assert (made.mode, made.width, gallery.title_of(made)) == ("P", width, "σ falls")
         found = np.asarray(made.convert("RGB")).astype(int)[round(402.5 / 900 * made.height)]
     assert np.abs(found - line).max() < 12
     assert {path.name for path in tmp_path.iterdir()} == {"large.png", "small.png"}

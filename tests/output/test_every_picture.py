@@ -124,8 +124,9 @@ def test_pictures_of_curves(name):
                 equal(found, arrays[end][m, which, known])
             assert result.names[which] in container.get_label()
             fit = result.fits[m][which]
-            lines = [line for line in axes.lines if line.get_label() == f"lognormal fit of {container.get_label()}"]
-            drawn = lines[0].get_xydata() if lines else axes.lines[2 * which].get_xydata()
+            lines = [line for line in axes.lines if line.get_label().startswith("lognormal fit")]
+            drawn = lines[which].get_xydata()
+            assert ("rejected" in lines[which].get_label()) == fit.rejected
             equal(drawn[:, 1], fit(drawn[:, 0]))
 
 
@@ -192,16 +193,14 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
         if side:
             cut = result.scene.overturning.angle
             equal(curves["x"].get_xydata(), [[few["overturn_time"][number], side * cut]])
-    (points,) = (axes for title, axes in panels.items() if title.startswith("Poincaré points"))
+    (points,) = (axes for title, axes in panels.items() if title.startswith("(b) Poincaré points"))
     equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
     standing = np.isfinite(states["angle"][1][:, -1]).sum()
     assert f"of the {standing} that stand after {made_results.CYCLES} cycles" in points.get_title()
-    for column, axes in enumerate(
-        (panels["Mean Poincaré points; overturned clamped or left out"], panels["mean velocity"])
-    ):
+    for column, axes in enumerate((panels["(c) Mean Poincaré points"], panels["mean velocity"])):
         equal(axes.containers[0][0].get_ydata(), means.points[:, column])
         equal(bars(axes.containers[0])[1], means.points[:, column] + 1.96 * means.standard_error[:, column])
-    for title, wanted in zip(("Time of overturning", "Speed just before an impact"), bins, strict=True):
+    for title, wanted in zip(("(d) Time of overturning", "(e) Speed just before an impact"), bins, strict=True):
         equal(panels[title].patches[0].get_data().values, wanted.density)
         equal(np.array(bars(panels[title].containers[0])), wanted.interval.T)
 

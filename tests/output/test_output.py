@@ -12,6 +12,7 @@ import fakes
 import matplotlib.image
 import numpy as np
 import opengl
+import PIL.Image
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
@@ -57,7 +58,9 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     after_four = [axes for axes in panels if axes.get_title().startswith("4 cycles")]
     assert after_four[0].get_zlim() == after_four[1].get_zlim()
     assert f"{DENSITY.overturned[4, 0]:.3f}" in [text.get_text() for text in after_four[0].texts]
-    assert any("The band was assumed." in text.get_text() for text in figure.texts)
+    told = [text.get_text() for text in figure.texts]
+    assert [one.endswith("noise replaced") for one in told[1:5]] == [True, False, True, False]
+    assert any("Replaced, not checked" in one for one in told)
 
 
 def test_surface_is_the_mean_over_a_bin():
@@ -102,6 +105,18 @@ def test_survival_figure(tmp_path, drawn):
     assert [text.get_text() for text in legend.get_texts()] == names
     assert len(legend.legend_handles) == len(handles) == 3
     assert [path.name for path in tmp_path.iterdir()] == ["survival.png"]
+
+
+def test_a_picture_says_what_it_shows_and_so_does_its_file(tmp_path, drawn):
+    path = curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE])
+    apart = np.abs(ENSEMBLE.survival - DENSITY.survival).max()
+    ends = f"{DENSITY.survival[-1]:.3f}, {ENSEMBLE.survival[-1]:.3f}"
+    title = f"Survival in the end {ends}; the largest difference is {apart:.2g}"
+    assert drawn[0].get_suptitle() == title
+    with PIL.Image.open(path) as picture:
+        assert picture.info["Title"] == title
+    assert style.title_size("x" * 10, 10.0) == 15.0
+    assert style.title_size("x" * 122, 10.0) == 10.0
 
 
 def test_each_of_several_verdicts_says_what_it_is_on():

@@ -4,6 +4,8 @@ import csv
 import dataclasses
 import io
 import json
+import math
+import types
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from fpk_rocking.results.trust import CAUTION, Doubt
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, fragility, scaled
 from fpk_rocking.studies.execution.cells import seed_of
-from fpk_rocking.studies.picture import curves_figure, surface_figure
+from fpk_rocking.studies.picture import curves_figure, message, surface_figure
 from fpk_rocking.studies.tables import fragility_table
 from montecarlo import Ensemble, histories, simulate
 
@@ -175,7 +177,7 @@ def test_a_mixture_states_what_its_scenes_have_in_common(tmp_path, outcomes):
     assert again.scenes == pooled.scenes
     assert again.trust == pooled.trust
     assert json.dumps(pooled.summary(), allow_nan=False)
-    assert pooled.plot().get_suptitle() == ""
+    assert pooled.plot().get_suptitle() == "Half of the blocks overturn at scale 0.628: PGA 0.3078 g"
     assert "mean of 5 scenes" in pooled.headline
     assert pooled.describe(0) == pooled.describe(0, 0)
     assert fragility_table(pooled)[0] == "Fragility by exact, mean of 5 scenes, one path a point"
@@ -278,6 +280,25 @@ def test_csv_and_xarray(tmp_path, curve):
     data = curve.to_xarray()
     assert isinstance(data, xarray.Dataset)
     assert data.probability.sel(scene=0, level=1.0).values.tolist() == curve.reached[0, 1].tolist()
+
+
+@pytest.mark.parametrize(
+    ("overturned", "title"),
+    [
+        # Half is reached in the middle of a step, along the logarithm of the scale.
+        ([[0.25, 0.75, 1.0]], "Half of the blocks overturn at scale 1.41: PGA at 1.41"),
+        ([[0.25, math.nan, 0.75]], "Half of the blocks overturn at scale 2: PGA at 2.00"),
+        ([[0.25, 0.75, 1.0], [0.0, 0.25, 0.75]], "Half of the blocks overturn at scales from 1.41 to 2.83"),
+        ([[0.0, 0.1, 0.4]], "From 0 to 40 % of the blocks overturn"),
+    ],
+)
+def test_the_title_of_a_picture_is_where_half_overturn(overturned, title):
+    measure = types.SimpleNamespace(at=lambda scale: f"PGA at {scale:.2f}")
+    result = types.SimpleNamespace(
+        scale=np.array([1.0, 2.0, 4.0]), overturned=np.array(overturned), place=overturned, mixture=False,
+        intensities=[measure], deterministic=np.array([False]),
+    )  # fmt: skip
+    assert message(result) == title
 
 
 def test_table_and_pictures(tmp_path, curve):
