@@ -32,10 +32,10 @@ class PlaneMap:
     Examples
     --------
     >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
-    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.02)), tol=1e-2)
+    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
     >>> survival = operator.survival_map(2)
     >>> print(survival(0.0, [-1.0, 0.0, 1.0]).round(2))
-    [0.5  0.94 0.  ]
+    [0.47 0.84 0.  ]
     """
 
     space: Space
