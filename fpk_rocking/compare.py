@@ -83,6 +83,17 @@ class Comparison(Shown):
         the estimated errors of the densities together.
     remarks : tuple of str
         Sentences that a reader needs to judge the figures.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.compare import compare
+    >>> from montecarlo import simulate
+    >>> scene = load_scene("main")
+    >>> first, second = (simulate(scene, cycles=4, realizations=1000, seed=seed) for seed in (1, 2))
+    >>> both = compare(first, second)
+    >>> print(both.survival[4], both.z[3:].round(1), both.l1.round(2), both.l1_floor.round(2))
+    [0.862 0.873] [-0.6 -0.7] [0.18 0.29 0.36] [0.18 0.3  0.35]
     """
 
     names: tuple[str, str]
@@ -205,6 +216,16 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
         The scenes differ in restitution, forcing, start or overturning, or one result has no such cycle.
     TypeError
         A cycle is not a whole number.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.compare import compare
+    >>> from montecarlo import simulate
+    >>> scene = load_scene("main")
+    >>> both = compare(solve_fpk(scene, cycles=4, tol=1e-2), simulate(scene, cycles=4, realizations=1000))
+    >>> print(f"{both.difference[4]:.3f} ± {both.standard_error[4]:.3f}")
+    0.001 ± 0.011
     """
     both, cycles = (first, second), min(len(first.times), len(second.times)) - 1
     kept = slice(0, cycles + 1)

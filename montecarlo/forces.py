@@ -29,6 +29,15 @@ class ContactForces:
         Times τ, nondimensional.
     horizontal, normal : ndarray, shape (realizations, n)
         Horizontal force, positive towards x > 0, and normal force, both over mg; nan after overturning.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from montecarlo import contact_forces, histories
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz")
+    >>> forces = contact_forces(histories(rack, cycles=2))
+    >>> print(forces.horizontal.shape, forces.needed.round(2), forces.least.round(2))
+    (1, 201) [0.31] [0.84]
     """
 
     scene: Scene
@@ -117,6 +126,14 @@ def contact_forces(histories: Histories) -> ContactForces:
         Not histories.
     ValueError
         The block has no critical angle, or its noise is white: forces are then unbounded.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from montecarlo import contact_forces, histories
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz")
+    >>> print(contact_forces(histories(rack, cycles=2)).needed.round(2))
+    [0.31]
     """
     scene = checks.instance("histories", histories, Histories).scene
     if scene.block.least_friction is None:

@@ -38,6 +38,14 @@ class MeanMap(NamedTuple):
         Number of realizations that count.
     overturned_after : int or None
         Number of cycles after which the mean lies at the cut-off, or no realization counts; None if that never is so.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import mean_poincare_map, simulate
+    >>> mean = mean_poincare_map(simulate(load_scene("main"), cycles=4, realizations=1000), overturned="left out")
+    >>> print(mean.counted, mean.standard_error[4].round(3))
+    [1000 1000 1000  966  862] [0.018 0.014]
     """
 
     points: np.ndarray
@@ -65,6 +73,17 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import mean_poincare_map, simulate
+    >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
+    >>> print(mean_poincare_map(ensemble).points[1:].round(2))
+    [[-0.41  0.81]
+     [-0.32  0.75]
+     [-0.23  0.53]
+     [-0.13  0.45]]
     """
     checks.instance("ensemble", ensemble, Ensemble)
     refuse_transient(ensemble.scene.forcing, "a Poincaré map")
@@ -111,6 +130,16 @@ def restarted_poincare_map(
     ------
     TypeError, ValueError
         A parameter is refused, as by `montecarlo.simulate`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import restarted_poincare_map
+    >>> mean = restarted_poincare_map(load_scene("main"), cycles=2, realizations=1000)
+    >>> print(mean.points.round(2))
+    [[ 0.    0.  ]
+     [-0.41  0.81]
+     [-0.3   0.93]]
     """
     checks.instance("scene", scene, Scene)
     refuse_transient(scene.forcing, "a Poincaré map")
@@ -158,6 +187,14 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from montecarlo import correlation_dimension
+    >>> line = np.linspace(0.0, 1.0, 500)
+    >>> print(f"{correlation_dimension(np.stack([line, line], axis=1), 0.02, 0.2):.1f}")
+    1.0
     """
     from scipy.spatial import KDTree
 

@@ -60,6 +60,13 @@ def tally(
     TypeError, ValueError
         As `simulate`; or the edges do not ascend, the histograms would take more than 512 MiB, or the checkpoint is
         damaged or belongs to another run, and is then left as it is.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import tally
+    >>> print(tally(load_scene("main"), cycles=4, realizations=1000).survival.round(2))
+    [1.   1.   1.   0.97 0.86]
     """
     started = time.perf_counter()
     run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)

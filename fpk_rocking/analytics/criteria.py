@@ -52,6 +52,13 @@ def critical_amplitude(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, NoNoise, melnikov
+    >>> band = BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=100)
+    >>> print(melnikov.critical_amplitude(2.7, 0.5, [NoNoise(), band]).round(3))
+    [1.554 1.483]
     """
     if criterion not in _SHARES:
         accepted = " or ".join(map(repr, _SHARES))
@@ -89,6 +96,12 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, criti
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import melnikov
+    >>> print(melnikov.exact_critical_amplitude([1.0, 2.7], 0.5).round(3))
+    [0.632 2.054]
     """
     refuse_exact(critical_angle, "the exact critical amplitude")
     omega = numbers("frequency", frequency, above=0.0)
@@ -124,6 +137,12 @@ def margin(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import NoNoise, melnikov
+    >>> print(melnikov.margin(([1.0, 4.6], 2.7), 0.5, NoNoise()).round(3))
+    [-0.134  0.735]
     """
     size = np.hypot(harmonic_amplitude(forcing, critical_angle), deviations(noise, critical_angle))
     return (size - impact_loss(restitution, critical_angle))[()]

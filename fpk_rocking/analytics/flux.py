@@ -59,6 +59,12 @@ def phase_flux(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import NoNoise, WhiteNoise, melnikov
+    >>> print(melnikov.phase_flux((4.6, 2.7), 0.5, [NoNoise(), WhiteNoise(0.005)]).round(4))
+    [0.1861 0.1876]
     """
     if not isinstance(forcing, Harmonics):
         loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
@@ -104,6 +110,15 @@ def phase_flux_as_printed(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, melnikov
+    >>> noise = load_scene("main").noise
+    >>> print(f"{melnikov.phase_flux_as_printed((4.6, 2.7), 0.5, noise, equation=17):.3f}")
+    0.186
+    >>> print(f"{melnikov.phase_flux_as_printed((4.6, 2.7), 0.5, noise, equation=18):.3f}")
+    0.063
     """
     refuse_exact(critical_angle, "the flux as printed")
     if equation not in _EQUATIONS:
@@ -152,6 +167,13 @@ def phase_flux_sampled(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import WhiteNoise, melnikov
+    >>> flux, error = melnikov.phase_flux_sampled((4.6, 2.7), 0.5, WhiteNoise(0.005), strata=64)
+    >>> print(f"{flux:.4f}", error < 1e-4)
+    0.1876 True
     """
     from scipy.special import ndtri
 

@@ -44,6 +44,13 @@ def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[N
     ------
     TypeError, ValueError
         `times` are not finite numbers.
+
+    Examples
+    --------
+    >>> from fpk_rocking import melnikov
+    >>> angle, velocity = melnikov.heteroclinic_orbit([0.0, 1.0], critical_angle=0.271)
+    >>> print(angle.round(3), velocity.round(3))
+    [0.    0.632] [0.997 0.368]
     """
     return separatrix.orbit(numbers("times", times), critical_angle)
 
@@ -68,6 +75,12 @@ def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
     ------
     TypeError, ValueError
         `frequency` is not of finite numbers.
+
+    Examples
+    --------
+    >>> from fpk_rocking import melnikov
+    >>> print(melnikov.transfer([0.0, 2.7]).round(3), melnikov.transfer([0.0, 2.7], critical_angle=0.271).round(3))
+    [2.    0.241] [1.976 0.227]
     """
     return 2.0 * separatrix.halves(numbers("frequency", frequency), critical_angle)[0]
 
@@ -94,6 +107,12 @@ def harmonic_amplitude(
     ------
     TypeError, ValueError
         `forcing` is none of these, or a value is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import melnikov
+    >>> print(melnikov.harmonic_amplitude(([1.0, 4.6], 2.7)).round(3))
+    [0.241 1.11 ]
     """
     if isinstance(forcing, Harmonics):
         return seen(forcing, critical_angle).largest
@@ -126,6 +145,12 @@ def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
     ------
     TypeError, ValueError
         `restitution` is not of numbers from 0 to 1.
+
+    Examples
+    --------
+    >>> from fpk_rocking import melnikov
+    >>> print(melnikov.impact_loss([0.5, 0.9]).round(3))
+    [0.375 0.095]
     """
     e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
     return (0.5 * (1.0 - e) * (1.0 + e) * separatrix.speed(critical_angle) ** 2)[()]
@@ -159,6 +184,12 @@ def process_mean(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, melnikov
+    >>> print(melnikov.process_mean(load_scene("main").forcing, 0.5, [0.0, 0.5]).round(3))
+    [ 0.735 -0.132]
     """
     checks.instance("forcing", forcing, *FORCINGS.values())
     refuse_transient(forcing, "the Melnikov process")
@@ -205,6 +236,13 @@ def sampled_process(
     ------
     TypeError, ValueError
         A parameter is refused, or the realizations have another number of harmonics than the noise.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, Harmonic, melnikov
+    >>> noise = BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=2)
+    >>> print(melnikov.sampled_process(Harmonic(4.6, 2.7), 0.5, noise, [0.0, 0.5], [0.8, 3.1], [0.0, 1.0]).round(3))
+    [-1.22  -0.425]
     """
     banded: BandNoise = checks.instance("noise", noise, BandNoise)
     e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)

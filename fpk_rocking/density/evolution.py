@@ -99,6 +99,16 @@ class Evolution(Saved, DensityResult):
         Whether `at_rest` is a probability that the density does not contain, as under filtered noise.
     replacement : Replacement, optional
         What the replacement of the noise changes, as `checked` measured it; None where it did not.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(density.survival.round(2), density.overturned[4].round(2))
+    [1.   1.   1.   0.96 0.86] [0.02 0.12]
+    >>> print(density.bin_probabilities(4, [-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0]).round(2))
+    [[0.01 0.56]
+     [0.08 0.08]]
     """
 
     _kind: ClassVar = "evolution"

@@ -43,6 +43,14 @@ class RealizationAverage(DensityResult):
         The solution for each of the diffusions.
     replacement : Replacement, optional
         As in `Evolution`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_realizations
+    >>> few = load_scene("main").varied(noise={"harmonics": 30})
+    >>> average = solve_realizations(few, cycles=2, tol=1e-2, nodes=2)
+    >>> print(average.diffusions.round(4), average.weights.round(2))
+    [0.0042 0.01  ] [0.64 0.36]
     """
 
     scene: Scene
@@ -199,6 +207,13 @@ def solve_realizations(scene: Scene, *, cycles: int, tol: float = 1e-3, nodes: i
     ------
     TypeError, ValueError
         A parameter is refused, the noise is not band noise of two harmonics or more, or `solve_fpk` refuses the scene.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_realizations
+    >>> few = load_scene("main").varied(noise={"harmonics": 30})
+    >>> print(solve_realizations(few, cycles=2, tol=1e-2, nodes=2).survival.round(3))
+    [1.    1.    0.995]
     """
     checks.instance("scene", scene, Scene)
     refuse_transient(scene.forcing, "an average over realizations")

@@ -107,6 +107,13 @@ def solve_fpk(
         A parameter is refused; or the solver cannot take the scene: it has no noise, a restitution of at most
         exp(-π/√3) = 0.163 under white noise, filtered noise that is too slow for the start, a density that needs too
         much memory, or one that the finest mesh does not resolve.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(density.survival.round(2), density.error_estimate < 1e-2)
+    [1.   1.   1.   0.96 0.86] True
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)

@@ -28,6 +28,14 @@ class PlaneMap:
     starts : tuple of (float, float, float)
         Angle, velocity and value of single starts that were solved forward in time, such as rest. There they replace
         the function on the mesh, which does not resolve how noise sets off a block at rest.
+
+    Examples
+    --------
+    >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
+    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
+    >>> survival = operator.survival_map(2)
+    >>> print(survival(0.0, [-1.0, 0.0, 1.0]).round(2))
+    [0.47 0.84 0.  ]
     """
 
     space: Space

@@ -42,6 +42,16 @@ def survival_figure(path: File, results: Sequence[Result], title: str = "") -> p
     -------
     pathlib.Path
         The file written.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.curves import survival_figure
+    >>> from montecarlo import simulate
+    >>> scene = load_scene("main")
+    >>> results = solve_fpk(scene, cycles=4, tol=1e-2), simulate(scene, cycles=4, realizations=1000)
+    >>> print(survival_figure("survival.png", results, title="Main scene, both engines"))
+    survival.png
     """
     with style.drawing() as new_figure:
         closures = (result.closure for result in results)

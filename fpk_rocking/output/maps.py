@@ -38,6 +38,13 @@ def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], t
         Cycles, each at least 1, drawn from left to right.
     title : str
         Title of the figure.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.maps import density_maps
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> density_maps("maps.png", [density], cycles=[1, 4], title="The first cycles")
     """
     scene, edges = results[0].scene, joint_edges(results[0].scene)
     area = np.multiply.outer(*map(np.diff, edges))

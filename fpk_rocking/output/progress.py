@@ -25,6 +25,14 @@ def reporting(label: str) -> Iterator[types.Progress]:
     ------
     callable
         Takes ``(done, total)``: the `progress` that engines accept.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.output.progress import reporting
+    >>> from montecarlo import simulate
+    >>> with reporting("paths") as progress:
+    ...     ensemble = simulate(load_scene("main"), cycles=4, realizations=1000, progress=progress)
     """
     if sys.stderr.isatty():
         with _bar(label) as report:

@@ -45,6 +45,14 @@ def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int],
     -------
     pathlib.Path
         The file written.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.surfaces import surface_figure
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(surface_figure("surface.png", [density], cycles=[4], title="After 4 cycles"))
+    surface.png
     """
     blocks = [cycles[first : first + _COLUMNS] for first in range(0, len(cycles), _COLUMNS)]
     columns, rows = min(_COLUMNS, len(cycles)), len(blocks) * len(results)

@@ -52,6 +52,14 @@ def write_series(folder: File, name: str, result: Result, cycles: Sequence[int])
     -------
     pathlib.Path
         The .pvd file, which lists the others. It is written last.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.vtk import write_series
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(write_series("vtk", "main", density, cycles=[1, 4]).name)
+    main.pvd
     """
     folder, entries = pathlib.Path(folder), []
     for cycle in cycles:
@@ -79,6 +87,14 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
     -------
     pathlib.Path
         The file written.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.vtk import write_function
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(write_function("density.vtu", density.at(4), "density"))
+    density.vtu
     """
     pieces = max(function.degree, 1)
     lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in function.mesh_lines]

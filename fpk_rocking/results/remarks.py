@@ -85,6 +85,14 @@ def remarks(*results: Any) -> tuple[str, ...]:
     -------
     tuple of str
         Empty where there is nothing to say.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.results.remarks import remarks
+    >>> from montecarlo import simulate
+    >>> print(*remarks(simulate(Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz"), cycles=2)))
+    A block with a friction coefficient below 0.278 slides before it rocks.
     """
     sentences: list[str] = []
     for result in results:

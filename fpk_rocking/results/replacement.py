@@ -40,6 +40,14 @@ class Replacement:
         Of the paths.
     wall_s : float
         Seconds that the paths took.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.studies import checked
+    >>> density = checked(solve_fpk(load_scene("main"), cycles=4, tol=1e-2), realizations=1000)
+    >>> print(density.replacement.difference[4].round(2), density.replacement.sampling_error[4].round(2))
+    [ 0.01  0.   -0.01] [0.02 0.01 0.02]
     """
 
     difference: np.ndarray

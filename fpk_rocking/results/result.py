@@ -18,7 +18,18 @@ from fpk_rocking.scene.scene import Scene
 
 
 class Result(Protocol):
-    """What a result of any engine has; `compare`, tables, pictures and VTK files take every such object."""
+    """What a result of any engine has; `compare`, tables, pictures and VTK files take every such object.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from montecarlo import simulate
+    >>> scene = load_scene("main")
+    >>> for result in (solve_fpk(scene, cycles=4, tol=1e-2), simulate(scene, cycles=4, realizations=1000)):
+    ...     print(result.engine, result.survival[4].round(2))
+    Fokker-Planck density 0.86
+    Monte Carlo exact 0.86
+    """
 
     @property
     def scene(self) -> Scene:

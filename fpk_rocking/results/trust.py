@@ -38,6 +38,14 @@ class Doubt(NamedTuple):
     code : str
         Name of its kind: where many results are shown together, one of each kind is told. Without a code a doubt is
         told wherever its sentence is another.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz", slender=True)
+    >>> print([(doubt.weight, doubt.code) for doubt in fragility(rack, scale=[1.0, 1.5], cycles=2).doubts])
+    [(1, 'slender')]
     """
 
     weight: int
@@ -60,6 +68,14 @@ class Trust(NamedTuple):
         large as the numbers, or the model was found wrong for scenes like this one.
     reasons : tuple of str
         Sentences, the weightiest first.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from montecarlo import simulate
+    >>> trust = simulate(Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz", slender=True), cycles=2).trust
+    >>> print(trust.verdict, [reason.split(":")[0] for reason in trust.reasons])
+    caution ['Slender block']
     """
 
     verdict: str

@@ -95,6 +95,15 @@ def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, nois
     ------
     ValueError
         The measure is unknown, the block has no dimensions, or the forcing is 0.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import at_intensity
+    >>> from fpk_rocking.studies import intensities
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> print(f"{intensities(at_intensity(rack, 'PGV', 0.5)).pgv:.2f} m/s")
+    0.50 m/s
     """
     value = checks.number("value", value, above=0.0)
     return scaled(scene, value / intensity_of(scene, measure), noise=noise)
@@ -133,6 +142,17 @@ class IntensityCurve:
         Mean over records drawn with replacement; (0, n) for one scene.
     blocks : dict of str to float
         Dispersion β_j that each uncertain value of the block gives, by name (`fpk_rocking.studies.drawing.drawn`).
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import IntensityCurve, at_intensity
+    >>> from fpk_rocking.studies import fragility
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> curve = IntensityCurve.of(found, "PGV")
+    >>> print(curve.probability.round(2), f"median {curve.fit.median:.2f} {curve.unit}")
+    [0.11 0.32 0.55 0.68] median 0.69 m/s
     """
 
     name: str

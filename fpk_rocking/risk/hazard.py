@@ -27,6 +27,13 @@ class Hazard:
     ------
     TypeError, ValueError
         The numbers are not such.
+
+    Examples
+    --------
+    >>> from fpk_rocking.risk import Hazard
+    >>> hazard = Hazard(intensity=[0.1, 0.5, 2.0], rate=[5e-2, 3e-3, 2.5e-5])
+    >>> print(f"{hazard(0.3):.4f} per year", hazard.exponents.round(2))
+    0.0073 per year [1.75 3.45]
     """
 
     intensity: np.ndarray

@@ -43,6 +43,17 @@ class Study:
         Block and noise as they were given.
     draws : Draws or None
         Blocks that were drawn.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import Hazard, study
+    >>> from fpk_rocking.studies import synthetic_records
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
+    >>> found = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
+    >>> print(found.records.shape, found.trust.verdict)
+    (5, 3) caution
     """
 
     fragility: Fragility
@@ -215,6 +226,17 @@ def study(
     ------
     TypeError, ValueError, OSError
         A parameter or a file is refused, before anything is computed.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import Hazard, study
+    >>> from fpk_rocking.studies import synthetic_records
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
+    >>> found = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
+    >>> print(found.risk.curve.probability.round(2), f"{found.risk.rate:.0e} per year")
+    [0.   0.16 0.92] 2e-03 per year
     """
     checks.instance("scene", scene, Scene)
     known = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)

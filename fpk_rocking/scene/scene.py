@@ -52,6 +52,16 @@ class Scene:
         A part has the wrong type.
     ValueError
         The start is at or beyond overturning, overturning is beyond 1 + π/(2α), or a record has no dimensions.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Block, Harmonic, Scene, WhiteNoise
+    >>> scene = Scene(Block(restitution=0.5), Harmonic(amplitude=4.6, frequency=2.7), WhiteNoise(diffusion=0.005))
+    >>> print(scene.varied(noise={"diffusion": 0.01}).noise.diffusion)
+    0.01
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> print(f"{rack.block.restitution:.3f} {rack.forcing.amplitude:.3f}")
+    0.893 1.107
     """
 
     block: Block
@@ -332,6 +342,12 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
         There is no such file, nor a scene of this name.
     TypeError, ValueError
         As `Scene.from_toml`; the message begins with the path.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> print(load_scene("main", {"noise.variance": 0.01}).noise.variance)
+    0.01
     """
     shipped = {file.stem: file for file in _SHIPPED.glob("*.toml")}
     path = shipped[path] if isinstance(path, str) and path in shipped else checks.path("path", path)

@@ -95,6 +95,13 @@ class Dimensions:
     ------
     TypeError, ValueError
         A value is not a positive number from 1e-100 to 1e100.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Dimensions
+    >>> size = Dimensions(width="50 cm", height=1.8)
+    >>> print(f"p = {size.frequency_parameter:.2f} rad/s, {size.seconds(10.0):.2f} s, {size.radians(1.0):.3f} rad")
+    p = 2.81 rad/s, 3.56 s, 0.271 rad
     """
 
     width: float

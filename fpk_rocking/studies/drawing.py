@@ -29,6 +29,15 @@ class Draws(NamedTuple):
         What was drawn, by the names of the parameters.
     origin : tuple of int, (n,)
         Number of the given scene that each was made of.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import drawn
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> blocks = drawn(rack, {"size_factor": "lognormal:1:0.05"}, count=3)
+    >>> print([f"{scene.block.dimensions.height:.2f} m" for scene in blocks.scenes])
+    ['1.79 m', '1.95 m', '1.70 m']
     """
 
     scenes: tuple[Scene, ...]
@@ -63,6 +72,15 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     ------
     TypeError, ValueError
         A parameter is refused, or a value that was drawn.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import drawn
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> blocks = drawn(rack, {"block.restitution_factor": "uniform:0.93:1"}, count=3)
+    >>> print([round(value, 3) for value in blocks.values["block.restitution_factor"]])
+    [0.96, 0.996, 0.938]
     """
     from scipy.stats import qmc
 
@@ -151,6 +169,16 @@ def dispersions(scale: ArrayLike, shares: Array, values: Mapping[str, ArrayLike]
     -------
     dict of str to float
         |c_j/b₁| by name; nan where the probabilities do not determine it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.stats import norm
+    >>> from fpk_rocking.studies import dispersions
+    >>> scale, values = np.geomspace(0.5, 2.0, 5), np.array([0.9, 1.0, 1.1, 1.2])
+    >>> shares = norm.cdf(np.log(scale / values[:, None]) / 0.3)
+    >>> print({name: round(beta, 2) for name, beta in dispersions(scale, shares, {"size": values}).items()})
+    {'size': 0.13}
     """
     from scipy import special, stats
 

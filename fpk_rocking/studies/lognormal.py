@@ -49,6 +49,13 @@ class LognormalFit(NamedTuple):
         Confidence of the intervals.
     reason : str
         Why there is no fit; empty where there is one.
+
+    Examples
+    --------
+    >>> from fpk_rocking.studies.lognormal import fit_lognormal
+    >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
+    >>> print(fit([0.7, 1.4]).round(2), [round(limit, 2) for limit in fit.median_interval])
+    [0.24 0.71] [0.94, 1.13]
     """
 
     median: float = math.nan
@@ -114,6 +121,13 @@ def fit_lognormal(
     Returns
     -------
     LognormalFit
+
+    Examples
+    --------
+    >>> from fpk_rocking.studies.lognormal import fit_lognormal
+    >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
+    >>> print(f"median {fit.median:.2f}, dispersion {fit.dispersion:.2f}, rejected: {fit.rejected}")
+    median 1.03, dispersion 0.54, rejected: False
     """
     level = checks.part("level", level)
     scale, probability = np.asarray(scale, float), np.asarray(probability, float)

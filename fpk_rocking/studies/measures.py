@@ -23,6 +23,14 @@ class Intensities(NamedTuple):
         p PGV / (g tan θ_cr) (E. G. Dimitrakopoulos, T. S. Paraskeva, "Dimensionless fragility curves for rocking
         response to near-fault excitations", Earthquake Eng. Struct. Dyn. 44(12), 2015-2033, 2015). A block without
         dimensions counts as slender, tan θ_cr = θ_cr.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import intensities
+    >>> motion = intensities(load_scene("main"))
+    >>> print(motion.acceleration, f"{motion.velocity:.3f}", motion.pga)
+    4.6 1.704 nan
     """
 
     acceleration: float
@@ -60,6 +68,14 @@ def intensities(scene: Scene) -> Intensities:
     Returns
     -------
     Intensities
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import intensities
+    >>> motion = intensities(Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"))
+    >>> print(f"PGA {motion.pga:.2f} m/s², PGV {motion.pgv:.2f} m/s")
+    PGA 2.94 m/s², PGV 0.31 m/s
     """
     forcing, size = checks.instance("scene", scene, Scene).forcing, scene.block.dimensions
     acceleration, velocity = forcing.largest, forcing.largest_velocity

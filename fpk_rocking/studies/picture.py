@@ -47,6 +47,16 @@ def curves_figure(path: File, results: Sequence[Any], title: str = "", which: in
     -------
     pathlib.Path
         The file written.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility
+    >>> from fpk_rocking.studies.picture import curves_figure
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> curve = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, realizations=500)
+    >>> print(curves_figure("curve.png", [curve], title="A rack"))
+    curve.png
     """
     first = results[0]
     count = len(first.place)
@@ -84,6 +94,16 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
     -------
     pathlib.Path
         The file written.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility
+    >>> from fpk_rocking.studies.picture import surface_figure
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> found = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, over={"size": [0.8, 1.0]}, realizations=500)
+    >>> print(surface_figure("sizes.png", found, title="Racks of two sizes"))
+    sizes.png
     """
     notes = _notes([result])
     with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title or message(result), notes) as figure:

@@ -23,6 +23,16 @@ class Ranking(NamedTuple):
         each of which counts like one outcome. The smaller, the better does the measure alone say what happens.
     median, dispersion : float
         Of that curve.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
+    >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
+    >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
+    >>> best = ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0]))[0]
+    >>> print(f"{best.measure}: median {best.median:.2f}, dispersion {best.dispersion:.2f}")
+    p PGV / (g tan θ_cr): median 0.88, dispersion 0.17
     """
 
     measure: str
@@ -45,6 +55,18 @@ def ranked(fragility: Fragility, which: int = 0) -> list[Ranking]:
     -------
     list of Ranking
         The best first; without those that a scene does not have, or that determine no curve.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
+    >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
+    >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
+    >>> for one in ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0])):
+    ...     print(f"{one.measure}: deviance {one.deviance:.1f}")
+    p PGV / (g tan θ_cr): deviance 5.1
+    PGV, m/s: deviance 8.0
+    PGA, g: deviance 13.3
     """
     shares, found = fragility.probability[:, which].ravel(), []
     for field, name in _NAMES.items():

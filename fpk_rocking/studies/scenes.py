@@ -30,6 +30,14 @@ class Grid(NamedTuple):
         In the order of the combinations, the last axis changing fastest.
     axes : dict of str to tuple of float
         Values of each parameter by its name.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import grid
+    >>> cells = grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6], "noise.variance": [0.01, 0.04]})
+    >>> print(len(cells.scenes), cells.scenes[1].noise.variance, cells.axes["noise.variance"])
+    4 0.04 (0.01, 0.04)
     """
 
     scenes: tuple[Scene, ...]
@@ -74,6 +82,14 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     ------
     TypeError, ValueError
         A name or a value is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import grid
+    >>> cells = grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6], "noise.variance": [0.01, 0.04]})
+    >>> print(cells.shape, cells.parameters(2))
+    (2, 2) {'forcing.amplitude': 4.6, 'noise.variance': 0.01}
     """
     checks.instance("scene", scene, Scene)
     if not isinstance(axes, dict) or not axes:
@@ -107,6 +123,14 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
     ------
     TypeError, ValueError
         The name is unknown, or the value is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies.scenes import varied
+    >>> rack = varied(Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), "height", 2.4)
+    >>> print(rack.block.dimensions.height, f"{rack.block.critical_angle:.3f}")
+    2.4 0.205
     """
     part, _, field = str(name).partition(".")
     if name == "scale":
@@ -142,6 +166,14 @@ def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
     Returns
     -------
     Scene
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import scaled
+    >>> strong = scaled(load_scene("main"), 2.0)
+    >>> print(strong.forcing.amplitude, round(strong.noise.variance, 2))
+    9.2 0.16
     """
     factor = checks.number("factor", factor, above=0.0)
     shaken = scene.noise.scaled(factor, 1.0) if noise else scene.noise
@@ -164,6 +196,15 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     Returns
     -------
     Scene
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import intensities, resized
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> tall = resized(rack, height=2.4)
+    >>> print(f"{rack.forcing.amplitude:.3f} {tall.forcing.amplitude:.3f}, PGA {intensities(tall).pga:.2f} m/s²")
+    1.107 1.461, PGA 2.94 m/s²
     """
     old = dimensions_of(scene, "width" if width is not None else "height")
     new = Dimensions(old.width if width is None else width, old.height if height is None else height, old.gravity)

@@ -61,6 +61,15 @@ def synthetic_records(
     ------
     TypeError, ValueError
         A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import intensities, synthetic_records
+    >>> for motion in synthetic_records(2, duration=5.0):
+    ...     print(f"PGV {intensities(Scene.from_block(0.5, 1.8, record=motion)).pgv:.2f} m/s")
+    PGV 0.33 m/s
+    PGV 0.23 m/s
     """
     count, seed = checks.count("count", count, at_most=_MOST), checks.count("seed", seed, at_least=0)
     interval = checks.number("interval", interval, above=0.0)

@@ -40,6 +40,16 @@ class Sweep(Shown):
         Values of the parameters of a grid by name; empty for a list of scenes.
     wall_s : float
         Seconds that the call took.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import grid, sweep
+    >>> done = sweep(grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6]}), cycles=4, realizations=500)
+    >>> print(done.headline)
+    2 scenes over forcing.amplitude (2), 0 failed
+    >>> print(done.rows[1]["values"]["survival"], done.trust.verdict)
+    [1.0, 1.0, 0.996, 0.958, 0.834] ok
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -230,6 +240,14 @@ def sweep(
         A parameter is refused, or the store belongs to another sweep or to one that still runs.
     RuntimeError
         The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import grid, sweep
+    >>> cells = grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6]})
+    >>> print(sweep(cells, cycles=4, realizations=500).values("survival"))
+    [0.974 0.834]
     """
     given, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
     checked = checked_scenes("scenes", given)

@@ -46,6 +46,16 @@ class Ensemble(Saved, Sample):
         Time τ of overturning; nan for a block that stands.
     overturn_side : ndarray of int8, shape (realizations,)
         -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import simulate
+    >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
+    >>> print(ensemble.survival.round(2), ensemble.angle.shape)
+    [1.   1.   1.   0.97 0.86] (1000, 5)
+    >>> print(ensemble.overturned[4])
+    [0.027 0.111]
     """
 
     _kind: ClassVar = "ensemble"

@@ -28,6 +28,15 @@ class Histogram(NamedTuple):
         Mean density over each bin.
     interval : ndarray, shape (n, 2)
         Confidence limits of the density.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import first_passage, simulate
+    >>> passage = first_passage(simulate(load_scene("main"), cycles=4, realizations=1000), [0.0, 4.0, 8.0])
+    >>> print(passage.counts, passage.interval.round(3))
+    [ 0 98] [[0.    0.001]
+     [0.02  0.029]]
     """
 
     edges: np.ndarray
@@ -58,6 +67,14 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
     ------
     TypeError, ValueError
         The edges or the level are refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import first_passage, simulate
+    >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
+    >>> print(first_passage(ensemble, [0.0, 4.0, 8.0]).density.round(3))
+    [0.    0.024]
     """
     checks.instance("result", result, Ensemble, Histories)
     edges = ascending_edges("edges", edges, finite=True)
@@ -92,6 +109,14 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
     ------
     TypeError, ValueError
         The edges or the level are refused, or too few realizations had an impact.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import histories, impact_speeds
+    >>> paths = histories(load_scene("main"), cycles=4, realizations=100)
+    >>> print(impact_speeds(paths, [0.0, 1.0, 2.0, 3.0]).density.round(2))
+    [0.07 0.28 0.66]
     """
     checks.instance("histories", histories, Histories)
     edges = ascending_edges("edges", edges, finite=True)
@@ -131,6 +156,12 @@ def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
     ndarray, shape of the probabilities
         Half the width of Wilson's interval of one standard deviation: √(p (1 - p)/n) in a bin of many realizations, and
         about 1/(2 n) in an empty one, where that would be 0.
+
+    Examples
+    --------
+    >>> from montecarlo import bin_errors
+    >>> print(bin_errors([0.0, 0.1, 0.5], realizations=1000).round(4))
+    [0.0005 0.0095 0.0158]
     """
     share = np.asarray(probabilities, float)
     trials = checks.count("realizations", realizations)

@@ -22,6 +22,14 @@ class Rate(NamedTuple):
         Confidence limits of the rate.
     count : int
         Number of overturned blocks behind it.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import overturning_rate, simulate
+    >>> rate = overturning_rate(simulate(load_scene("main"), cycles=4, realizations=1000), after=2)
+    >>> print(rate.count, rate.interval.round(3))
+    138 [0.061 0.086]
     """
 
     rate: float
@@ -54,6 +62,15 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     ------
     TypeError, ValueError
         A parameter is refused, the scene is deterministic, or no block stands after these cycles.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import overturning_rate, simulate
+    >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
+    >>> rate = overturning_rate(ensemble, after=2)
+    >>> print(f"{rate.rate:.3f} per cycle, {rate.interval.round(3)}")
+    0.073 per cycle, [0.061 0.086]
     """
     checks.instance("ensemble", ensemble, Ensemble)
     refuse_transient(ensemble.scene.forcing, "a rate of overturning per cycle")

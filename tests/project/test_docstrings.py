@@ -1,12 +1,17 @@
-"""Docstrings of the public API: everything that the reference shows says what it is and describes every parameter."""
+"""Docstrings of the public API: what it is, every parameter, and an example of each class and function that runs."""
 
+import doctest
 import importlib
 import inspect
 import re
 
+import pytest
+from test_pages import SOLVED
 from test_types import functions_of, shown
 
+import fpk_rocking
 from fpk_rocking import melnikov
+from fpk_rocking.studies import checking
 
 SECTION = re.compile(r"^(Parameters|Attributes)\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", re.MULTILINE | re.DOTALL)
 
@@ -22,16 +27,28 @@ def undescribed(thing):
     return [name for name in inspect.signature(thing).parameters if name not in described(thing) | {"self", "cls"}]
 
 
+def public(module, name):
+    return getattr(melnikov if module == "fpk_rocking.melnikov" else importlib.import_module(module), name)
+
+
 def things():
     """Everything that the reference shows: functions, classes and their members, by name."""
     for module, name, entry in shown():
-        thing = getattr(melnikov if module == "fpk_rocking.melnikov" else importlib.import_module(module), name)
+        thing = public(module, name)
         yield f"{module}.{name}", thing
         if inspect.isclass(thing) and (members := re.search(r":members:(.*)", entry)):
             kept = members[1].replace(",", " ").split()
             for member in functions_of(thing, ":inherited-members:" in entry):
                 if member.__name__ in (kept or [member.__name__]):
                     yield f"{module}.{member.__qualname__}", member
+
+
+def failures(thing):
+    """Say what the examples of a docstring print otherwise than it shows, or that there are none."""
+    examples = doctest.DocTestParser().get_doctest(thing.__doc__, {}, thing.__name__, None, 0)
+    told = [] if examples.examples else ["no example"]
+    doctest.DocTestRunner(verbose=False).run(examples, out=told.append)
+    return "".join(told)
 
 
 def test_everything_public_has_a_docstring():
@@ -77,3 +94,35 @@ def test_a_parameter_without_description_is_found():
 
     assert undescribed(bare) == ["two"]
     assert described(bare) == {"one", "three"}
+
+
+@pytest.mark.parametrize(("module", "name", "_"), list(shown()), ids=lambda value: value.split("\n")[0])
+def test_examples_print_what_they_show(module, name, _, tmp_path, monkeypatch):
+    """All together 9 s of one processor: many show the same density, which is solved once."""
+    monkeypatch.chdir(tmp_path)
+    for solver, solved in SOLVED.items():
+        monkeypatch.setattr(fpk_rocking, solver, solved)
+    monkeypatch.setattr(checking, "solve_fpk", SOLVED["solve_fpk"])
+    assert failures(public(module, name)) == ""
+
+
+def test_examples_that_lack_or_fail_are_found():
+    def bare():
+        """Do it."""
+
+    def wrong():
+        """Do it.
+
+        >>> print(1 + 1)
+        3
+        """
+
+    def broken():
+        """Do it.
+
+        >>> absent
+        """
+
+    assert failures(bare) == "no example"
+    assert re.search(r"Expected:\n    3\nGot:\n    2", failures(wrong))
+    assert "NameError: name 'absent'" in failures(broken)

@@ -76,8 +76,9 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-SOLVED = {name: functools.cache(getattr(fpk_rocking, name)) for name in ("CycleOperator", "solve_fpk")}
-"""Some pages solve the same."""
+SOLVERS = ("CycleOperator", "solve_fpk", "solve_realizations")
+SOLVED = {name: functools.cache(getattr(fpk_rocking, name)) for name in SOLVERS}
+"""Some pages, and examples of docstrings, solve the same."""
 
 
 @pages_with("python")

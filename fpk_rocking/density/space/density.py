@@ -23,6 +23,15 @@ class Density:
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
         Coefficients of the polynomials.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2).at(4)
+    >>> print(density(-0.2, [0.8, 0.9, 1.0]).round(1), density.mean.round(2))
+    [0.5 2.  2.4] [-0.31  0.5 ]
+    >>> print(f"{density.integral(lambda angle, velocity: angle**2):.2f}")
+    0.32
     """
 
     space: Space

@@ -48,6 +48,13 @@ class Space:
         Ascending mesh lines, nondimensional. Angle 0 is a mesh line where it lies inside the mesh.
     degree : int
         Polynomial degree in each direction.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(density.space.degree, density.coefficients.shape == (5, *density.space.shape))
+    3 True
     """
 
     angle_lines: np.ndarray

@@ -113,6 +113,13 @@ class Forcing(Force):
     A kind of forcing is a frozen dataclass, equal and hashed by its values, with all that stands here; most of it comes
     from `PeriodicForcing` or `TransientForcing`. This class itself makes no values: see `Harmonic`, `Harmonics`,
     `Pulse` and `Record`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Forcing, load_scene
+    >>> forcing = load_scene("main").forcing
+    >>> print(isinstance(forcing, Forcing), forcing.kind, f"{forcing.period:.3f}")
+    True harmonic 2.327
     """
 
     __slots__ = ()

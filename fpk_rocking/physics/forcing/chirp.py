@@ -39,6 +39,15 @@ class Chirp(TransientForcing):
     ------
     TypeError, ValueError
         A value is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.forcings import Chirp
+    >>> from montecarlo import simulate
+    >>> chirp = Chirp(amplitude=1.5, start_frequency=5.0, end_frequency=1.0, duration=20.0)
+    >>> print(simulate(load_scene("main").varied(forcing=chirp), realizations=1000).survival[-1].round(2))
+    0.16
     """
 
     kind: ClassVar[str] = "chirp"

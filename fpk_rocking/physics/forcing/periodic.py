@@ -193,6 +193,13 @@ class Harmonic(PeriodicForcing):
         Angular frequency Ω, nondimensional, above 0.
     phase : float
         Phase Ψ, radians.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Harmonic
+    >>> forcing = Harmonic(amplitude=4.6, frequency=2.7)
+    >>> print(f"{forcing.period:.3f} {forcing.largest:.2f}")
+    2.327 4.60
     """
 
     kind: ClassVar[str] = "harmonic"
@@ -247,6 +254,13 @@ class Harmonics(PeriodicForcing):
         Amplitudes A_1, A_2, ..., nondimensional, each at least 0, not all 0; up to 32 of them.
     phases : sequence of float
         Phases Ψ_1, Ψ_2, ..., radians, as many as amplitudes.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Harmonics
+    >>> forcing = Harmonics(frequency=2.7, amplitudes=(4.6, 0.5), phases=(0.0, 1.0))
+    >>> print(f"{forcing.period:.3f} {forcing.largest:.2f}")
+    2.327 4.93
     """
 
     kind: ClassVar[str] = "harmonics"

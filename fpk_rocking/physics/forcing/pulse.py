@@ -80,6 +80,14 @@ class Pulse(TransientForcing):
     ----------
     Sine and cosine: N. Makris, Y. Roussos, Géotechnique 50, 243-262, 2000; J. Zhang, N. Makris, J. Eng. Mech. 127,
     473-483, 2001. Ricker: M. F. Vassiliou, N. Makris, Bull. Seism. Soc. Am. 101, 596-618, 2011.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Block, NoNoise, Pulse, Scene
+    >>> from montecarlo import simulate
+    >>> pulse = Pulse("one-sine", amplitude=3.0, frequency=3.0)
+    >>> print(simulate(Scene(Block(0.9, critical_angle=0.1), pulse, NoNoise())).outcome)
+    deterministic: overturns to the left at τ = 4.561
     """
 
     kind: ClassVar[str] = "pulse"

@@ -35,6 +35,14 @@ class Record(TransientForcing):
         Factor of the samples.
     source : str
         Where the record is from, such as the name of a file. It does not count when records are compared.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Record, Scene
+    >>> from montecarlo import simulate
+    >>> record = Record(interval=0.25, samples=(0.0, 0.6, -0.6, 0.0), units="g")
+    >>> print(simulate(Scene.from_block(0.5, 1.8, record=record)).outcome)
+    deterministic: overturns to the left at τ = 3.691 (1.32 s)
     """
 
     kind: ClassVar[str] = "record"

@@ -30,6 +30,15 @@ class CloughPenzien(Filter):
     ------
     TypeError, ValueError
         A parameter is not a finite number above 0.
+
+    Examples
+    --------
+    >>> from fpk_rocking import CloughPenzien, FilteredNoise, melnikov
+    >>> soil = CloughPenzien(frequency=15.0, damping=0.6, low_frequency=1.5, low_damping=0.6)
+    >>> print(soil.space.spectral_density([0.0, 1.5, 15.0]).round(3))
+    [0.    0.015 0.036]
+    >>> print(f"{melnikov.equivalent_diffusion(FilteredNoise(soil, variance=0.3)):.4f}")
+    0.0014
     """
 
     kind: ClassVar[str] = "clough-penzien"

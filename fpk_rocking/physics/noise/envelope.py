@@ -100,6 +100,13 @@ class Trapezoid(_Linear):
     ----------
     rise, hold, decay : float
         Nondimensional durations, each at least 0, not all 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fpk_rocking.envelopes import Trapezoid
+    >>> print(Trapezoid(rise=2.0, hold=4.0, decay=4.0).value(np.array([1.0, 3.0, 8.0])))
+    [0.5 1.  0.5]
     """
 
     kind: ClassVar[str] = "trapezoid"
@@ -141,6 +148,13 @@ class Table(_Linear):
         Nondimensional times, ascending, at least 0; 2 to 1000 of them.
     values : sequence of float
         Values of the envelope at these times, each at least 0, not all 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fpk_rocking.envelopes import Table
+    >>> print(Table(times=(0.0, 5.0, 10.0), values=(0.0, 1.0, 0.5)).value(np.array([2.5, 7.5, 20.0])))
+    [0.5  0.75 0.5 ]
     """
 
     kind: ClassVar[str] = "table"
@@ -177,6 +191,13 @@ class Exponential(Envelope):
     ----------
     peak : float
         Time t of the peak, nondimensional, above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fpk_rocking.envelopes import Exponential
+    >>> print(Exponential(peak=2.0).value(np.array([0.5, 2.0, 8.0])).round(3))
+    [0.529 1.    0.199]
     """
 
     kind: ClassVar[str] = "exponential"

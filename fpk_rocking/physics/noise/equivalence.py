@@ -41,6 +41,14 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     ------
     ValueError
         The kind of the noise is unknown.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, WhiteNoise, melnikov
+    >>> print(f"{melnikov.noise_variance(BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=100)):.4f}")
+    0.0126
+    >>> print(melnikov.noise_variance(WhiteNoise(diffusion=0.005)))
+    0.01
     """
     if noise.kind == "none":
         return 0.0
@@ -80,6 +88,12 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     -------
     float
         Nondimensional, with ⟨ηη⟩ = 2Dδ.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, melnikov
+    >>> print(f"{melnikov.equivalent_diffusion(BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=100)):.5f}")
+    0.00628
     """
     if noise.kind == "white":
         return noise.diffusion
@@ -108,6 +122,13 @@ def cover(noise: Noise, critical_angle: float = 0.0) -> float:
     ------
     ValueError
         The noise has another kind, or the variance 0.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, melnikov
+    >>> bands = [(0.0, 10.0), (1.0, 6.0), (4.0, 10.0)]
+    >>> print([round(melnikov.cover(BandNoise(0.04, band, harmonics=100)), 3) for band in bands])
+    [1.0, 0.18, 0.006]
     """
     white = math.pi * separatrix.white_gain(critical_angle)
     if noise.kind == "filtered" and noise.variance > 0.0:
@@ -201,6 +222,12 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
     ------
     ValueError
         The noise has another kind, or the variance 0.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, melnikov
+    >>> print([round(melnikov.realized_spread(BandNoise(0.04, (0.0, 10.0), n), 0.5), 2) for n in (30, 100, 1000)])
+    [0.44, 0.24, 0.08]
     """
     banded = _band(noise)
     weights, values = _responses(banded, restitution, critical_angle)

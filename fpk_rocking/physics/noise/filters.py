@@ -37,6 +37,13 @@ class Filter:
         Name of the class in a scene file.
     space : StateSpace
         State space of the filter, for noise of variance 1 (`StateSpace.stationary`).
+
+    Examples
+    --------
+    >>> from fpk_rocking import CloughPenzien, Filter
+    >>> soil = CloughPenzien(frequency=15.0, damping=0.6, low_frequency=1.5, low_damping=0.6)
+    >>> print(isinstance(soil, Filter), soil.space.order, soil.faster(2.0).space.fastest > soil.space.fastest)
+    True 4 True
     """
 
     kind: ClassVar[str]
@@ -85,6 +92,13 @@ class LinearFilter(Filter):
     ------
     TypeError, ValueError
         The shapes do not fit, there are more than 12 states, the filter is not stable, or a state has no part in it.
+
+    Examples
+    --------
+    >>> from fpk_rocking import FilteredNoise, LinearFilter, melnikov
+    >>> twice = LinearFilter(drift=((-9.0, 0.0), (9.0, -9.0)), input=(1.0, 0.0), output=(0.0, 1.0))
+    >>> print(f"{melnikov.noise_variance(FilteredNoise(twice, variance=0.04)):.4f}")
+    0.0174
     """
 
     kind: ClassVar[str] = "linear"

@@ -40,6 +40,13 @@ class StateSpace(NamedTuple):
         b and c.
     correlation : ndarray, shape (n, n)
         P of the states at any one time.
+
+    Examples
+    --------
+    >>> from fpk_rocking import StateSpace
+    >>> space = StateSpace.stationary(drift=[[-2.0]], source=[1.0], output=[1.0])
+    >>> print(space.autocovariance([0.0, 0.5]).round(3), f"{space.spectral_density(2.0):.4f}")
+    [1.    0.368] 0.1592
     """
 
     drift: np.ndarray
