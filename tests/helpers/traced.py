@@ -7,7 +7,8 @@ from fpk_rocking.density.step.landing import Gauss, trace_cells
 
 def path_ends(x, v, side, segment, block, noise):
     """States (n, 2) and codes (n,) at the end of a step for its n nodes, from the one Gauss point of a cell."""
-    begin, weight, table = np.zeros(1), np.ones(1), np.ones((1, 1))
+    # The tables are not used; in another order than that of a step the kernel would be compiled once more.
+    begin, weight, table = np.zeros(1), np.ones(1), np.ones((2, 2), order="F")
     lines = np.array([x, x + side]), np.array([v, v + 1.0])
     points = Gauss(*lines, begin, begin, weight, weight, table, table)
     states, codes = trace_cells(np.zeros((1, 2), int), points, segment, block, noise)
