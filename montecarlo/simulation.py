@@ -67,7 +67,8 @@ def simulate(
     --------
     >>> from fpk_rocking import Scene
     >>> from montecarlo import simulate
-    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> ensemble = simulate(rack, cycles=4, realizations=1000)
     >>> print(ensemble.survival[4].round(3), ensemble.survival_interval()[4].round(3))
     0.984 [0.974 0.99 ]

@@ -43,7 +43,7 @@ def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[N
     Raises
     ------
     TypeError, ValueError
-        `times` are not finite numbers.
+        `times` are not finite numbers, or α is out of bounds.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
     Raises
     ------
     TypeError, ValueError
-        `frequency` is not of finite numbers.
+        `frequency` is not of finite numbers, or α is out of bounds.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
     Raises
     ------
     TypeError, ValueError
-        `restitution` is not of numbers from 0 to 1.
+        `restitution` is not of numbers from 0 to 1, or α is out of bounds.
 
     Examples
     --------

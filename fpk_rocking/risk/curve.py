@@ -148,7 +148,8 @@ class IntensityCurve:
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> curve = IntensityCurve.of(found, "PGV")
     >>> print(curve.probability.round(2), f"median {curve.fit.median:.2f} {curve.unit}")

@@ -52,7 +52,8 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity, to_nrml
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> to_nrml("rack.xml", [IntensityCurve.of(found, "PGV")], name="RACK")
     """
@@ -114,7 +115,8 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity, to_pelicun
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> to_pelicun("rack.csv", IntensityCurve.of(found, "PGV"), name="RACK")
     """
@@ -151,7 +153,8 @@ def to_csv(path: File, curve: IntensityCurve) -> None:
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity, to_csv
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> to_csv("curve.csv", IntensityCurve.of(found, "PGV"))
     """

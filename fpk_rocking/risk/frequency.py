@@ -55,7 +55,8 @@ class Risk:
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard.power_law(rate=1e-3, exponent=2.5))
     >>> print(f"every {risk.return_period:.0f} years, {risk.probability(50.0):.2f} in 50 years")
@@ -162,7 +163,8 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard.power_law(rate=1e-3, exponent=2.5))
     >>> print(f"{risk.rate:.1e} per year")

@@ -49,7 +49,8 @@ class Study:
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, study
     >>> from fpk_rocking.studies import synthetic_records
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
     >>> found = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
     >>> print(found.records.shape, found.trust.verdict)
@@ -207,6 +208,7 @@ def study(
     realizations : int
         Paths of a record at each intensity.
     seed : int
+        Seed of the random numbers.
     scale_noise : bool
         Whether the noise is scaled with the records.
     uncertain : dict of str, optional
@@ -232,7 +234,8 @@ def study(
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, study
     >>> from fpk_rocking.studies import synthetic_records
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
     >>> found = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
     >>> print(found.risk.curve.probability.round(2), f"{found.risk.rate:.0e} per year")

@@ -63,6 +63,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     count : int
         Scenes of each.
     seed : int
+        Seed of the random numbers.
 
     Returns
     -------

@@ -53,7 +53,8 @@ def curves_figure(path: File, results: Sequence[Any], title: str = "", which: in
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import fragility
     >>> from fpk_rocking.studies.picture import curves_figure
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curve = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, realizations=500)
     >>> print(curves_figure("curve.png", [curve], title="A rack"))
     curve.png
@@ -100,7 +101,8 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import fragility
     >>> from fpk_rocking.studies.picture import surface_figure
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> found = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, over={"size": [0.8, 1.0]}, realizations=500)
     >>> print(surface_figure("sizes.png", found, title="Racks of two sizes"))
     sizes.png

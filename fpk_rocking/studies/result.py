@@ -90,7 +90,8 @@ class Fragility(Saved, Shown):
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curve = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, realizations=500)
     >>> print(curve.interval()[0, 0].round(2))
     [[0.   0.02]

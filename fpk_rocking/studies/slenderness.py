@@ -30,7 +30,8 @@ class SlendernessCost(NamedTuple):
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import slenderness_cost
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> cost = slenderness_cost(rack, cycles=4, realizations=1000)
     >>> print(cost.exact, cost.slender, f"{cost.difference:.3f} ± {cost.standard_error:.3f}")
     0.077 0.164 0.087 ± 0.012
@@ -90,7 +91,8 @@ def slenderness_cost(
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import slenderness_cost
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> print(f"{slenderness_cost(rack, cycles=4, realizations=1000).difference:.3f}")
     0.087
     """

@@ -52,6 +52,7 @@ def synthetic_records(
         Root mean square of the acceleration above the soil where the envelope is 1, m/s², before the lowest frequencies
         are taken out.
     seed : int
+        Seed of the random numbers.
 
     Returns
     -------

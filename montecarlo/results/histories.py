@@ -68,7 +68,8 @@ class Histories(Saved, Shown):
     --------
     >>> from fpk_rocking import Scene
     >>> from montecarlo import histories
-    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> paths = histories(rack, cycles=2, realizations=3)
     >>> print(paths.impacts, paths.impact_velocity.round(2))
     [3 5 2] [ 0.32 -1.09  0.86  0.07 -0.06  0.06 -0.45  1.08  0.14 -0.8 ]

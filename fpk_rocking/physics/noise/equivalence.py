@@ -39,8 +39,8 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
 
     Raises
     ------
-    ValueError
-        The kind of the noise is unknown.
+    TypeError, ValueError
+        The kind of the noise is unknown, or α is out of bounds.
 
     Examples
     --------
@@ -89,6 +89,11 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     float
         Nondimensional, with ⟨ηη⟩ = 2Dδ.
 
+    Raises
+    ------
+    TypeError, ValueError
+        As `noise_variance`.
+
     Examples
     --------
     >>> from fpk_rocking import BandNoise, melnikov
@@ -120,8 +125,8 @@ def cover(noise: Noise, critical_angle: float = 0.0) -> float:
 
     Raises
     ------
-    ValueError
-        The noise has another kind, or the variance 0.
+    TypeError, ValueError
+        The noise has another kind, or the variance 0, or α is out of bounds.
 
     Examples
     --------
@@ -220,8 +225,8 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
 
     Raises
     ------
-    ValueError
-        The noise has another kind, or the variance 0.
+    TypeError, ValueError
+        The noise has another kind, or the variance 0, or α is out of bounds.
 
     Examples
     --------
