@@ -15,7 +15,7 @@ from fpk_rocking.density.space.element import ElementQuadLegendre
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.landing import LOST, locate
-from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
 VELOCITY_LINES = np.array([-1.0, -0.2, 0.15, 1.7])
@@ -240,6 +240,10 @@ def test_velocity_bound_covers_the_separatrix_and_the_start():
     assert velocity_bound(Scene(Block(0.5), forcing, noise), 0.0025) == pytest.approx(edge, abs=1e-12)
     outward = Scene(Block(0.5), forcing, noise, Start(0.5, 6.0))
     assert velocity_bound(outward, 0.0025) == pytest.approx(1.2 * 6.0, abs=1e-12)
+    held = Scene(Block(0.5), forcing, noise, Start(-1.5))
+    assert velocity_bound(held, 0.0025) == pytest.approx(edge, abs=1e-12)
+    far = dataclasses.replace(held, overturning=Overturning(3.5))
+    assert velocity_bound(far, 0.0025) == pytest.approx(edge + 1.5, abs=1e-12)
 
 
 @pytest.mark.parametrize("phase", [0.3, 2.0, 3.5, 5.0])

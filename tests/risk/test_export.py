@@ -30,6 +30,10 @@ def test_a_lognormal_curve_in_nrml(tmp_path):
     function = model[2]
     assert function.attrib == {"id": "rack_1", "format": "continuous", "shape": "logncdf"}
     assert function[0].attrib["imt"] == "PGV"
+    low, high = (float(function[0].attrib[end]) for end in ("minIML", "maxIML"))
+    assert function[0].attrib["noDamageLimit"] == function[0].attrib["minIML"]
+    assert max(mild.fit(0.01 * low), curve_of(0.7, 0.4).fit(0.01 * low)) < 6e-7
+    assert min(mild.fit(0.01 * high), curve_of(0.7, 0.4).fit(0.01 * high)) > 1.0 - 6e-7
     for params, state, median, spread in zip(
         function[1:], ("angle_0p5", "overturned"), (40.0, 70.0), (0.3, 0.4), strict=True
     ):
@@ -48,6 +52,15 @@ def test_a_curve_of_points_in_nrml(tmp_path):
     assert np.array_equal(np.array(function[0].text.split(), float), 100.0 * SCALES)
     assert np.array_equal(np.array(function[1].text.split(), float), curve.probability)
     assert "made so" in ET.parse(file).getroot()[0][0].text
+
+
+def test_one_curve_of_points_makes_the_others_points_too(tmp_path):
+    file, mild = tmp_path / "curve.xml", IntensityCurve(**{**vars(curve_of(0.4)), "name": "|Θ| ≥ 0.5"})
+    to_nrml(file, [mild, refused(curve_of())], "rack")
+    function = ET.parse(file).getroot()[0][2]
+    assert function.attrib["format"] == "discrete"
+    rows = {row.attrib["ls"]: np.array(row.text.split(), float).tolist() for row in function[1:]}
+    assert rows == {"angle_0p5": mild.probability.tolist(), "overturned": curve_of().probability.tolist()}
 
 
 def test_accelerations_stay_in_g(tmp_path):
