@@ -36,8 +36,9 @@ SEED := 1
 mutants: $(STAMP)  ## one-line mistakes drawn at random (COUNT=20 SEED=1), and whether the tests notice them
 	$(BIN)/python tests/mutants --count $(COUNT) --seed $(SEED)
 
-docs: $(STAMP)  ## the site, into build/docs; a warning is an error
+docs: $(STAMP)  ## the site, into build/docs, and the code of its pages; a warning is an error
 	$(BIN)/sphinx-build -q -W --keep-going -d build/doctrees docs build/docs
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m site tests/project
 	@echo "Open build/docs/index.html"
 
 wheel: $(STAMP)  ## source distribution and its wheel, into dist, and a run of the wheel in a clean environment
