@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import itertools
+import math
 
 import numpy as np
 
@@ -174,7 +175,8 @@ class Trace:
         self.offsets = nodes @ np.reshape(axes, (2, 2))
         self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
         self._segment = dynamics.segment(start, duration)
-        self.marks = classify(*lines, self._segment, duration, dynamics.block, self._noise.margin)
+        margins = self._noise.margin, math.inf if to_other else float(np.abs(self.offsets[:, 1]).max())
+        self.marks = classify(*lines, self._segment, duration, dynamics.block, margins)
         self.stays = dynamics.critical_angle is not None and not to_other
         self.marks |= dynamics.critical_angle is not None and to_other
         self.active = np.zeros_like(self.marks)
