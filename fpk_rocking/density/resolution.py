@@ -23,7 +23,7 @@ _RESTS, _RESTING_STEP, _STEP = 0.5, 0.07, 2.33 / 16
 """Time with |f| <= 1 from which on impacts are slow for long; the longest step then, and else, at 16 steps a cycle."""
 
 _BENDING = 10.0
-"""Where the forcing repeats an exact block of critical angle α takes 1 + this α² times the steps of a slender one: what
+"""Where blocks do not rest an exact block of critical angle α takes 1 + this α² times the steps of a slender one: what
 its acceleration has beyond that of a slender one is taken half way through a step, and is of order α²."""
 
 _NOISY_STEP = 0.03
@@ -151,11 +151,9 @@ class Resolution:
         angle = graded_lines(far, angle_cells, grading)
         velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
         rests = scene.forcing.against(scene.block.lift_off).longest_rest > _RESTS
-        step = _RESTING_STEP if rests else _STEP
-        if scene.repeats and not rests:
-            # A slow motion meets an impact more often.
-            step *= math.sqrt(min(fast, 1.0)) / (1.0 + _BENDING * scene.block.critical_angle**2)
-        step = min(step, _NOISY_STEP * fast**2 / scene.noise.diffusion)
+        # A slow motion meets impacts more often.
+        moving = _STEP * math.sqrt(min(fast, 1.0)) / (1.0 + _BENDING * scene.block.critical_angle**2)
+        step = min(_RESTING_STEP if rests else moving, _NOISY_STEP * fast**2 / scene.noise.diffusion)
         steps = self.steps / 16 * period / step
         fewest = FEWEST * period / scene.forcing.shortest_period
         growths = [1.0 + (growth - 1.0) * min(_TAIL_CELLS / cells, 1.0) for cells in (angle_cells, velocity_cells)]
