@@ -46,9 +46,9 @@ or come to rest and are lifted off again: which of them rest by then is told by 
 2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
 
 _GAIN = 0.5
-"""Error of a solution of higher degree over its distance from the one before: of 13 scenes 10 had less. With the distance
-before and the safety no error of theirs was above .75 of the estimate. Not of an exact block, whose error in the step
-does not depend on the degree."""
+"""Error of a solution of higher degree over its distance from the one before: of 13 scenes 10 had less. With the
+distance before and the safety no error of theirs was above .75 of the estimate. Not of an exact block, whose error in
+the step does not depend on the degree."""
 
 _FASTER = 1.1
 """Velocity bound over the largest speed of the pilot's paths, at least, where the motion does not repeat."""
