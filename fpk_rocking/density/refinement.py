@@ -16,12 +16,12 @@ UNRESOLVED = 0.05
 LEAST = 3
 """Least number of solutions: the last, and two that serve its error estimate."""
 
-_SAFETY, _BEFORE, _AT_MOST = 1.4, 0.3, 2.5
-"""Factors of `safe_difference`: of all, of the distance from the solution before the one before, and of the last
-distance where it may be chance."""
+_SAFETY, _BEFORE = 1.4, 0.3
+"""Factors of `safe_difference`: of both distances, and of that from the solution before the one before."""
 
 _BINS_BEFORE, _BINS_AT_MOST = 0.4, 1.5
-"""The same for the binned density: its errors are sums over bins and seldom small by chance."""
+"""Factors of the same for the binned density, of the distance before and, at most, of the last one: its errors are sums
+over bins and seldom small by chance."""
 
 _BINS = 3.0
 """Square root of the tolerance over the tolerance of the binned density."""
@@ -32,6 +32,7 @@ class Level(Protocol):
 
     memory: float
     negative_mass: float
+    gain: float  # error over that of the level before, at most, as far as known; else 1
 
     def differences(self, coarser):
         """Differences from a coarser level: of the quantity that is wanted, and of the binned density (L1)."""
@@ -95,7 +96,7 @@ def refine(candidates, make, fits, done):
 def _refined(levels, left):
     fine = levels[-1]
     wanted, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
-    error = fine.error(safe_difference(wanted), bins[-1])
+    error = fine.error(safe_difference(wanted, fine.gain), bins[-1])
     bins_error = max(bins[-1], min(_BINS_BEFORE * bins[-2], _BINS_AT_MOST * bins[-1]))
     return Refined(fine, levels[-2], error, bins_error, left)
 
@@ -111,15 +112,15 @@ def bins_tolerance(tol):
     return math.sqrt(tol) / _BINS
 
 
-def safe_difference(distances):
+def safe_difference(distances, gain=1.0):
     """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
 
-    The last distance is the error of the solution before, if the last solution is far better; it may be small by
-    chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. Of that no more
-    than two and a half times the last distance counts. The result is 1.4 times the larger, for safety.
+    The last distance is the error of the solution before, if the last solution is far better; `gain` times that is its
+    own. It may be small by chance. The distance before tells whether it is: the error falls to .3 at least over two
+    solutions. The result is 1.4 times the larger, for safety.
     """
     before, last = distances[-2:]
-    return _SAFETY * max(last, min(_BEFORE * before, _AT_MOST * last))
+    return _SAFETY * max(gain * last, _BEFORE * before)
 
 
 class Count:

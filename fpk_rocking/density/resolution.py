@@ -22,6 +22,10 @@ _COARSEST = 0.5
 _RESTS, _RESTING_STEP, _STEP = 0.5, 0.07, 2.33 / 16
 """Time with |f| <= 1 from which on impacts are slow for long; the longest step then, and else, at 16 steps a cycle."""
 
+_BENDING = 10.0
+"""Where blocks do not rest an exact block of critical angle α takes 1 + this α² times the steps of a slender one: what
+its acceleration has beyond that of a slender one is taken half way through a step, and is of order α²."""
+
 _NOISY_STEP = 0.03
 """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed^2."""
 
@@ -147,7 +151,9 @@ class Resolution:
         angle = graded_lines(far, angle_cells, grading)
         velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
         rests = scene.forcing.against(scene.block.lift_off).longest_rest > _RESTS
-        step = min(_RESTING_STEP if rests else _STEP, _NOISY_STEP * fast**2 / scene.noise.diffusion)
+        # A slow motion meets impacts more often.
+        moving = _STEP * math.sqrt(min(fast, 1.0)) / (1.0 + _BENDING * scene.block.critical_angle**2)
+        step = min(_RESTING_STEP if rests else moving, _NOISY_STEP * fast**2 / scene.noise.diffusion)
         steps = self.steps / 16 * period / step
         fewest = FEWEST * period / scene.forcing.shortest_period
         growths = [1.0 + (growth - 1.0) * min(_TAIL_CELLS / cells, 1.0) for cells in (angle_cells, velocity_cells)]
@@ -180,7 +186,7 @@ RESOLUTIONS = (
     Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
     Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
     Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, _BETTER),
-    Resolution(60, 56, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
+    Resolution(60, 56, 4, Quadrature(8, 8, 7, 2), 20, _FINE),
     Resolution(84, 78, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 108, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
 )

@@ -73,7 +73,8 @@ def test_flight_and_noise_have_exact_moments(duration, same_mesh):
     source = away_mesh(24)
     target = source if same_mesh else Space(np.linspace(0.3, 3.9, 25), np.linspace(-2.5, 2.0, 25), 3)
     before = Density(source, source.project(AWAY, 8))
-    after = Density(target, Step(Trace(source, 0.3, duration, CALM, QUADRATURE), target).apply(before.coefficients)[0])
+    trace = Trace(source, 0.3, duration, CALM, QUADRATURE, to_other=not same_mesh)
+    after = Density(target, Step(trace, target).apply(before.coefficients)[0])
     matrix, shift = affine(CALM, 0.3, duration, 1)
     covariance = matrix @ before.covariance @ matrix.T + flight_noise(CALM, duration)
     assert after.mean == pytest.approx(matrix @ before.mean + shift, abs=1e-12)
@@ -115,7 +116,8 @@ def test_mass_that_overturns_as_a_whole_is_in_the_sink():
     window = Space(np.linspace(0.8, 1.2, 17), np.linspace(6.0, 9.0, 9), 3)
     coefficients = window.project(Gaussian((1.0, 7.5), [[1e-3, 0.0], [0.0, 0.04]]), 8)
     for target in (window, Space(np.linspace(-1.2, 1.2, 9), np.linspace(-4.0, 4.0, 9), 3)):
-        after, sinks = Step(Trace(window, 0.0, 0.15, dynamics, QUADRATURE), target).apply(coefficients)
+        trace = Trace(window, 0.0, 0.15, dynamics, QUADRATURE, to_other=target is not window)
+        after, sinks = Step(trace, target).apply(coefficients)
         assert sinks[1] == pytest.approx(window.masses(coefficients).sum(), abs=1e-13)
         assert np.abs(after).max() == 0.0
 

@@ -34,7 +34,7 @@ def step_of(name, kind):
         "window to window": (window, Space(0.4 * window.angle_lines, 0.5 * window.velocity_lines, 3)),
         "over the cut-off": (main, Space(0.9 * main.angle_lines, 0.6 * main.velocity_lines, 3)),
     }[kind]
-    return Step(Trace(source, 3 * duration, duration, dynamics, QUADRATURE), target)
+    return Step(Trace(source, 3 * duration, duration, dynamics, QUADRATURE, to_other=source is not target), target)
 
 
 def integral(space, first, second):
@@ -113,7 +113,7 @@ def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form(same_mesh):
     dynamics, start, duration = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, 0.5, 6.0), 0.3, 0.1
     source = Space(np.linspace(0.5, 3.7, 13), np.linspace(-2.3, 1.8, 13), 3)
     target = source if same_mesh else Space(np.linspace(0.2, 4.0, 9), np.linspace(-2.7, 2.2, 9), 3)
-    step = Step(Trace(source, start, duration, dynamics, QUADRATURE), target)
+    step = Step(Trace(source, start, duration, dynamics, QUADRATURE, to_other=not same_mesh), target)
 
     def quadratic(x, v):
         return 1.0 + x - 2.0 * v + 3.0 * x * x - x * v + 2.0 * v * v

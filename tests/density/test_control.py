@@ -10,13 +10,13 @@ import pytest
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import outlook, refinement, solver
-from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.pilot import Motion, motion_of
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.solution import Solution
-from fpk_rocking.scene import Harmonic, Start, WhiteNoise
+from fpk_rocking.scene import Block, Harmonic, Pulse, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml").white_equivalent()
 
@@ -32,7 +32,7 @@ def grid_of(scene, resolution, cycles=10):
     [
         ((1e-3, 4e-4), 1e-3, 0.0, 1.4 * 4e-4),  # the last distance rules
         ((1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
-        ((1e-2, 2e-4), 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
+        ((1e-2, 1e-6), 1e-3, 0.0, 1.4 * 3e-3),  # however small the last one is
         ((2e-3, 1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # it hardly falls: to .3 over two solutions
         ((1e-6, 1e-6), 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
         ((1e-6, 1e-6), 1e-6, -3e-3, 3e-3),  # what was lost is an error
@@ -43,6 +43,23 @@ def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None))
     found = solver.Solved.error(level, safe_difference(distances), bins)
     assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_higher_degree_halves_what_the_last_distance_says_of_a_slender_block(monkeypatch):
+    """Of an exact one it does not, nor a solution of the same degree; what the distance before says stays."""
+    assert safe_difference((1e-3, 4e-4), 0.5) == pytest.approx(1.4 * 3e-4)
+    assert safe_difference((1e-4, 4e-4), 0.5) == pytest.approx(1.4 * 2e-4)
+    found, made = {}, solver.Solved.error
+    monkeypatch.setattr(solver, "candidates_for", lambda _: RESOLUTIONS[2:5])
+    monkeypatch.setattr(
+        solver.Solved, "error", lambda self, *of: found.setdefault("gain", self.gain) and made(self, *of)
+    )
+    for angle, expected in ((0.0, 0.5), (0.2, 1.0)):
+        found.clear()
+        solve_fpk(dataclasses.replace(MAIN, block=Block(0.5, critical_angle=angle)), cycles=1, tol=1e-2)
+        assert found["gain"] == expected
+    for number, degree in ((3, 3), (4, 4), (5, 4)):
+        assert RESOLUTIONS[number].degree == degree
 
 
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
@@ -138,6 +155,20 @@ def test_a_gaussian_that_its_window_does_not_resolve_is_refused():
     start = Start(0.3, 0.0, ((0.09, 0.089973), (0.089973, 0.09)))
     with pytest.raises(ValueError, match=r"start.covariance: got .*, accepted: a wider Gaussian"):
         solve_fpk(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)
+
+
+def test_slow_and_exact_blocks_take_more_steps_unless_blocks_rest():
+    """As the root of the usual speed below 1, and 1 + 10 α² times as many; nothing changes for a pulse."""
+
+    def steps(scene, speed):
+        return RESOLUTIONS[6].of(scene, 4.0, Motion(1.2, speed, (-1.2, 1.2), (-1.8, 1.8), 2.0)).steps
+
+    assert steps(MAIN, 1.8) == steps(MAIN, 1.0) == 40
+    assert steps(MAIN, 0.25) == pytest.approx(80, abs=2)
+    exact = dataclasses.replace(MAIN, block=Block(0.5, critical_angle=0.3))
+    assert steps(exact, 1.8) == pytest.approx(76, abs=2)
+    pulse = dataclasses.replace(exact, forcing=Pulse("one-sine", 4.6, 2.7))
+    assert steps(pulse, 1.8) == steps(pulse, 0.25) == steps(dataclasses.replace(pulse, block=MAIN.block), 1.8)
 
 
 def test_meshes_and_steps_follow_what_the_block_does():

@@ -81,9 +81,9 @@ def test_order_in_the_step_on_gaussian_flight():
     coefficients = source.project(Gaussian((2.0, -0.5), [[0.01, 0.003], [0.003, 0.01]]), 8)
     durations, errors = np.geomspace(0.05, 0.2, 5), {source: [], target: []}
     for duration in durations:
-        trace = Trace(source, 0.3, duration, CALM, QUADRATURE)
         truth = flown_fourth_moment(source, coefficients, 0.3, duration, 2.0)
         for space, found in errors.items():
+            trace = Trace(source, 0.3, duration, CALM, QUADRATURE, to_other=space is target)
             after, _ = Step(trace, space).apply(coefficients)
             found.append(abs(fourth_moment(space, after, 2.0) - truth))
     assert max(errors[source]) < 1e-12

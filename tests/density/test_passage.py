@@ -45,13 +45,35 @@ def test_paths_that_pass_the_cutoff_and_return_within_a_step_have_overturned(ste
     start = 0.5 * (period - duration)
     window = Space(np.linspace(1.2, 1.4, 17), np.linspace(-0.4, 1.2, 33), 3)
     density = window.project(Gaussian(MEAN, np.diag(SPREAD**2)), 8)
-    trace = Trace(window, start, duration, dynamics, Quadrature(6, 6, 5, 2))
+    trace = Trace(window, start, duration, dynamics, Quadrature(6, 6, 5, 2), to_other=True)
     _, sinks = Step(trace, Space(np.linspace(0.0, 1.4, 20), np.linspace(-4.0, 4.0, 33), 3)).apply(density)
     passed, beyond = paths_over(dynamics, start, duration, paths, 32, seed=3)
     error = math.sqrt(passed * (1.0 - passed) / paths)
     assert passed - beyond > 20.0 * error
     assert abs(sinks[1] - passed) < 4.0 * error
     assert sinks[[0, 2]] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_what_passes_the_cutoff_for_good_is_exact(side):
+    """One step of a Gaussian that leaves: a normal probability, to what the mesh resolves of the Gaussian.
+
+    By points it would be the mass of those that land beyond the cut-off, off by 1e-3 with five of them an axis.
+    """
+    dynamics, duration = Dynamics(Harmonic(0.5, 2.7, math.pi), 0.00628, 0.5, 1.2), 0.1
+    mean, covariance = side * np.array([1.05, 1.5]), np.diag([0.04**2, 0.1**2])
+    lines = np.sort(side * np.linspace(0.8, 1.2, 13)), np.sort(side * np.linspace(0.8, 2.2, 21))
+    space = Space(*lines, 4)
+    density = space.project(Gaussian(mean, covariance), 12)
+    after, sinks = Step(Trace(space, 0.0, duration, dynamics, Quadrature(2, 2, 3, 2)), space).apply(density)
+    matrix, shift = affine(dynamics, 0.0, duration, side)
+    spread = (matrix @ covariance @ matrix.T + flight_noise(dynamics, duration))[0, 0]
+    ends = (1.05, 0.04), (side * (matrix @ mean + shift)[0], math.sqrt(spread))
+    beyond, passed = (0.5 * math.erfc((1.2 - mid) / (math.sqrt(2.0) * wide)) for mid, wide in ends)
+    expected = passed - beyond  # what starts beyond it is not on the mesh
+    assert 0.3 < expected < 0.7
+    assert sinks[(1 + side) // 2] == pytest.approx(expected, abs=2e-6)
+    assert space.masses(after).sum() + sinks.sum() == pytest.approx(space.masses(density).sum(), abs=1e-13)
 
 
 @pytest.mark.slow

@@ -159,7 +159,7 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
     scene = main_scene.white_equivalent()
     for angles, gone in ((np.linspace(1.2, 1.55, 5), True), (np.linspace(-0.2, 0.2, 5), False)):
         source = Space(angles, np.linspace(-0.5, 1.5, 6), 1)
-        trace = Trace(source, 0.0, 0.2, Dynamics.of(scene), Quadrature(2, 2, 3, 1))
+        trace = Trace(source, 0.0, 0.2, Dynamics.of(scene), Quadrature(2, 2, 3, 1), to_other=True)
         traced = np.argwhere(trace.events >= 0)
         values = np.zeros((4, 5, 2, 2))
         values[tuple(traced.T)] = np.random.default_rng(4).random((len(traced), 2, 2))

@@ -144,7 +144,7 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
     large = dynamics.diffusion * (sinh + duration * cosh)
     many, few = np.polynomial.hermite_e.hermegauss(15), np.polynomial.hermite_e.hermegauss(3)
     fine, blur = (math.sqrt(small) * few[0], few[1]), (math.sqrt(large) * many[0], many[1])
-    keep, leave = (True, True), (False, False)
+    leave, over = (False, False), (side > 0, side < 0)
 
     def drift(v):
         return shear * v + 0.5 * (dx - shear * dv)
@@ -152,11 +152,11 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
     def kick(x):
         return sinh * x + dv - 0.5 * sinh * (dx - shear * dv)
 
-    now, _ = move_along_angle(density, mesh_lines, drift, *fine, keep)
+    now, early = move_along_angle(density, mesh_lines, drift, *fine, over)
     now, first = move_along_velocity(now, mesh_lines, kick, np.zeros(1), np.ones(1), leave)
     now, second = move_along_velocity(now, mesh_lines, lambda _: 0.0, *blur, leave)
-    now, out = move_along_angle(now, mesh_lines, drift, *fine, (side > 0, side < 0))
-    return now, out, first + second
+    now, late = move_along_angle(now, mesh_lines, drift, *fine, over)
+    return now, early + late, first + second
 
 
 def scene_of(amplitude=4.6, phase=math.pi, start=REST, diffusion=0.02, cutoff=math.pi / 2, frequency=2.7):

@@ -323,7 +323,7 @@ class Departure:
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.windows.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
             segment = dynamics.segment(now.time, duration)
-            events = classify(*window.lines, segment, duration, dynamics.block, reach)
+            events = classify(*window.lines, segment, duration, dynamics.block, (reach, math.inf))
             if masses[events].sum() < NEGLIGIBLE:
                 return duration
         return 0.0

@@ -224,18 +224,21 @@ def shear_velocity_back(
 
 
 @kernel(parallel=True)
-def shear_angle_back(values, free, order, sources, targets, shift, tables, edges, sizes, out, basis):
+def shear_angle_back(values, free, order, sources, targets, shift, tables, edges, sizes, exit_values, out, basis):
     """Transpose of `free_flight.shear_angle`: coefficients of the free cells, per area of their cells."""
     (limit, across), modes = free.shape, len(basis)
     for n in prange(len(order)):
         r = order[n]
-        j, source, target = r % across, sources[r], targets[r]
+        side, j, source, target = r // across, r % across, sources[r], targets[r]
         now, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
         beyond = np.zeros(modes)
         return_row(j, values, target, now, basis)
         shift_row_back(r, now, source, target, shift, moved, basis)
         for end in range(2):
-            pressed_value(end, now, target, edges, sizes[0], beyond)
+            if end == side:
+                beyond[:] = exit_values[side] * tables[2] * sizes[1][j]
+            else:
+                pressed_value(end, now, target, edges, sizes[0], beyond)
             value_beyond(r, end, beyond, source, shift, moved)
         for c in range(source[0], source[1]):
             if free[c, j]:
@@ -263,4 +266,6 @@ def fly_back(flight, function, exit_values, out):
     shear_velocity_back(
         turned, flight.orders[1], *second, velocity_shear, blur, tables, sizes, exit_values[2], values, basis
     )
-    shear_angle_back(values, flight.free, flight.orders[0], *first, flight.angle_shear, *fixed, out, basis)
+    shear_angle_back(
+        values, flight.free, flight.orders[0], *first, flight.angle_shear, *fixed, exit_values[:2], out, basis
+    )

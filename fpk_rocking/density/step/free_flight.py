@@ -145,11 +145,11 @@ class FreeFlight:
         limit, across, modes, _ = coefficients.shape
         basis = (1.0,) * modes
         drifted, blurred = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
+        lost, left = np.zeros(limit), np.zeros((2, across))
         shear_angle(
             coefficients, self.free, self.orders[0], *self.ranges[0], self.angle_shear, self.tables, self.edges,
-            self.sizes, drifted, basis,
+            self.sizes, drifted, left, basis,
         )  # fmt: skip
-        lost, left = np.zeros(limit), np.zeros((2, across))
         shear_velocity(
             drifted, self.orders[1], *self.ranges[1], self.velocity_shear, self.blur, self.tables, self.sizes, blurred,
             lost, basis,
@@ -278,9 +278,9 @@ def transform(cell, first, second, out, basis):
 
 
 @kernel
-def _shear_angle_row(r, coefficients, free, source, target, shift, tables, edges, sizes, out, basis):
+def _shear_angle_row(r, coefficients, free, source, target, shift, tables, edges, sizes, out, left, basis):
     (limit, across), modes = free.shape, len(basis)
-    j = r % across
+    side, j = r // across, r % across
     values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
     for c in range(source[0], source[1]):
         if free[c, j]:
@@ -288,16 +288,22 @@ def _shear_angle_row(r, coefficients, free, source, target, shift, tables, edges
     shift_row(r, values, source, target, shift, moved, basis)
     for end in range(2):
         if mass_beyond(r, end, values, source, shift, masses):
-            set_down(end, masses, target, edges, sizes[0], moved)
+            if end == side:
+                left[side, j] += _weighted(masses, tables[2], sizes[1][j])
+            else:
+                set_down(end, masses, target, edges, sizes[0], moved)
     turn_row(j, moved, target, out, basis)
 
 
 @kernel(parallel=True)
-def shear_angle(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, basis):
-    """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity); nothing leaves."""
+def shear_angle(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, left, basis):
+    """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity).
+
+    Masses that passed the cut-off, which do not return, are added to `left` (2, velocity cells).
+    """
     for n in prange(len(order)):
         r = order[n]
-        _shear_angle_row(r, coefficients, free, sources[r], targets[r], shift, tables, edges, sizes, out, basis)
+        _shear_angle_row(r, coefficients, free, sources[r], targets[r], shift, tables, edges, sizes, out, left, basis)
 
 
 @kernel

@@ -12,7 +12,7 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import pulls
+from fpk_rocking.physics.motion.equation import cosine, pulls
 
 LEFT, RIGHT, LOST, REST = -1, -2, -3, -4
 """Landing cells below zero: overturned to the left, to the right, outside the mesh, at rest."""
@@ -44,19 +44,24 @@ def points_of(i, j, points):
 
 
 @kernel
-def free(low, high, slow, fast, side, segment, duration, block, margin):
-    """Whether no path from a cell comes within `margin` of an impact or the cut-off during a step.
+def free(low, high, slow, fast, side, segment, duration, block, margins):
+    """Whether no path from a cell comes to an impact during a step, and none that passes the cut-off may return.
 
-    In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity.
+    In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
+    to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end.
     """
     fall, rise = pulls(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
     most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
-    return least > margin and most < block.cutoff - margin
+    if least <= margins[0]:
+        return False
+    # The pull towards x = 0 is weaker than there by what the angle has gained, times the cosine that turns it.
+    fall -= (least - margins[0]) * min(cosine(0.0, block), cosine(block.cutoff, block))
+    return most < block.cutoff - margins[0] or slow - max(fall, 0.0) * duration > margins[1]
 
 
 @kernel
-def classify(angle_lines, velocity_lines, segment, duration, block, margin):
+def classify(angle_lines, velocity_lines, segment, duration, block, margins):
     """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool."""
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
@@ -65,7 +70,7 @@ def classify(angle_lines, velocity_lines, segment, duration, block, margin):
         for j in range(marks.shape[1]):
             slow, fast = side * velocity_lines[j], side * velocity_lines[j + 1]
             slow, fast = min(slow, fast), max(slow, fast)
-            marks[i, j] = not free(low, high, slow, fast, side, segment, duration, block, margin)
+            marks[i, j] = not free(low, high, slow, fast, side, segment, duration, block, margins)
     return marks
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import itertools
+import math
 
 import numpy as np
 
@@ -145,8 +146,8 @@ class Trace:
     cells : bool or ndarray of bool, shape (angle cells, velocity cells)
         Cells to activate now, whose paths' ends are kept; all unless given.
     to_other : bool
-        Whether the paths end on another mesh. Only a slender block goes there in affine flight: all cells of an exact
-        one then count as cells that an event can reach.
+        Whether the paths end on another mesh. Only a slender block that stays below the cut-off goes there in affine
+        flight: all cells of an exact one then count as cells that an event can reach.
 
     Attributes
     ----------
@@ -174,8 +175,9 @@ class Trace:
         self.offsets = nodes @ np.reshape(axes, (2, 2))
         self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
         self._segment = dynamics.segment(start, duration)
-        self.marks = classify(*lines, self._segment, duration, dynamics.block, self._noise.margin)
-        self.stays = dynamics.critical_angle is not None and not to_other
+        margins = self._noise.margin, math.inf if to_other else float(np.abs(self.offsets[:, 1]).max())
+        self.marks = classify(*lines, self._segment, duration, dynamics.block, margins)
+        self.stays = not to_other
         self.marks |= dynamics.critical_angle is not None and to_other
         self.active = np.zeros_like(self.marks)
         self.events = np.full(self.marks.shape, -1, dtype=np.int32)
