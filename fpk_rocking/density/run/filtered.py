@@ -47,8 +47,11 @@ class FilteredRun(CyclicRun):
     memory = 0.0
 
     def __init__(self, scene, grid, negligible, guide=None):
-        super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks, guide)
-        self.nodes = Nodes(scene.noise, grid.nodes)
+        super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks)
+        self.nodes = Nodes(scene.noise, grid.nodes, grid.spacing)
+        self.occupied = np.repeat(self.occupied[:, None], len(self.nodes.values), axis=1)
+        if guide:
+            self._follow(guide)
         self.durations = np.diff(self.begins)
         self._mixing = {}
         self.quadrature = Quadrature(grid.points, grid.points, 1, 1, 1)
@@ -59,6 +62,13 @@ class FilteredRun(CyclicRun):
         """Return the mesh with the nodes and steps of a resolution."""
         ahead.before(ahead.of_block("fpk_rocking.density.ahead:filtered", scene))
         return node_grid(scene, grid, number)
+
+    def _follow(self, guide):
+        """Count as occupied what was at the nearest node of a coarser run, on either side, about the same time."""
+        places = np.searchsorted(guide.nodes.values, self.nodes.values)
+        for k, begin in enumerate(self.begins[:-1]):
+            found = guide.occupied_near(begin, self.space)
+            self.occupied[k] = found[np.maximum(places - 1, 0)] | found[np.minimum(places, len(found) - 1)]
 
     def _dynamics(self, constant):
         forcing, block = periodic(self.scene.forcing).plus(constant), self.scene.block
@@ -143,14 +153,13 @@ class FilteredRun(CyclicRun):
         return carried_from_rest(segment, trace.duration, dynamics.block)
 
     def _activate(self, k, density):
-        """Make all cells active, at every node, that hold something at one of them."""
-        steps, beyond = self.leg[k], False
-        for part in density.reshape(-1, *self.space.shape):
-            beyond |= occupy(part, self.space.areas, self.negligible, steps[0].trace.active, self.occupied[k])
-        if beyond:
-            cells = with_neighbours(self.occupied[k])
-            for step in steps:
-                step.activate(cells)
+        """Make all cells active that hold something, at each node of the first state."""
+        for parts, step, occupied in zip(density, self.leg[k], self.occupied[k], strict=True):
+            beyond = False
+            for part in parts:
+                beyond |= occupy(part, self.space.areas, self.negligible, step.trace.active, occupied)
+            if beyond:
+                step.activate(with_neighbours(occupied))
 
 
 @kernel
