@@ -9,6 +9,7 @@ A filter's step takes y to Φ y + noise. It takes the Hermite polynomial generat
 by exp(Φt·y - |Φt|²/2): polynomials of one total degree to such of the same degree, exactly, whatever the step.
 """
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -17,6 +18,9 @@ import numpy as np
 from fpk_rocking.physics.noise.state_space import transition
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NORMAL = np.polynomial.hermite_e.hermegauss(5)
+_STEP = np.array(list(itertools.product(_NORMAL[0], repeat=2))), np.outer(_NORMAL[1], _NORMAL[1]).ravel() / (2.0 * math.pi)
+"""Nodes (n, 2) and weights (n,) of the noise that a filter gathers in a step."""
 
 
 class Whitened(NamedTuple):
@@ -64,12 +68,13 @@ class Nodes:
         self.sigma, self.drift, self.input = whitened(noise)
         self._melnikov = noise.space.melnikov_variance
         axes = [axis_of(count) for count in (*counts[: len(self.input)], 1, 1)[:2]]
+        self._even, self._table = spacing is not None, np.kron(*(table for _, _, table in axes))
         if spacing is not None:
             axes[0] = lattice_of(counts[0], spacing)
-        self.states = np.stack(np.meshgrid(*(points for points, _, _ in axes), indexing="ij"), axis=-1)
+        self._axes = [axis[0] for axis in axes]
+        self.states = np.stack(np.meshgrid(*self._axes, indexing="ij"), axis=-1)
         self.values = self.sigma * axes[0][0]
-        self.weights = np.outer(*(weights for _, weights, _ in axes))
-        self._table = np.kron(*(table for _, _, table in axes))
+        self.weights = np.outer(*(axis[1] for axis in axes))
         self._degrees = list(np.ndindex(self.weights.shape))
 
     def held(self, duration):
@@ -92,9 +97,25 @@ class Nodes:
 
     def mixing(self, duration):
         """Return the matrix (nodes, nodes) that takes the masses of the nodes over a time; its columns sum to 1."""
-        phi, _ = transition(self.drift, self.input, duration)
-        gain = _on_polynomials(np.pad(phi, (0, 2))[:2, :2], self._degrees)
+        phi, factor = (np.pad(part, (0, 2))[:2, :2] for part in transition(self.drift, self.input, duration))
+        if self._even:
+            return self._moved(phi, factor)
+        gain = _on_polynomials(phi, self._degrees)
         return self.weights.reshape(-1, 1) * (self._table @ gain @ self._table.T)
+
+    def _moved(self, phi, factor):
+        """Move the mass of each node to where the filter takes it, and share it among the nodes about that place.
+
+        Means, variances and third moments are kept, and what blocks at rest have on one side of the level of lift-off
+        is seen on the other side as far as the filter moves them: polynomials over all nodes reflect it there.
+        """
+        size, means = self.weights.size, self.states.reshape(-1, 2) @ phi.T
+        found = np.zeros((size, *self.weights.shape))
+        for (a, b), weight in zip(*_STEP, strict=True):
+            first, second = (means + factor @ (a, b)).T
+            beside = _lagrange(second, self._axes[1])
+            found += weight * _cubic(first, self._axes[0])[:, :, None] * beside[:, None, :]
+        return found.reshape(size, size).T
 
 
 def axis_of(count):
@@ -109,21 +130,26 @@ def axis_of(count):
 
 
 def lattice_of(count, spacing):
-    """Nodes (count,) of one spacing about 0, weights by the normal density, and their orthonormal polynomials.
-
-    Sums at a spacing up to .6 are integrals to rounding, but for what is beyond the last node, so the polynomials are
-    the Hermite ones; they are found by the Lanczos process.
-    """
+    """Nodes (count,) of one spacing about 0, and weights by the normal density, which are exact to rounding up to .6."""
     nodes = spacing * (np.arange(count) - 0.5 * (count - 1))
     weights = np.exp(-0.5 * nodes**2)
-    weights /= weights.sum()
-    columns = [np.sqrt(weights)]
-    while len(columns) < count:
-        found, before = nodes * columns[-1], np.array(columns)
-        for _ in range(3):  # rounding would make a single pass lose orthogonality
-            found = found - before.T @ (before @ found)
-        columns.append(found / np.linalg.norm(found))
-    return nodes, weights, np.array(columns).T / columns[0][:, None]
+    return nodes, weights / weights.sum()
+
+
+def _lagrange(points, nodes):
+    """Weights (points, nodes) that interpolate at points (n,) by the polynomial through nodes (m,)."""
+    ratios = (points[:, None, None] - nodes) / (nodes[:, None] - nodes + np.eye(len(nodes)))
+    ratios[:, np.arange(len(nodes)), np.arange(len(nodes))] = 1.0
+    return ratios.prod(axis=2)
+
+
+def _cubic(points, lattice):
+    """Weights (points, nodes) of the cubic through the four nodes of a lattice about each point; beyond it of its end."""
+    place = (np.clip(points, lattice[0], lattice[-1]) - lattice[0]) / (lattice[1] - lattice[0])
+    first = np.clip(place.astype(int) - 1, 0, len(lattice) - 4)
+    out = np.zeros((len(points), len(lattice)))
+    out[np.arange(len(points))[:, None], first[:, None] + np.arange(4)] = _lagrange(place - first, np.arange(4.0))
+    return out
 
 
 def _on_polynomials(phi, degrees):

@@ -31,9 +31,15 @@ _RESTING_PART = 0.5
 _MAY_REST = 4.0
 """A block may rest where |f| without noise is below its lift-off and so many standard deviations of the noise."""
 
-_LAST, _GROWTH = (100, 140, 200, 300, 420, 600, 840), 0.2
-"""Parts of a cycle that the last step is, by resolution, and length of a step over the time from its end to the
-cycle's, where a block may rest."""
+_LAST = {
+    True: (100, 140, 200, 300, 420, 600, 840),
+    False: (400, 800, 1600, 3200, 6400, 12800, 25600),
+}
+"""Parts of a cycle that the last step is, by resolution, where a block may rest, for noise that has a derivative and
+that has none: excursions beyond the level of lift-off within a step are missed, an error of order 1/2 then."""
+
+_GROWTH = 0.3
+"""Length of a step over the time from its end to the cycle's, where a block may rest."""
 
 _REST_CELLS = 0.35, 10.0
 """Cells at rest: in velocity, over the speed from which a block comes to rest in the last step; in angle, over the
@@ -112,7 +118,7 @@ def node_grid(scene, plane, number):
     if not may_rest(scene):
         marks = np.linspace(0.0, 1.0 / legs, steps + 1)
         return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, marks)
-    last = 1.0 / _LAST[number]
+    last = 1.0 / _LAST[space.smooth][number]
     marks = graded_marks(1.0 / legs, 1.0 / (legs * steps), last)
     fine = _fine_about_rest(plane, scene, last)
     count, spacing = lattice(scene, _RESTING_SPACING[number])
