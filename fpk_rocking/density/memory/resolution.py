@@ -15,7 +15,7 @@ _NODES = {1: (5, 6, 8, 10, 12, 14, 16), 2: (4, 5, 6, 8, 10, 12, 14)}
 _POINTS = 8
 """Gauss points of a cell, an axis: each is one path."""
 
-_RESTING_SPACING, _REACH = (0.5, 0.42, 0.36, 0.3, 0.25, 0.21, 0.18), 5.0
+_RESTING_SPACING, _REACH = (0.6, 0.5, 0.42, 0.35, 0.3, 0.25, 0.21), 5.0
 """Most spacing of the nodes in y1, by resolution, and the least y1 of the last, where blocks may rest at the end of a
 cycle."""
 
@@ -33,7 +33,7 @@ _MAY_REST = 4.0
 
 _LAST = {
     True: (100, 140, 200, 300, 420, 600, 840),
-    False: (400, 800, 1600, 3200, 6400, 12800, 25600),
+    False: (200, 400, 800, 1600, 3200, 6400, 12800),
 }
 """Parts of a cycle that the last step is, by resolution, where a block may rest, for noise that has a derivative and
 that has none: excursions beyond the level of lift-off within a step are missed, an error of order 1/2 then."""
