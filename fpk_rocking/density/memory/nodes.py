@@ -18,9 +18,11 @@ import numpy as np
 from fpk_rocking.physics.noise.state_space import transition
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_NORMAL = np.polynomial.hermite_e.hermegauss(5)
-_STEP = np.array(list(itertools.product(_NORMAL[0], repeat=2))), np.outer(_NORMAL[1], _NORMAL[1]).ravel() / (2.0 * math.pi)
-"""Nodes (n, 2) and weights (n,) of the noise that a filter gathers in a step."""
+
+
+_GATHERED, _BESIDE = (35, 0.36), 5
+"""Points of the noise that a filter gathers in a step: number and spacing of those that move y1, which in a long step
+have to be as near to each other as its nodes; number of those that move y2 alone."""
 
 
 class Whitened(NamedTuple):
@@ -111,10 +113,11 @@ class Nodes:
         """
         size, means = self.weights.size, self.states.reshape(-1, 2) @ phi.T
         found = np.zeros((size, *self.weights.shape))
-        for (a, b), weight in zip(*_STEP, strict=True):
-            first, second = (means + factor @ (a, b)).T
-            beside = _lagrange(second, self._axes[1])
-            found += weight * _cubic(first, self._axes[0])[:, :, None] * beside[:, None, :]
+        for a, weight in zip(*lattice_of(*_GATHERED), strict=True):
+            for b, part in zip(*axis_of(_BESIDE)[:2], strict=True):
+                first, second = (means + factor @ (a, b)).T
+                beside = _lagrange(second, self._axes[1])
+                found += weight * part * _cubic(first, self._axes[0])[:, :, None] * beside[:, None, :]
         return found.reshape(size, size).T
 
 

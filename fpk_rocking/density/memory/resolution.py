@@ -15,7 +15,7 @@ _NODES = {1: (5, 6, 8, 10, 12, 14, 16), 2: (4, 5, 6, 8, 10, 12, 14)}
 _POINTS = 8
 """Gauss points of a cell, an axis: each is one path."""
 
-_RESTING_SPACING, _REACH = (0.6, 0.5, 0.42, 0.35, 0.3, 0.25, 0.21), 5.0
+_RESTING_SPACING, _REACH = (0.55, 0.46, 0.4, 0.34, 0.29, 0.25, 0.21), 5.0
 """Most spacing of the nodes in y1, by resolution, and the least y1 of the last, where blocks may rest at the end of a
 cycle."""
 
