@@ -122,9 +122,7 @@ def node_grid(scene, plane, number):
     marks = graded_marks(1.0 / legs, 1.0 / (legs * steps), last)
     fine = _fine_about_rest(plane, scene, last)
     count, spacing = lattice(scene, _RESTING_SPACING[number])
-    return NodeGrid(
-        fine, (count, _RESTING_BESIDE[number])[:states], _RESTING_POINTS, marks, _RESTING_PART, spacing
-    )
+    return NodeGrid(fine, (count, _RESTING_BESIDE[number])[:states], _RESTING_POINTS, marks, _RESTING_PART, spacing)
 
 
 def may_rest(scene):
