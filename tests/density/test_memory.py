@@ -35,8 +35,8 @@ from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output.summary import result_summary
-from fpk_rocking.results.remarks import remarks
 from fpk_rocking.physics.noise.state_space import transition
+from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"

@@ -131,7 +131,7 @@ def may_rest(scene):
 
 
 def lattice(scene, most):
-    """Number and spacing of nodes of y1, with the level of lift-off at the end of a cycle half way between two of them.
+    """Return number and spacing of nodes of y1, the level of lift-off at a cycle's end half way between two of them.
 
     Which nodes are beyond it tells the part of the blocks that the noise lifts off: with Gauss-Hermite nodes that part
     was off by up to the half of a weight.

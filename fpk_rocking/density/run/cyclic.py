@@ -60,8 +60,8 @@ class CyclicRun(Run):
         Steps of a cycle.
     legs : int
         Legs in a cycle, 1 or 2; with 2 the density is turned after each.
-    occupied : ndarray of bool, shape (steps of a leg, ..., angle cells, velocity cells)
-        Cells that have held something at the begin of a step; under filtered noise at each node of its first state.
+    occupied : ndarray of bool, shape (steps of a leg, angle cells, velocity cells)
+        Cells that have held something at the begin of a step.
     """
 
     def __init__(self, scene, grid, plane, negligible, begins, guide=None):

@@ -32,10 +32,9 @@ from fpk_rocking.physics.motion.transition import advance
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
-
 _BETWEEN = 0.1
-"""What nodes may leave unseen of blocks at rest, over the weight of a node where the level of lift-off is: at most .06 of
-it was measured, under three filters."""
+"""What nodes may leave unseen of blocks at rest, over the weight of a node where the level of lift-off is: up to half as
+much was measured, under three filters."""
 
 
 class FilteredRun(CyclicRun):
@@ -53,11 +52,8 @@ class FilteredRun(CyclicRun):
     memory = 0.0
 
     def __init__(self, scene, grid, negligible, guide=None):
-        super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks)
+        super().__init__(scene, grid, grid.plane, negligible, scene.period * grid.marks, guide)
         self.nodes = Nodes(scene.noise, grid.nodes, grid.spacing)
-        self.occupied = np.repeat(self.occupied[:, None], len(self.nodes.values), axis=1)
-        if guide:
-            self._follow(guide)
         self.durations = np.diff(self.begins)
         self._mixing = {}
         self.quadrature = Quadrature(grid.points, grid.points, 1, 1, 1)
@@ -68,13 +64,6 @@ class FilteredRun(CyclicRun):
         """Return the mesh with the nodes and steps of a resolution."""
         ahead.before(ahead.of_block("fpk_rocking.density.ahead:filtered", scene))
         return node_grid(scene, grid, number)
-
-    def _follow(self, guide):
-        """Count as occupied what was at the nearest node of a coarser run, on either side, about the same time."""
-        places = np.searchsorted(guide.nodes.values, self.nodes.values)
-        for k, begin in enumerate(self.begins[:-1]):
-            found = guide.occupied_near(begin, self.space)
-            self.occupied[k] = found[np.maximum(places - 1, 0)] | found[np.minimum(places, len(found) - 1)]
 
     def _dynamics(self, constant):
         forcing, block = periodic(self.scene.forcing).plus(constant), self.scene.block
@@ -96,7 +85,7 @@ class FilteredRun(CyclicRun):
     def unseen(self) -> float:
         """Part of the blocks at rest after a cycle that the nodes may misplace, though all resolutions agree.
 
-        It is what the nodes beyond the level of lift-off weigh too much or too little, and a part of a node's weight there.
+        It is what nodes beyond the level of lift-off weigh too much or too little, and a part of a node's weight there.
         """
         if self.grid.spacing is None:
             return 0.0
@@ -174,13 +163,14 @@ class FilteredRun(CyclicRun):
         return carried_from_rest(segment, trace.duration, dynamics.block)
 
     def _activate(self, k, density):
-        """Make all cells active that hold something, at each node of the first state."""
-        for parts, step, occupied in zip(density, self.leg[k], self.occupied[k], strict=True):
-            beyond = False
-            for part in parts:
-                beyond |= occupy(part, self.space.areas, self.negligible, step.trace.active, occupied)
-            if beyond:
-                step.activate(with_neighbours(occupied))
+        """Make all cells active, at every node, that hold something at one of them."""
+        steps, beyond = self.leg[k], False
+        for part in density.reshape(-1, *self.space.shape):
+            beyond |= occupy(part, self.space.areas, self.negligible, steps[0].trace.active, self.occupied[k])
+        if beyond:
+            cells = with_neighbours(self.occupied[k])
+            for step in steps:
+                step.activate(cells)
 
 
 @kernel
