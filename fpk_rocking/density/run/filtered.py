@@ -33,8 +33,8 @@ from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
 _BETWEEN = 0.1
-"""What nodes may leave unseen of blocks at rest, over the weight of a node where the level of lift-off is: up to half as
-much was measured, under three filters."""
+"""What nodes may leave unseen of blocks at rest, over the weight of a node where the level of lift-off is: up to .05 was
+measured, under three filters."""
 
 
 class FilteredRun(CyclicRun):
