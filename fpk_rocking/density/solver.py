@@ -230,13 +230,14 @@ class Solved:
     def rest_error(self) -> float:
         """Error of what is at rest, 0 where nothing is.
 
-        Of first order, the larger of what the two levels before tell: one may agree with the last by chance, for at
-        each resolution the nodes lie about |f + η| = 1 anew.
+        The larger of what the two levels before tell, and of what nodes of the noise leave unseen. It is of first order
+        in the step where noise is smooth; else of order 1/2, and the last steps of a level are half as long as before.
         """
         if self.solution.at_rest is None:
             return 0.0
         apart = [float(np.abs(self._rests[-1] - before).max()) for before in self._rests[-2:-4:-1]]
-        return max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
+        told = max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
+        return max(told, self.run.unseen * float(self.solution.at_rest[1:].max()))
 
     def release(self) -> None:
         """Let go of the densities, of which the negative mass is kept."""

@@ -15,11 +15,12 @@ _NODES = {1: (5, 6, 8, 10, 12, 14, 16), 2: (4, 5, 6, 8, 10, 12, 14)}
 _POINTS = 8
 """Gauss points of a cell, an axis: each is one path."""
 
-_RESTING_NODES = {
-    1: ((12,), (16,), (20,), (24,), (28,), (32,), (36,)),
-    2: ((12, 4), (14, 5), (18, 6), (22, 7), (26, 8), (30, 9), (34, 10)),
-}
-"""Nodes of a scene that may rest after a cycle: the noise that lifts a block off has to be met."""
+_RESTING_SPACING, _REACH = (0.55, 0.46, 0.4, 0.34, 0.29, 0.25, 0.21), 5.0
+"""Most spacing of the nodes in y1, by resolution, and the least y1 of the last, where blocks may rest at the end of a
+cycle."""
+
+_RESTING_BESIDE = (4, 5, 6, 7, 8, 9, 10)
+"""Gauss-Hermite nodes in y2 then."""
 
 _RESTING_POINTS = 5
 """Gauss points of a cell, an axis, where the mesh is fine about rest."""
@@ -30,9 +31,15 @@ _RESTING_PART = 0.5
 _MAY_REST = 4.0
 """A block may rest where |f| without noise is below its lift-off and so many standard deviations of the noise."""
 
-_LAST, _GROWTH = (100, 140, 200, 300, 420, 600, 840), 0.2
-"""Parts of a cycle that the last step is, by resolution, and length of a step over the time from its end to the
-cycle's, where a block may rest."""
+_LAST = {
+    True: (100, 140, 200, 300, 420, 600, 840),
+    False: (200, 400, 800, 1600, 3200, 6400, 12800),
+}
+"""Parts of a cycle that the last step is, by resolution, where a block may rest, for noise that has a derivative and
+that has none: excursions beyond the level of lift-off within a step are missed, an error of order 1/2 then."""
+
+_GROWTH = 0.3
+"""Length of a step over the time from its end to the cycle's, where a block may rest."""
 
 _REST_CELLS = 0.35, 10.0
 """Cells at rest: in velocity, over the speed from which a block comes to rest in the last step; in angle, over the
@@ -53,7 +60,7 @@ class NodeGrid(NamedTuple):
     plane : Grid
         Mesh of angle and velocity, made for white noise of equal Melnikov variance.
     nodes : tuple of int
-        Gauss-Hermite nodes in each state of the filter.
+        Nodes in each state of the filter.
     points : int
         Gauss points of a cell in both axes.
     marks : ndarray
@@ -61,6 +68,8 @@ class NodeGrid(NamedTuple):
         the steps of one are kept.
     part : float
         Part of the cells that hold something, about.
+    spacing : float, optional
+        Of the nodes in the first state; Gauss-Hermite nodes unless given.
     """
 
     plane: object
@@ -68,6 +77,7 @@ class NodeGrid(NamedTuple):
     points: int
     marks: np.ndarray
     part: float = 1.0
+    spacing: float | None = None
 
     @property
     def legs(self):
@@ -108,15 +118,29 @@ def node_grid(scene, plane, number):
     if not may_rest(scene):
         marks = np.linspace(0.0, 1.0 / legs, steps + 1)
         return NodeGrid(plane, (_NODES[states][number],) * states, _POINTS, marks)
-    last = 1.0 / _LAST[number]
+    last = 1.0 / _LAST[space.smooth][number]
     marks = graded_marks(1.0 / legs, 1.0 / (legs * steps), last)
     fine = _fine_about_rest(plane, scene, last)
-    return NodeGrid(fine, _RESTING_NODES[states][number], _RESTING_POINTS, marks, _RESTING_PART)
+    count, spacing = lattice(scene, _RESTING_SPACING[number])
+    return NodeGrid(fine, (count, _RESTING_BESIDE[number])[:states], _RESTING_POINTS, marks, _RESTING_PART, spacing)
 
 
 def may_rest(scene):
     """Whether noise may leave a block at rest at the end of a cycle."""
     return abs(scene.forcing.value(0.0)) < scene.block.lift_off + _MAY_REST * math.sqrt(scene.noise.variance)
+
+
+def lattice(scene, most):
+    """Return number and spacing of nodes of y1, the level of lift-off at a cycle's end half way between two of them.
+
+    Which nodes are beyond it tells the part of the blocks that the noise lifts off: with Gauss-Hermite nodes that part
+    was off by up to the half of a weight.
+    """
+    level = abs(scene.block.lift_off - abs(scene.forcing.value(0.0))) / math.sqrt(scene.noise.variance)
+    halves = math.ceil(2.0 * level / most - 1e-9) if 4.0 * level > most else 0
+    spacing = 2.0 * level / halves if halves else most
+    count = math.ceil(2.0 * _REACH / spacing) + 1
+    return count + (count + halves) % 2, spacing
 
 
 def graded_marks(leg, longest, shortest):
@@ -140,7 +164,8 @@ def _fine_about_rest(plane, scene, last):
 
 
 def _with_finer(lines, least, ratio):
-    """Lines and more of them about 0, by a ratio from one to the next, down to a least one."""
+    """Lines and more of them about 0, down to a least one, by a ratio at most from one to the next."""
     first = lines[lines > 0.0][0]
-    more = first * ratio ** -np.arange(1.0, 1.0 + max(math.floor(math.log(first / least) / math.log(ratio)), 0))
+    count = max(math.ceil(math.log(first / least) / math.log(ratio)), 0)
+    more = first * (least / first) ** (np.arange(1.0, 1.0 + count) / max(count, 1))
     return np.sort(np.concatenate([lines, more, -more]))

@@ -60,7 +60,7 @@ class CyclicRun(Run):
         Steps of a cycle.
     legs : int
         Legs in a cycle, 1 or 2; with 2 the density is turned after each.
-    occupied : ndarray of bool, shape (steps of a leg, angle cells, velocity cells)
+    occupied : ndarray of bool, shape (steps of a leg, ..., angle cells, velocity cells)
         Cells that have held something at the begin of a step.
     """
 

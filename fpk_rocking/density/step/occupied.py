@@ -16,7 +16,7 @@ def with_neighbours(cells):
 
 
 def meeting(space, cells, other):
-    """Mark the cells of another space that meet marked cells of a space."""
+    """Mark the cells of another space that meet marked cells (..., angle, velocity) of a space."""
     angle, velocity = (
         (theirs[:-1, None] < own[1:]) & (theirs[1:, None] > own[:-1])
         for theirs, own in zip(other.lines, space.lines, strict=True)
