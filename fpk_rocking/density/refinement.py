@@ -32,7 +32,6 @@ class Level(Protocol):
 
     memory: float
     negative_mass: float
-    gain: float  # error over that of the level before, at most, as far as known; else 1
 
     def differences(self, coarser):
         """Differences from a coarser level: of the quantity that is wanted, and of the binned density (L1)."""
@@ -96,7 +95,7 @@ def refine(candidates, make, fits, done):
 def _refined(levels, left):
     fine = levels[-1]
     wanted, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
-    error = fine.error(safe_difference(wanted, fine.gain), bins[-1])
+    error = fine.error(safe_difference(wanted), bins[-1])
     bins_error = max(bins[-1], min(_BINS_BEFORE * bins[-2], _BINS_AT_MOST * bins[-1]))
     return Refined(fine, levels[-2], error, bins_error, left)
 
@@ -112,15 +111,15 @@ def bins_tolerance(tol):
     return math.sqrt(tol) / _BINS
 
 
-def safe_difference(distances, gain=1.0):
+def safe_difference(distances):
     """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
 
-    The last distance is the error of the solution before, if the last solution is far better; `gain` times that is its
-    own. It may be small by chance. The distance before tells whether it is: the error falls to .3 at least over two
-    solutions. The result is 1.4 times the larger, for safety.
+    The last distance is the error of the solution before, if the last solution is far better; it may be small by
+    chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. The result is 1.4
+    times the larger, for safety.
     """
     before, last = distances[-2:]
-    return _SAFETY * max(gain * last, _BEFORE * before)
+    return _SAFETY * max(last, _BEFORE * before)
 
 
 class Count:

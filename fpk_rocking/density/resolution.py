@@ -186,7 +186,7 @@ RESOLUTIONS = (
     Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
     Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
     Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, _BETTER),
-    Resolution(60, 56, 4, Quadrature(8, 8, 7, 2), 20, _FINE),
+    Resolution(60, 56, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
     Resolution(84, 78, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
     Resolution(116, 108, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
 )

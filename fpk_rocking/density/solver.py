@@ -45,11 +45,6 @@ _RESTING = 4.0
 or come to rest and are lifted off again: which of them rest by then is told by cells, of first order or less.
 2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
 
-_GAIN = 0.5
-"""Error of a solution of higher degree over its distance from the one before: of 13 scenes 10 had less. With the
-distance before and the safety no error of theirs was above .75 of the estimate. Not of an exact block, whose error in
-the step does not depend on the degree."""
-
 _FASTER = 1.1
 """Velocity bound over the largest speed of the pilot's paths, at least, where the motion does not repeat."""
 
@@ -192,9 +187,6 @@ class Solved:
     def __init__(self, run, solution, edges, coarser=None):
         self.run, self.solution = run, solution
         self._rests = [*(coarser._rests if coarser else ()), solution.at_rest]
-        higher = coarser is not None and run.space.degree > coarser.degree
-        self.degree = run.space.degree
-        self.gain = _GAIN if higher and run.gains else 1.0
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
         if solution.at_rest is not None:
             self.bins += solution.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]

@@ -50,8 +50,6 @@ class Level:
         Velocity bound of the mesh, and that to which coarser cells continue it.
     """
 
-    gain = 1.0
-
     def __init__(self, white, resolution, motion, bound, beyond):
         self._white, self._given = white, (resolution, motion, bound)
         self.leg = CycleLeg(white, resolution.of(white, bound, motion, beyond, GROWTH))

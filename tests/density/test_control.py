@@ -45,23 +45,6 @@ def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_higher_degree_halves_what_the_last_distance_says_of_a_slender_block(monkeypatch):
-    """Of an exact one it does not, nor a solution of the same degree; what the distance before says stays."""
-    assert safe_difference((1e-3, 4e-4), 0.5) == pytest.approx(1.4 * 3e-4)
-    assert safe_difference((1e-4, 4e-4), 0.5) == pytest.approx(1.4 * 2e-4)
-    found, made = {}, solver.Solved.error
-    monkeypatch.setattr(solver, "candidates_for", lambda _: RESOLUTIONS[2:5])
-    monkeypatch.setattr(
-        solver.Solved, "error", lambda self, *of: found.setdefault("gain", self.gain) and made(self, *of)
-    )
-    for angle, expected in ((0.0, 0.5), (0.2, 1.0)):
-        found.clear()
-        solve_fpk(dataclasses.replace(MAIN, block=Block(0.5, critical_angle=angle)), cycles=1, tol=1e-2)
-        assert found["gain"] == expected
-    for number, degree in ((3, 3), (4, 4), (5, 4)):
-        assert RESOLUTIONS[number].degree == degree
-
-
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})

@@ -56,9 +56,6 @@ class Run(abc.ABC):
     atom: ClassVar[bool] = False
     """Whether blocks rest at x = v = 0 exactly, with a probability that the density does not contain."""
 
-    gains: bool = False
-    """Whether a higher degree is known to reduce the error of survival, see `Solved.gain`."""
-
     @property
     @abc.abstractmethod
     def memory(self) -> float:

@@ -23,7 +23,6 @@ class PeriodicRun(CyclicRun):
 
     def __init__(self, scene, grid, negligible, guide=None):
         self.dynamics, self.duration = Dynamics.of(scene), scene.period / grid.steps
-        self.gains = self.dynamics.critical_angle is None
         steps = grid.steps // (2 if scene.forcing.half_antisymmetric else 1)
         super().__init__(scene, grid, grid, negligible, np.arange(steps + 1) * self.duration, guide)
         self.leg = [
