@@ -115,8 +115,8 @@ def safe_difference(distances):
     """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
 
     The last distance is the error of the solution before, if the last solution is far better; it may be small by
-    chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. The result is 1.4
-    times the larger, for safety.
+    chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. The result is
+    1.4 times the larger, for safety.
     """
     before, last = distances[-2:]
     return _SAFETY * max(last, _BEFORE * before)
