@@ -23,7 +23,16 @@ from report import ROOT
 from fpk_rocking import Scene, solve_fpk
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.scene import (
-    BandNoise, Block, Dimensions, FilteredNoise, Harmonic, NoNoise, Pulse, Record, Start, WhiteNoise,
+    BandNoise,
+    Block,
+    Dimensions,
+    FilteredNoise,
+    Harmonic,
+    NoNoise,
+    Pulse,
+    Record,
+    Start,
+    WhiteNoise,
 )  # fmt: skip
 from montecarlo import simulate
 
@@ -51,7 +60,7 @@ class Row(NamedTuple):
         return {"cycles": CYCLES} if self.times is None else {"times": self.times}
 
 
-def _rows():
+def rows():
     """Return the scenes by name."""
     paper, slow = Harmonic(4.6, 2.7, math.pi), Harmonic(0.867, 1.374, math.pi)
     exact, forced = Block(0.85, critical_angle=0.3), Harmonic(2.5, 2.7, 1.0)
@@ -68,21 +77,21 @@ def _rows():
         "exact-band": block,
         "exact-start": Scene(exact, forced, NoNoise(), scattered),
     }
-    rows = {name: Row(scene) for name, scene in periodic.items()}
+    made = {name: Row(scene) for name, scene in periodic.items()}
     pulse = Pulse("one-sine", 3.0, 3.0)
     sized = Block(None, Dimensions(0.5, 1.8))
     after = pulse.duration * np.array([0.5, 1.0, 1.5, 2.0, 3.0])
-    rows["pulse-white"] = Row(Scene(exact, pulse, WhiteNoise(0.02)), after)
-    rows["pulse-band"] = Row(Scene(Block(0.85), pulse, BandNoise(0.09, (0.0, 9.0), 60)), after)
+    made["pulse-white"] = Row(Scene(exact, pulse, WhiteNoise(0.02)), after)
+    made["pulse-band"] = Row(Scene(Block(0.85), pulse, BandNoise(0.09, (0.0, 9.0), 60)), after)
     record = Scene(sized, shaken, WhiteNoise(0.01))
     ends = record.forcing.duration * np.array([0.25, 0.5, 0.75, 1.0, 1.25])
-    rows["record-white"] = Row(record, ends, tol=1e-3)
-    rows["record-band"] = Row(record.varied(noise=BandNoise(0.09, (0.0, 9.0), 60)), ends)
+    made["record-white"] = Row(record, ends, tol=1e-3)
+    made["record-band"] = Row(record.varied(noise=BandNoise(0.09, (0.0, 9.0), 60)), ends)
     exponential = Scene(Block(0.85), slow, FilteredNoise("exponential", 0.04, 5.0))
     tajimi = Scene(Block(0.85), forced, FilteredNoise("kanai-tajimi", 0.2, 5.0, 0.6))
-    rows["exponential"] = Row(exponential, tol=1e-2)
-    rows["kanai-tajimi"] = Row(tajimi, tol=1e-2)
-    return rows
+    made["exponential"] = Row(exponential, tol=1e-2)
+    made["kanai-tajimi"] = Row(tajimi, tol=1e-2)
+    return made
 
 
 def sampled(row, paths, **method):
@@ -154,7 +163,7 @@ def load():
 
 def main():
     """Compute the scenes that are asked for and write the file after each."""
-    known = _rows()
+    known = rows()
     for name in sys.argv[1:] or known:
         lines = lines_of(name, known[name])
         kept = [list(line.values()) for line in load() if line["scene"] != name]
