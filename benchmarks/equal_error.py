@@ -17,7 +17,7 @@ from equal_pictures import WHITE_ERROR, draw_errors, draw_growth
 from equal_truth import Truth
 from eulerian_runs import EDGES, Row
 from eulerian_runs import Run as Baseline
-from report import PAGE, ROOT, medians, slug, table, write_section
+from report import DATA, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
 from fpk_rocking.density.pilot import motion_of
@@ -206,9 +206,8 @@ def main():
     kept = {name: {k: v for k, v in found.items() if k != "truth"} for name, found in scenes.items()}
     values = {"cycles": CYCLES, "scenes": kept, "noise": noise, "horizon": horizon, "peak_MB": memory}
     write_section(TITLE, body(scenes, noise, horizon, memory), values=values)
-    folder = PAGE.with_suffix("")
-    draw_errors(folder / f"{slug(TITLE)}.png", scenes["main"])
-    draw_growth(folder / f"{slug(TITLE)}_growth.png", noise, horizon, LOOSE)
+    draw_errors(DATA / f"{slug(TITLE)}.png", scenes["main"])
+    draw_growth(DATA / f"{slug(TITLE)}_growth.png", noise, horizon, LOOSE)
 
 
 def body(scenes, noise, horizon, memory):

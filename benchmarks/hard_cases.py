@@ -1,4 +1,4 @@
-"""The density solver on hard cases, judged by white-noise Monte Carlo; writes the table of docs/hard_cases.md.
+"""The density solver on hard cases, judged by white-noise Monte Carlo; writes its section of docs/validation.md.
 
 python benchmarks/hard_cases.py                 # every row
 python benchmarks/hard_cases.py "D = 0.05"      # some rows, printed only
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from hard_rows import MAIN, SEED, Reference, Row, load, rows, save, simulated
-from report import ROOT, table, write_section
+from report import VALIDATION, table, write_section
 
 from fpk_rocking import solve_fpk
 from fpk_rocking.results import distances
@@ -21,11 +21,6 @@ from fpk_rocking.results import distances
 TOL = 1e-3
 SIGMAS = 3.5
 BINS = 10.0
-PAGE = ROOT / "docs" / "hard_cases.md"
-HEAD = """# Hard cases
-
-The density solver on scenes at the limits of what it accepts, or beyond.
-"""
 COLUMNS = [
     "row", "S", "dS", "estimate", "L1 of the bins", "negative", "lost", "mass defect", "time", "verdict"
 ]  # fmt: skip
@@ -194,7 +189,7 @@ def write_table(findings):
             remarks.append(f"* {name}: {finding.remark}")
     standing = sum(finding.stands for finding in findings.values())
     write_section(
-        "The table",
+        "Hard cases",
         f"""**Result**, `solve_fpk` at tol {TOL:g}: {standing} of {len(findings)} rows are inside their tolerance or
 refused, with a reason.
 
@@ -228,8 +223,7 @@ Warnings, and reasons of refusals:
 
 {chr(10).join(remarks)}
 """,
-        PAGE,
-        HEAD,
+        VALIDATION,
     )
 
 

@@ -1,4 +1,4 @@
-"""Other packages on the problems that they can state; writes docs/peers.md.
+"""Other packages on the problems that they can state; writes its section of docs/validation.md.
 
 make peers                 # about 10 minutes on 2 cores, half of it compilation
 """
@@ -10,20 +10,15 @@ import peers_diffrax
 import peers_flights
 import peers_pde
 import peers_published
-from report import ROOT, table, write_section
+from report import VALIDATION, table, write_section
 
-PAGE = ROOT / "docs" / "peers.md"
-HEAD = """# Peers
-
-**Verdict.** None of the packages compared solves for the density of a rocking block. py-pde cannot state the impact.
+RESULT = """**Result.** None of the packages compared solves for the density of a rocking block. py-pde cannot state the impact.
 Without impact it is faster than the density solver at strong noise and a large error, and several to tens of times
 slower at weak noise. diffrax samples paths if their impacts are written by hand: under white noise it is about as fast
-as the engine here, under band noise hundreds to thousands of times slower.
-
-The page is written by `make peers`, on 2 cores. Each package solves problems that both it and a scene of this package
-can state, with the method and settings that were fastest for it. Times are comparable within a table only: there the
-packages took turns in one run, and compilation is left out.
-"""
+as the engine here, under band noise hundreds to thousands of times slower."""
+METHOD = """Each package solves problems that both it and a scene of this package can state, with the method and settings that were
+fastest for it, on 2 cores. Times are comparable within a table only: there the packages took turns in one run, and
+compilation is left out."""
 SECTIONS = {
     "py-pde: an oscillator without impact": peers_pde,
     "diffrax: white noise": peers_diffrax,
@@ -62,7 +57,7 @@ def summary(kramers, paths, flights):
 
 
 def main():
-    """Measure all, and write the page."""
+    """Measure all, and write the sections."""
     jax.config.update("jax_platforms", "cpu")
     bodies, ratios = {}, []
     for title, module in SECTIONS.items():
@@ -70,10 +65,11 @@ def main():
         bodies[title], ratio = module.section()
         ratios.append(ratio)
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in PACKAGES)
-    write_section("Table", f"{summary(*ratios)}\n\nVersions: {versions}.", PAGE, HEAD)
+    body = f"{RESULT}\n\n{METHOD}\n\n{summary(*ratios)}\n\nVersions: {versions}."
+    write_section("Other packages", body, VALIDATION)
     for title, body in bodies.items():
-        write_section(title, body, PAGE)
-    write_section("Inelastic walls: published figures", peers_published.section(), PAGE)
+        write_section(title, body, None)
+    write_section("Inelastic walls: published figures", peers_published.section(), None)
 
 
 if __name__ == "__main__":

@@ -10,16 +10,8 @@ from fpk_rocking.results import storage
 
 ROOT = pathlib.Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"
-HEAD = """# Benchmarks
-
-Each section is written by a script in `benchmarks/` (`make bench`), on 2 cores. S is survival, the probability of not
-having overturned, and S(k) that after k cycles. dS is the largest error in survival over the cycles. L1 of the bins is
-the sum of |difference| of the probabilities of bins of angle and velocity. *tol* is the error in survival that is asked
-of the density solver. The *main scene* and the *second scene* come with the package (`load_scene`); for the density
-solver, and where white noise is said, band noise is replaced by the equivalent white noise. Times in a table are
-comparable with each other, because the methods took turns in one run; a first call that compiles is never timed. The
-tables are also in `benchmarks/` beside this page, as JSON.
-"""
+VALIDATION = ROOT / "docs" / "validation.md"
+DATA = ROOT / "docs" / "benchmarks"
 TABLE = re.compile(r"(?m)(?:^\|.*\|\n?)+")
 
 
@@ -71,36 +63,43 @@ def _number(text):
         return text
 
 
-def write_section(title, body, page=PAGE, head=HEAD, values=None):
-    """Print a section and put it into a page, in the place of the one with the same title or at the end.
+def write_section(title, body, page=PAGE, values=None):
+    """Print a section, keep it as JSON in docs/benchmarks, and put its result into a page.
 
-    What was measured goes into a JSON file of that title, in a folder that is named as the page.
+    On the page stand the first paragraph of the section, or the first two where that ends with a colon, its first
+    picture, and a link to the file: in the place of the section of that title or at the end. The site shows the whole section.
 
     Parameters
     ----------
     title, body : str
         Markdown.
-    page : pathlib.Path
-        By default docs/benchmarks.md.
-    head : str
-        What a new page begins with.
+    page : pathlib.Path or None
+        By default docs/benchmarks.md; None: no page.
     values : dict, optional
-        What was measured; by default the tables of the body.
+        More that was measured, beside the tables of the body.
     """
-    section = f"## {title}\n\n{body.strip()}\n"
-    print(section, flush=True)
-    text = page.read_text(encoding="utf-8") if page.exists() else head
-    parts = re.split(r"(?m)^(?=## )", text)
+    body = body.strip()
+    print(f"## {title}\n\n{body}\n", flush=True)
+    kept = {"title": title, "text": body.split("\n"), "tables": tables_of(body), **(values or {})}
+    storage.write_text(DATA / f"{slug(title)}.json", json.dumps(kept, indent=1, ensure_ascii=False) + "\n")
+    if page is None:
+        return
+    pictures = re.findall(r"(?m)^!\[.*$", body)[:1]
+    section = "\n\n".join([f"## {title}", result_of(body), *pictures, ""])
+    section += f"[Method and tables](benchmarks/{slug(title)}.json)\n"
+    parts = re.split(r"(?m)^(?=## )", page.read_text(encoding="utf-8"))
     places = [i for i, part in enumerate(parts) if part.startswith(f"## {title}\n")]
     if places:
         parts[places[0]] = section
     else:
         parts.append(section)
     storage.write_text(page, "\n".join(part.strip() + "\n" for part in parts))
-    folder = page.with_suffix("")
-    folder.mkdir(exist_ok=True)
-    values = {"tables": tables_of(section)} if values is None else values
-    storage.write_text(folder / f"{slug(title)}.json", json.dumps(values, indent=1, ensure_ascii=False) + "\n")
+
+
+def result_of(body):
+    """Return the result with which a section begins, as it stands on a page."""
+    first, second, *_ = [*body.split("\n\n"), ""]
+    return f"{first}\n\n{second}" if first.endswith(":") else first
 
 
 def slug(title):

@@ -18,7 +18,7 @@ release = version = importlib.metadata.version("fpk-rocking")
 language = "en-GB"
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc"]
-extensions += ["bars", "cases", "command_help", "mathml"]  # ours, in _ext
+extensions += ["bars", "cases", "command_help", "evidence", "mathml"]  # ours, in _ext
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_fence_as_directive = ["math"]

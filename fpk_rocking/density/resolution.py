@@ -1,6 +1,6 @@
 """How fine a solution is: resolutions made for the main scene, from coarse to fine, and their adaptation to others.
 
-Where the constants below were measured: docs/numerics.md, "Calibrated constants".
+What finer ones gain: docs/benchmarks/density_solver_mesh_nodes_and_orders.json.
 """
 
 import dataclasses
