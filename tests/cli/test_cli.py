@@ -224,11 +224,12 @@ def swallowing(sign):
     ("sign", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
 def test_a_signal_that_a_callback_swallows_ends_the_command(sign, code, word, then, tmp_path, monkeypatch):
-    """Twice in callbacks; what comes next is the signal, raised anew, whatever the engine does meanwhile."""
+    """Once or twice in callbacks; what comes next is the signal, raised anew, whatever the engine does meanwhile."""
 
     def solve_fpk(scene, **_):
         swallowing(sign)
-        swallowing(sign)
+        if then != "fails":
+            swallowing(sign)
         end = time.monotonic() + 10.0
         while then == "computes" and time.monotonic() < end:
             pass

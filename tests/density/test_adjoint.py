@@ -7,10 +7,13 @@ import numba
 import numpy as np
 import pytest
 from density_operators import affine, flight_noise
+from numpy.polynomial.legendre import legvander
 
 from fpk_rocking import Harmonic, load_scene
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.adjoint import value_at
+from fpk_rocking.density.step.deposit import add
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
@@ -90,6 +93,15 @@ def test_what_is_worth_one_everywhere_is_worth_one_before(kind):
         values[:, :, 0, 0] = 1.0
     before = step.apply_adjoint(ones[step.target], (1.0, 1.0, 1.0))
     assert np.abs(before - ones[step.trace.source]).max() < 1e-13
+
+
+def test_a_deposit_and_a_value_at_a_point_are_of_the_same_polynomials():
+    """Of the highest degree that a mesh may have: numpy's, orthonormal for the measure of a cell."""
+    place, cell, deposited = (-0.3, 0.8), np.random.default_rng(12).normal(size=(6, 6)), np.zeros(36)
+    along, across = legvander(place, 5) * np.sqrt(2.0 * np.arange(6) + 1.0)
+    add(deposited, 2.0, *place, (0.0,) * 6)
+    assert deposited.reshape(6, 6) == pytest.approx(2.0 * np.outer(along, across), rel=1e-13)
+    assert value_at(cell.ravel(), *place, (0.0,) * 6) == pytest.approx(along @ cell @ across, rel=1e-12)
 
 
 @pytest.mark.parametrize("same_mesh", [True, False])

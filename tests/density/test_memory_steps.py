@@ -61,3 +61,11 @@ def test_held_noise_is_of_second_order_in_flight():
         density = Density(run.space, run.evolve(scene.period * np.arange(2)).coefficients[1])
         errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("clear", "fine", "last"), [(0.55, 9.0, 5), (0.55, 0.25, 3), (0.05, 9.0, 0), (9.0, 9.0, 8)])
+def test_the_mesh_takes_over_before_anything_can_happen_or_once_it_resolves(clear, fine, last, monkeypatch):
+    """Steps of a tenth: nothing happens until `clear`, and the Gaussian is resolved from `fine` on."""
+    monkeypatch.setattr(Flight, "undisturbed", lambda _, time: time < clear)
+    monkeypatch.setattr(Flight, "_resolution", lambda _, time, __: float(time > fine))
+    assert Flight.__new__(Flight).last_step(None, 0.1 * np.arange(9)) == last

@@ -11,7 +11,9 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved
-from fpk_rocking.density.start.windows import WindowSettings, window_of
+from fpk_rocking.density.start.windows import WindowSettings, landing_sums, window_of
+from fpk_rocking.density.step.deposit import Flown
+from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
@@ -150,3 +152,24 @@ def test_a_window_of_a_gaussian_below_the_rounding_of_its_mean_has_a_width():
         window = window_of(settings, mean, np.diag([1e-40, 1e-36]), 1.5, box)
         assert all((np.diff(lines) > 0.0).all() for lines in window.lines)
         assert all(lines[0] < middle < lines[-1] for lines, middle in zip(window.lines, mean, strict=True))
+
+
+def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene):
+    """Of a step from a mesh about x = 1.5 and one about impact, where the paths of cells with events were traced."""
+    scene = main_scene.white_equivalent()
+    for angles, gone in ((np.linspace(1.2, 1.55, 5), True), (np.linspace(-0.2, 0.2, 5), False)):
+        source = Space(angles, np.linspace(-0.5, 1.5, 6), 1)
+        trace = Trace(source, 0.0, 0.2, Dynamics.of(scene), Quadrature(2, 2, 3, 1))
+        traced = np.argwhere(trace.events >= 0)
+        values = np.zeros((4, 5, 2, 2))
+        values[tuple(traced.T)] = np.random.default_rng(4).random((len(traced), 2, 2))
+        rows = trace.events[tuple(traced.T)]
+        masses = (values[tuple(traced.T)][..., None] * trace.node_weights)[np.argsort(rows)]
+        standing = np.abs(trace.codes) != OVERTURNED_SIDE
+        assert standing.any()
+        assert gone == (not standing.all())
+        x, v = np.moveaxis(np.where(standing[..., None], trace.states, 0.0), -1, 0)
+        expected = [(np.where(standing, masses, 0.0) * one).sum() for one in (1.0 + 0.0 * x, x, v, x * x, x * v, v * v)]
+        flown = Flown(*trace.affine, trace.offsets, trace.node_weights)
+        found = landing_sums(values, trace.points, flown, trace.events, trace.states, trace.codes, 0.0)
+        assert found[:6] == pytest.approx(expected, rel=1e-12)

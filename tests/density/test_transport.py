@@ -16,6 +16,8 @@ from skfem import BilinearForm
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import landing, noise_paths
 from fpk_rocking.density.step.free_flight import FreeFlight
+from fpk_rocking.density.step.occupied import meeting, with_neighbours
+from fpk_rocking.density.step.shifts import passes_end
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
@@ -232,3 +234,22 @@ def test_noise_is_carried_through_an_impact(point, side):
             covariance += weak.diffusion * (high - low) * part * np.outer(response, response)
     gathered = np.einsum("n,ni,nj->ij", weights, states - mean, states - mean)
     assert gathered == pytest.approx(covariance, rel=1e-5, abs=0.0)
+
+
+def test_ends_that_something_passes_are_numbered_row_by_row():
+    """Rows of sources that pass both ends, none, that hold nothing, that pass the lower end, and the upper one."""
+    lines, source = np.arange(6.0), np.array([[0, 5], [1, 4], [3, 3], [0, 4], [1, 5]])
+    bounds, still = np.tile([0, 5], (5, 1)), np.zeros((5, 2))
+    found = passes_end(lines, bounds, still, np.array([-0.1, 0.1]), source)
+    assert found.tolist() == [[0, 1], [-1, -1], [-1, -1], [2, -1], [-1, 3]]
+
+
+def test_cells_that_meet_a_marked_one_are_marked():
+    """Of the same mesh itself, of one shifted by half a cell along an axis two, and with its neighbours five."""
+    lines = np.linspace(-2.0, 2.0, 9)
+    space, shifted = Space(lines, lines, 1), Space(lines, lines + 0.25, 1)
+    cells = np.zeros((8, 8), dtype=bool)
+    cells[2, 5] = True
+    assert np.array_equal(meeting(space, cells, space), cells)
+    assert np.argwhere(meeting(space, cells, shifted)).tolist() == [[2, 4], [2, 5]]
+    assert np.argwhere(with_neighbours(cells)).tolist() == [[1, 5], [2, 4], [2, 5], [2, 6], [3, 5]]

@@ -1,9 +1,11 @@
 """The one-cycle operator: dual, one with the solver's steps, and right where the answer is known."""
 
+import contextlib
 import copy
 import dataclasses
 import math
 import pathlib
+import types
 
 import numpy as np
 import pytest
@@ -338,6 +340,14 @@ def test_too_little_memory_is_warned_of(monkeypatch):
 def test_trivial_scenes_are_refused_by_name(changes, message):
     with pytest.raises(ValueError, match=message):
         CycleOperator(MAIN.white_equivalent().varied(**changes), tol=1e-2)
+
+
+def test_a_rate_that_is_not_above_its_error_is_refused():
+    for error in (0.99, 1.01):
+        fine = types.SimpleNamespace(negative_mass=0.0, rate=1e-6)
+        refused = pytest.raises(ValueError, match="overturn too rarely") if error > 1.0 else contextlib.nullcontext()
+        with refused:
+            level._judge(types.SimpleNamespace(fine=fine, error=error, bins_error=0.0), 1.0)
 
 
 def test_bad_arguments_are_named(operator):

@@ -2,114 +2,92 @@
 
     python tests/mutants --count 20 --seed 1        (or `make mutants COUNT=20 SEED=1`)
 
-Each mutant goes into a copy of the tree under build/mutants. There the test files that run its function are run until a
-test fails that does not fail without the mistake. What runs which function is found once, by a run of every test file;
-`--map` finds it anew. (mutmut leaves decorated functions alone, and so every kernel; cosmic-ray has one command for all
-mutants, here the whole suite.)
+The tests that run a mutant's function are run, those that mirror its file first, until one fails or BUDGET seconds of
+tests have passed; tests that fail without a mistake are left out. (mutmut leaves decorated functions alone, and so
+every kernel; cosmic-ray has one command for all mutants, here the whole suite.)
 """
 
 import argparse
-import concurrent.futures
-import functools
+import itertools
+import json
 import os
-import pathlib
-import queue
 import random
-import re
-import shutil
-import subprocess
+import signal
 import sys
 import time
 
 import covering
 import drawing
-from covering import PACKAGES, PLACE, PYTEST, ROOT, environment
+import sitecustomize
+from running import PACKAGES, TREE, forked, prepare, run
 
-PATIENCE = 600.0, 5.0
-"""Seconds, and times those of the test files, after which a mutant is noticed: something does not come to its end."""
+PATIENCE, WAITING = (10.0, 5.0), 10.0
+"""Seconds, and times those of a test, that a test may compute for, and how many times longer it may take."""
 
-
-def _left_out(folder, names):
-    """Names in a folder of the tree that are no part of it."""
-    made = {".git", ".venv", ".venv-peers", "__pycache__", ".ruff_cache", ".pytest_cache", ".hypothesis"}
-    made |= {"build", "dist", "results"} if pathlib.Path(folder) == ROOT else set()
-    return made.intersection(names)
+COMPILING = 60.0
+"""Seconds that the compilation of kernels may take."""
 
 
-def copied(number):
-    """Return a copy of the tree; times of files are kept, for the compiler's cache goes by them."""
-    tree = PLACE / f"{number}"
-    shutil.rmtree(tree, ignore_errors=True)
-    shutil.copytree(ROOT, tree, ignore=_left_out)
-    # Where the copy is not whole, every mutant would count as noticed.
-    subprocess.run([*PYTEST, "--collect-only"], cwd=tree, env=environment(tree), check=True, stdout=subprocess.DEVNULL)
-    return tree
+class _Judge:
+    """Runs some tests, (file, name, seconds) each, in their order, up to the first that fails: `by`."""
+
+    def __init__(self, tests, patience):
+        self.by, self.tests, self.patience = "", {name: seconds for _, name, seconds in tests}, patience
+
+    def pytest_collection_modifyitems(self, items):
+        found = {item.nodeid: item for item in items}
+        items[:] = [found[name] for name in self.tests if name in found]
+
+    def pytest_runtest_logstart(self, nodeid):
+        patience = self.patience + PATIENCE[1] * self.tests[nodeid]
+        signal.setitimer(signal.ITIMER_PROF, patience)
+        signal.setitimer(signal.ITIMER_REAL, WAITING * patience)
+
+    def pytest_runtest_logreport(self, report):
+        self.by = self.by or (report.nodeid if report.failed else "")
+
+    pytest_collectreport = pytest_runtest_logreport
 
 
-def failure(tree, tests, longest):
-    """Return the first of some tests that fails in a tree; "time" where they do not end, "" where none fails."""
-    options = {"cwd": tree, "env": environment(tree), "capture_output": True, "text": True, "timeout": longest}
-    try:
-        done = subprocess.run([*PYTEST, "-x", *tests], check=False, **options)
-    except subprocess.TimeoutExpired:
-        return "time"
-    failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
-    return (failed or [f"status {done.returncode}"])[0] if done.returncode else ""
+def noticed(mutant, compiled, tests):
+    """Return the first of some tests that fails with a mutant; "" where none fails."""
+    judge = _Judge(tests, PATIENCE[0] + COMPILING * compiled)
+    given = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
+    os.environ["FPK_ROCKING_MUTANT"] = json.dumps(given)
+    sitecustomize.put(**given)
+    from fpk_rocking.base import ahead
 
-
-def noticed(mutant, tests, tree, longest):
-    """Return the first test that fails with a mutant, and does not fail without it; "" for none."""
-    file, left_out = tree / mutant.file, []
-    times, text = file.stat(), file.read_bytes()
-    while True:
-        file.write_text(mutant.source, encoding="utf-8")
-        by = failure(tree, [*tests, *left_out], longest)
-        file.write_bytes(text)
-        os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
-        for folder in pathlib.Path(environment(tree)["NUMBA_CACHE_DIR"]).glob("*"):
-            if folder.name not in _folders():  # machine code of a mistake is of no use again
-                shutil.rmtree(folder, ignore_errors=True)
-        if "::" not in by or not failure(tree, [by], longest):
-            return by
-        left_out += ["--deselect", by]
-
-
-@functools.cache
-def _folders():
-    """Names of the folders of machine code of the tree without mistakes."""
-    from fpk_rocking.base import jit
-
-    places = [ROOT / name for name in (*PACKAGES, "tests")]
-    return {jit.cache_folder(file).name for place in places for file in place.rglob("*.py")}
+    ahead._helpers.append(None)  # no processes that compile ahead what no test here may need
+    status = run(dict.fromkeys(file for file, *_ in tests), judge, "-x") if tests else 0
+    return judge.by or (f"status {status}" if status else "")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=20, help="number of mutants")
     parser.add_argument("--seed", type=int, default=1, help="seed of their drawing")
-    parser.add_argument("--jobs", type=int, default=2, help="mutants at a time, each on one processor")
-    parser.add_argument("--map", action="store_true", help="find anew which test files run which functions")
+    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time, each on one processor")
+    parser.add_argument("--budget", type=float, default=15.0, help="seconds of tests for each")
+    parser.add_argument("--only", type=int, nargs="*", help="numbers of the mutants to try; all by default")
     options = parser.parse_args()
-    files = sorted(file for package in PACKAGES for file in (ROOT / package).rglob("*.py"))
-    texts = {file.relative_to(ROOT).as_posix(): file.read_text(encoding="utf-8") for file in files}
-    rng, found, trees = random.Random(options.seed), covering.watched(options.map), queue.SimpleQueue()
-    mutants = [drawing.draw(rng, texts) for _ in range(options.count)]
-    for number in range(options.jobs):
-        trees.put(copied(number))
+    prepare()
+    known, kernels = covering.found(options.jobs)
+    files = sorted(file for package in PACKAGES for file in (TREE / package).rglob("*.py"))
+    texts = {file.relative_to(TREE).as_posix(): file.read_text(encoding="utf-8") for file in files}
+    mutants = list(itertools.islice(drawing.drawn(random.Random(options.seed), texts), options.count))
 
-    def tried(mutant):
-        tree, tests, begin = trees.get(), covering.files_for(mutant, found), time.monotonic()
-        longest = PATIENCE[0] + PATIENCE[1] * sum(found[name]["seconds"] for name in tests)
-        by = noticed(mutant, tests, tree, longest) if tests else ""
-        trees.put(tree)
-        verdict = f"noticed by {by}" if by else f"SURVIVES {len(tests)} test files"
-        told = f"{mutant.file}:{mutant.line}: {verdict}, {time.monotonic() - begin:.0f} s"
-        print(told, f"    {mutant.before}", f"    {mutant.after}", sep="\n", flush=True)
-        return bool(by)
+    def tried(number):
+        mutant = mutants[number]
+        tests = covering.tests_for(mutant, known, kernels, options.budget)
+        return noticed(mutant, not mutant.function or f"{mutant.file}:{mutant.function}" in kernels, tests)
 
-    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        score = sum(pool.map(tried, mutants))
-    print(f"{score} of {len(mutants)} noticed, seed {options.seed}")
+    todo, score, begin = options.only or range(options.count), 0, time.monotonic()
+    for number, by in forked(tried, todo, options.jobs):
+        mutant, score = mutants[number], score + (by != "")
+        verdict = "SURVIVES" if by == "" else f"noticed by {by or 'its end: killed, or too late'}"
+        print(f"{number} {mutant.file}:{mutant.line}: {verdict}, {time.monotonic() - begin:.0f} s")
+        print(f"    {mutant.before}", f"    {mutant.after}", sep="\n", flush=True)
+    print(f"{score} of {len(todo)} noticed, seed {options.seed}")
 
 
 if __name__ == "__main__":

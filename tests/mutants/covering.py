@@ -1,112 +1,125 @@
-"""Which test files run a function, found by a run of each of them.
+"""Which tests run a function: found by one run of the suite under Python's own profiler.
 
-Compiled kernels cannot be watched: a file that calls one counts as running all kernels of the sources that it is made
-of. What a test runs in a process of its own is not seen.
+Compiled kernels are not seen there. Those that a Python function can reach by the names in it count as run with it.
 """
 
+import cProfile
+import hashlib
 import json
-import os
-import pathlib
-import re
-import shutil
-import subprocess
 import sys
-import threading
 import time
+import types
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-PLACE = ROOT / "build" / "mutants"
-PACKAGES = "fpk_rocking", "montecarlo"
-PYTEST = sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"
-_NO_TESTS = 5
+import pytest
+from running import PACKAGES, PLACE, TREE, forked, run
 
-
-def environment(tree):
-    """Return the environment in which a tree's own packages are used, on one processor."""
-    folder = PLACE / f"cache-{tree.name}"
-    return os.environ | {"PYTHONPATH": str(tree), "NUMBA_NUM_THREADS": "1", "NUMBA_CACHE_DIR": str(folder)}
+_LOADING = 0.5
+"""Seconds that a test file takes to be loaded, about."""
 
 
-def watched(anew):
-    """Return what `watch` finds of every test file that passes, by its name; from earlier runs unless `anew`."""
-    kept, found = PLACE / "map", {}
-    if anew:
-        shutil.rmtree(kept, ignore_errors=True)
-    kept.mkdir(parents=True, exist_ok=True)
-    tests = (one for one in (ROOT / "tests").glob("*/test_*.py") if one.parent.name != "robustness")
-    for test in sorted(tests):
-        out = kept / f"{test.stem}.json"
-        if not out.exists():
-            print(f"which functions run in {test.name}", flush=True)
-            command = [sys.executable, __file__, str(test), str(out)]
-            subprocess.run(command, env=environment(ROOT), check=False, stdout=subprocess.DEVNULL)
-        if out.exists():
-            found[test.relative_to(ROOT).as_posix()] = json.loads(out.read_text(encoding="utf-8"))
-    bad = [name for name, one in found.items() if one["status"] not in {0, _NO_TESTS}]
-    if bad:
-        print(f"left out, as they fail without any mistake: {', '.join(bad)}", flush=True)
-    return {name: one for name, one in found.items() if one["status"] == 0}
+def found(jobs):
+    """Return, by test file, its tests with their seconds and the functions they run, and the names of all kernels.
+
+    Only test files that have changed since the last time are run.
+    """
+    (PLACE / "map").mkdir(parents=True, exist_ok=True)
+    files = sorted(TREE.glob("tests/*/test_*.py"))
+    places = {str(one.relative_to(TREE)): PLACE / "map" / hashlib.sha256(one.read_bytes()).hexdigest() for one in files}
+    for file, one in forked(_watched, [file for file, place in places.items() if not place.exists()], jobs):
+        print(f"{file}: {len(one['tests']) if one else 'does not end'}", flush=True)
+        places[file].write_text(json.dumps(one or {"tests": {}, "kernels": []}), encoding="utf-8")
+    known = {file: json.loads(place.read_text(encoding="utf-8")) for file, place in places.items()}
+    kernels = {name for one in known.values() for name in one["kernels"]}
+    return {file: one["tests"] for file, one in known.items()}, kernels
 
 
-def watch(test, out):
-    """Run a test file; write its seconds, its exit status, the functions that ran, and the sources of kernels."""
-    import pytest
+class _Watch:
+    def __init__(self):
+        self.tests, self.failed = {}, set()
 
-    from fpk_rocking.base import jit
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item):
+        from numba.core.event import TimingListener, install_listener
 
-    codes, kernels, make = set(), set(), jit.kernel
+        profile, compiling, begin = cProfile.Profile(builtins=False), TimingListener(), time.monotonic()
+        with install_listener("numba:compile", compiling), profile:
+            result = yield
+        seconds = time.monotonic() - begin - (compiling.duration if compiling.done else 0.0)
+        codes = {one.code for one in profile.getstats() if isinstance(one.code, types.CodeType)}
+        self.tests[item.nodeid] = seconds, {code for code in codes if _name(code)}
+        return result
 
-    def kernel(function=None, **options):
-        if function is None:
-            return lambda one: kernel(one, **options)
-        made = make(function, **options)
-        compiled, file = made.compile, pathlib.Path(function.__code__.co_filename)
-        made.compile = lambda signature: (kernels.add(file), compiled(signature))[1]
-        return made
+    def pytest_runtest_logreport(self, report):
+        if not report.passed:
+            self.failed.add(report.nodeid)
 
-    def note(frame, event, _):
-        if event == "call":
-            codes.add(frame.f_code)
 
-    jit.kernel, begin = kernel, time.monotonic()
-    threading.setprofile(note)
-    sys.setprofile(note)
-    status = int(pytest.main([*PYTEST[3:], test]))
-    sys.setprofile(None)
-    made_of = {one for file in kernels if ROOT in file.parents for one in jit.sources(file)}
-    ran = {(_name(code.co_filename), code.co_name) for code in codes}
-    found = {
-        "seconds": time.monotonic() - begin,
-        "status": status,
-        "functions": sorted(f"{file}:{name}" for file, name in ran if file),
-        "kernels": sorted(filter(None, map(_name, made_of))),
+def _watched(file):
+    """Run a test file; return its tests that pass, and the functions of the packages that are kernels."""
+    from numba.core.dispatcher import Dispatcher
+
+    watch = _Watch()
+    run([file], watch)
+    modules = [one for name, one in list(sys.modules.items()) if name.startswith(PACKAGES) and one.__file__]
+    scopes, kernels = {one.__file__: vars(one) for one in modules}, {}
+    for scope in scopes.values():
+        for name, value in scope.items():
+            if isinstance(value, Dispatcher):
+                kernels.setdefault(name, set()).add(value)
+
+    def reached(codes):
+        """Names of functions, and of all kernels that they name: of their own module, of one they name, or of any."""
+        names, todo = set(), [(code, scopes.get(code.co_filename, {})) for code in codes]
+        for code, scope in todo:  # it grows meanwhile
+            if (code, id(scope)) in names:
+                continue
+            names.add((code, id(scope)))
+            todo += [(one, scope) for one in code.co_consts if isinstance(one, types.CodeType)]
+            for name in code.co_names:
+                value = scope.get(name)
+                called = [value] if name in scope else kernels.get(name, ())
+                if isinstance(value, types.ModuleType):
+                    called = map(vars(value).get, code.co_names)
+                called = [one.py_func for one in called if isinstance(one, Dispatcher)]
+                todo += [(one.__code__, one.__globals__) for one in called]
+        return sorted({_name(code) for code, _ in names})
+
+    passed = {name: one for name, one in watch.tests.items() if name not in watch.failed}
+    return {
+        "tests": {name: {"seconds": seconds, "runs": reached(codes)} for name, (seconds, codes) in passed.items()},
+        "kernels": reached({one.py_func.__code__ for same in kernels.values() for one in same}),
     }
-    pathlib.Path(out).write_text(json.dumps(found), encoding="utf-8")
 
 
-def _name(file):
-    """Path of a source of the packages within the tree; else empty."""
-    path = pathlib.Path(file)
-    name = path.relative_to(ROOT).as_posix() if ROOT in path.parents else ""
-    return name if name.startswith(PACKAGES) else ""
+def _name(code):
+    """Name "file:function" of a code of the packages; else empty."""
+    file = code.co_filename.removeprefix(f"{TREE}/")
+    return f"{file}:{code.co_qualname}" if file.startswith(PACKAGES) else ""
 
 
-def files_for(mutant, found):
-    """Return the test files that run the function of a mutant: those that import its module first, then by seconds."""
-    folder, _, leaf = mutant.file.removesuffix(".py").replace("/", ".").rpartition(".")
-    imports = re.compile(rf"(from|import) {folder}(\.{leaf}\b| import .*\b{leaf}\b)")
+def tests_for(mutant, known, kernels, budget):
+    """Return (file, name, seconds) of tests that may notice a mutant, as many as a budget of seconds allows.
 
-    def runs(one):
-        if mutant.compiled:
-            return mutant.file in one["kernels"]
-        ran = [name for name in one["functions"] if name.startswith(f"{mutant.file}:")]
-        return f"{mutant.file}:{mutant.function}" in ran if mutant.function else bool(ran)
-
-    def order(name):
-        return not imports.search((ROOT / name).read_text(encoding="utf-8")), found[name]["seconds"]
-
-    return sorted((name for name, one in found.items() if runs(one)), key=order)
-
-
-if __name__ == "__main__":
-    watch(*sys.argv[1:])
+    These are the tests that run its function, and then all others of the files that are named after its file or import
+    it: what is solved once for many tests runs in the first of them alone. Kernels of one name cannot be told apart: of
+    tests as near those go first that run most of what is no kernel in the same file.
+    """
+    *folders, leaf = mutant.file.removesuffix(".py").split("/")
+    wanted, module, ranked = f"{mutant.file}:{mutant.function}", ".".join([*folders, leaf]), []
+    for file, tests in known.items():
+        near = 2 * (leaf in file) + 2 * (module in (TREE / file).read_text(encoding="utf-8"))
+        near += len(set(folders) & set(file.split("/")))
+        for name, test in tests.items():
+            here = [run for run in test["runs"] if run.startswith(f"{mutant.file}:")]
+            direct = wanted in here if mutant.function else bool(here)
+            own = len(set(here) - kernels)
+            if direct or near > 2:
+                ranked.append((not direct, -near, -own, file, test["seconds"], name))
+    chosen, files = [], set()
+    for *_, file, seconds, name in sorted(ranked):
+        cost = seconds + (0.0 if file in files else _LOADING)
+        if cost <= budget:
+            budget -= cost
+            files.add(file)
+            chosen.append((file, name, seconds))
+    return chosen

@@ -14,59 +14,48 @@ NOTES = {"annotation", "returns", "decorator_list"}
 
 
 class Mutant(NamedTuple):
-    """A mistake: the file and the function it is in (and whether that is compiled), the line before and after it."""
+    """A mistake: the file and the function it is in (qualified; "": none), the line before and after it."""
 
     file: str
     function: str
-    compiled: bool
     line: int
     before: str
     after: str
     source: str
 
 
-class Place(NamedTuple):
-    """A statement with the function it belongs to ("": none), and whether that is a compiled kernel."""
-
-    statement: ast.stmt
-    function: str
-    compiled: bool
-
-
-def draw(rng, texts):
-    """Return a `Mutant` of one of the sources by file, drawn in proportion to their statements."""
+def drawn(rng, texts):
+    """Yield a `Mutant` after the other of the sources by file, which are drawn in proportion to their statements."""
     places = {file: statements(ast.parse(text)) for file, text in texts.items()}
     while True:
         file = rng.choices(list(places), [len(found) for found in places.values()])[0]
-        place = rng.choice(places[file])
-        possible = [(*where, change) for where in own(place.statement) for change in changes(where[0])]
+        statement, function = rng.choice(places[file])
+        possible = [(*where, change) for where in own(statement) for change in changes(where[0])]
         if not possible:
             continue
         source = changed(texts[file], *rng.choice(possible))
         lines = zip(texts[file].splitlines(), source.splitlines(), strict=False)
         line, before, after = next((n, *pair) for n, pair in enumerate(lines, 1) if pair[0] != pair[1])
-        return Mutant(file, place.function, place.compiled, line, before.strip(), after.strip(), source)
+        yield Mutant(file, function, line, before.strip(), after.strip(), source)
 
 
 def statements(tree):
-    """Return the `Place` of every statement that does something: no docstring, import or bare `pass`."""
+    """Return every statement that does something (no docstring, import or bare `pass`), with its function's name."""
     found = []
 
-    def walk(node, function, compiled):
+    def walk(node, function, prefix):
         for child in ast.iter_child_nodes(node):
-            inside = function, compiled
-            if isinstance(child, ast.FunctionDef):
-                inside = child.name, any("kernel" in ast.unparse(one) for one in child.decorator_list)
+            inside = function, prefix
+            if isinstance(child, ast.ClassDef):
+                inside = function, f"{prefix}{child.name}."
+            elif isinstance(child, ast.FunctionDef):
+                inside = f"{prefix}{child.name}", f"{prefix}{child.name}.<locals>."
             text = isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)
-            if (
-                isinstance(child, ast.stmt)
-                and not text
-                and not isinstance(child, ast.Import | ast.ImportFrom | ast.Pass)
-            ):
-                found.append(Place(child, *inside))
+            if isinstance(child, ast.stmt) and not (text or isinstance(child, ast.Import | ast.ImportFrom | ast.Pass)):
+                found.append((child, inside[0]))
             walk(child, *inside)
 
-    walk(tree, "", False)
+    walk(tree, "", "")
     return found
 
 

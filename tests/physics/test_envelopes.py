@@ -126,6 +126,16 @@ def test_flights_have_the_exact_mean_and_covariance(name, envelope):
         assert np.abs(whitened.mean(axis=0) * math.sqrt(size)).max() < stats.norm.isf(0.5 * level)
 
 
+def test_before_white_noise_begins_a_block_moves_as_without_noise():
+    """Through impacts, near x = 0 and far from it."""
+    scene, asked = PULSED.varied(start=Start(0.4, 0.1)), {"times": [0.5, 1.3, 2.7, 4.1, 6.0], "realizations": 1}
+    quiet = simulate(scene, **asked)
+    found = simulate(scene.varied(noise=with_envelope(WHITE, Table((20.0, 21.0), (0.0, 1.0)))), **asked)
+    assert np.sign(quiet.angle).min() < 0.0 < np.sign(quiet.angle).max()
+    assert found.angle == pytest.approx(quiet.angle, abs=1e-9)
+    assert found.velocity == pytest.approx(quiet.velocity, abs=1e-9)
+
+
 def test_a_block_rests_once_white_noise_has_died_away():
     scene = Scene(Block(0.8), Pulse("one-sine", 0.5, 3.0), with_envelope(WHITE, Trapezoid(0.5, 1.0, 0.5)))
     found = simulate(scene, times=[1.5, 14.0], realizations=500)
