@@ -3,6 +3,7 @@
 
 VENV := .venv
 PEERS := .venv-peers
+INTEROP := .venv-interop
 BIN := $(VENV)/bin
 CORE := $(VENV)/.installed
 STAMP := $(VENV)/.installed-all
@@ -12,7 +13,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run gallery test mutants docs wheel bench bench-full peers lint clean
+.PHONY: help install run gallery test mutants docs wheel bench bench-full peers interop lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -59,13 +60,16 @@ bench-full: bench  ## the slow tests, and the benchmarks that take longer
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/validation.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
 
+interop: $(INTEROP)/.installed  ## fragility curves as OpenQuake and pelicun read them
+	$(INTEROP)/bin/python benchmarks/interop.py
+
 lint: $(STAMP)  ## ruff: rules and format; mypy: types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check --quiet
 	$(BIN)/mypy
 
 clean:  ## remove environments, caches and results
-	rm -rf $(VENV) $(PEERS) build dist results .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PEERS) $(INTEROP) build dist results .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
@@ -90,4 +94,12 @@ $(PEERS)/.installed: $(STAMP) constraints-peers.txt
 	$(BIN)/python -m venv --clear $(PEERS)
 	$(subst $(VENV),$(PEERS),$(INSTALL)) hatchling
 	$(subst $(VENV),$(PEERS),$(INSTALL)) -c constraints-peers.txt --no-build-isolation -e '.[peers]'
+	@touch $@
+
+# OpenQuake's own dependencies contain GDAL, which its reader of curves does not need.
+$(INTEROP)/.installed: $(STAMP) constraints-interop.txt
+	$(BIN)/python -m venv --clear $(INTEROP)
+	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt hatchling
+	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt --no-deps openquake.engine
+	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt --no-build-isolation -e '.[interop]'
 	@touch $@

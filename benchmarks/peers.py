@@ -12,13 +12,13 @@ import peers_pde
 import peers_published
 from report import VALIDATION, table, write_section
 
-RESULT = """**Result.** None of the packages compared solves for the density of a rocking block. py-pde cannot state the impact.
-Without impact it is faster than the density solver at strong noise and a large error, and several to tens of times
-slower at weak noise. diffrax samples paths if their impacts are written by hand: under white noise it is about as fast
-as the engine here, under band noise hundreds to thousands of times slower."""
-METHOD = """Each package solves problems that both it and a scene of this package can state, with the method and settings that were
-fastest for it, on 2 cores. Times are comparable within a table only: there the packages took turns in one run, and
-compilation is left out."""
+RESULT = """**Result.** None of the packages compared solves for the density of a rocking block. py-pde cannot state the
+impact. Without impact it is faster than the density solver at strong noise and a large error, and several to tens of
+times slower at weak noise. diffrax samples paths if their impacts are written by hand: under white noise it is about as
+fast as the engine here, under band noise hundreds to thousands of times slower."""
+METHOD = """Each package solves problems that both it and a scene of this package can state, with the method and
+settings that were fastest for it, on 2 cores. Times are comparable within a table only: there the packages took turns
+in one run, and compilation is left out."""
 SECTIONS = {
     "py-pde: an oscillator without impact": peers_pde,
     "diffrax: white noise": peers_diffrax,

@@ -67,7 +67,7 @@ def write_section(title, body, page=PAGE, values=None):
     """Print a section, keep it as JSON in docs/benchmarks, and put its result into a page.
 
     On the page stand the first paragraph of the section, or the first two where that ends with a colon, its first
-    picture, and a link to the file: in the place of the section of that title or at the end. The site shows the whole section.
+    picture, and a link to the file: in the place of the section of that title or at the end. The site shows all.
 
     Parameters
     ----------

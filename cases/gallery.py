@@ -48,6 +48,7 @@ PICTURES = {
     "second_harmonic": {"second_harmonic.png": "second_harmonic.png"},
     "fragility_of_blocks": {"blocks.png": "fragility_blocks.png"},
     "fragility_surface": {"surface.png": "fragility_surface.png"},
+    "fema_p58": {"fema_p58.png": "fema_p58.png"},
     "rest": {"rest.png": "rest.png"},
     "overturning_spectrum": {"overturning_spectrum.png": "spectrum.png"},
     "slenderness": {"slenderness.png": "slenderness.png"},
@@ -56,6 +57,7 @@ PICTURES = {
 DRAWN_FROM_NUMBERS = (
     "band_inferred",
     "equivalence",
+    "fema_p58",
     "fig07_survival_against_noise",
     "first_passage",
     "leakage_against_flux",

@@ -1,4 +1,4 @@
-"""The command line: ``fpk-rocking fpk|mc|compare|fragility|warmup``.
+"""The command line: ``fpk-rocking fpk|mc|compare|fragility|risk|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
 what the machine refuses, 130 when interrupted, 143 when terminated. Files are whole or not there.
@@ -9,6 +9,7 @@ import json
 import pathlib
 import sys
 import time
+import tomllib
 
 from fpk_rocking import console
 
@@ -29,6 +30,8 @@ examples:
       two saved results
   fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
       probability of overturning against the scale of the shaking, with a lognormal fit
+  fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --intensities 0.1:3:12 --out results/risk
+      annual frequency of overturning, with curves that OpenQuake and pelicun read
   fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
   fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
@@ -38,7 +41,7 @@ fpk-rocking COMMAND --help lists the options of a command
 """
 _PRINTED = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
 _SCENE = "scene file (TOML), or the name of a scene of the package"
-_CYCLES, _REALIZATIONS = 40, 10_000
+_CYCLES, _REALIZATIONS, _BLOCKS = 40, 10_000, 20
 
 
 def _value(metavar, text, kind=None, **more):
@@ -55,6 +58,14 @@ _ROWS = {
         nargs="+",
     ),
 }
+_CHANGED = {
+    "--set": _value(
+        "KEY=VALUE",
+        "value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3 g'; may be "
+        "repeated",
+        action="append",
+    )
+}
 _SHOWN = {
     "--report": _value(
         "FILE", "HTML file to write: numbers, verdict, pictures and the density after every cycle", pathlib.Path
@@ -63,10 +74,13 @@ _SHOWN = {
 }
 _SEEDED = {"--seed": _value("N", "seed of the random numbers (default 1)", int)}
 _DENSITY = {
-    "--tol": _value("X", "error of survival that the density solver aims at (default 0.001)", float),
+    "--tol": _value(
+        "X", "error of survival that the density solver aims at (default 0.001; for a pulse or a record 0.01)", float
+    ),
     "--bins-tol": _value(
         "X",
-        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; inf: any)",
+        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; for a pulse "
+        "or a record, and with inf: any)",
         float,
     ),
     "--closure": _value(
@@ -99,6 +113,15 @@ _ENSEMBLE = {
         pathlib.Path,
     ),
 }
+_UNCERTAIN = {
+    "--uncertain": _value(
+        "NAME=DIST",
+        "distribution of a value of the block, as block.restitution_factor=uniform:0.93:1 or "
+        "size_factor=lognormal:1:0.05; may be repeated",
+        action="append",
+    ),
+    "--blocks": _value("N", "with --uncertain: blocks that are drawn for each scene or record", int),
+}
 _FRAGILITY = {
     "--engine": _value(
         "NAME", "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
@@ -111,12 +134,36 @@ _FRAGILITY = {
     "--realizations": _value("N", f"number of paths at each scale (default {_REALIZATIONS:,})", int),
     "--tol": _value("X", "error that the engine density aims at (default 0.01)", float),
     **_SEEDED,
+    **_UNCERTAIN,
     "--workers": _value(
         "N", "worker processes, one processor each (default 1: this process alone, on all processors)", int
     ),
     "--store": _value(
         "FILE", "file that keeps the points as they come; where it exists, the run goes on from it", pathlib.Path
     ),
+}
+
+
+_RISK = {
+    "--records": _value(
+        "FILE", "recorded motions (.AT2, .ASC or two columns); the scene gives block and noise", nargs="+"
+    ),
+    "--hazard": _value(
+        "FILE|K0:K",
+        "file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard K0 im^-K",
+        required=True,
+    ),
+    "--intensities": _value(
+        "LIST", "intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing", required=True
+    ),
+    "--measure": _value("NAME", "intensity of the motion: PGV in m/s (default) or PGA in g"),
+    "--units": _value("NAME", "unit of the records where their files do not say it: g, m/s2 or cm/s2"),
+    "--realizations": _value("N", f"number of paths of a record at each intensity (default {_REALIZATIONS:,})", int),
+    "--keep-noise": {"action": "store_true", "help": "scale the records alone and keep the noise as it is"},
+    "--synthetic": _value("N", "in place of records: as many synthetic motions on firm ground", int),
+    **_UNCERTAIN,
+    "--name": _value("NAME", "identifier of the block in the exported files (default rocking_block)"),
+    **_SEEDED,
 }
 
 
@@ -189,7 +236,7 @@ def _parser() -> argparse.ArgumentParser:
         made.set_defaults(run=run)
 
     def common(files):
-        return _ROWS | {"--out": _value("DIR", f"folder for files: {files}", pathlib.Path)} | _SHOWN
+        return _CHANGED | _ROWS | {"--out": _value("DIR", f"folder for files: {files}", pathlib.Path)} | _SHOWN
 
     scene = {"scene": _value("SCENE", _SCENE)}
     does = "probability density by finite elements (Fokker-Planck equation)"
@@ -208,17 +255,24 @@ def _parser() -> argparse.ArgumentParser:
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     files = common("result.npz, summary.json, fragility.csv and fragility.png")
     command("fragility", _fragility, does, **scenes, **files, **_FRAGILITY)
+    does = "annual frequency of overturning, from records and a hazard curve"
+    files = {
+        "--out": _value(
+            "DIR", "folder for files: all of --json, report.html, risk.png, curves for other programs", pathlib.Path
+        )
+    }
+    command("risk", _risk, does, **scene, **_CHANGED, **_RISK, **files, **{"--json": _SHOWN["--json"]})
     does = "compile all engines for this machine now, so that no first run has to wait for it"
     command("warmup", _warmup, does)
     return parser
 
 
 def _fpk(options):
-    _finish(options, _checked(options, _solved(options, _scene(options.scene))))
+    _finish(options, _checked(options, _solved(options, _scene(options, options.scene))))
 
 
 def _mc(options):
-    _finish(options, _simulated(options, _scene(options.scene)))
+    _finish(options, _simulated(options, _scene(options, options.scene)))
 
 
 def _finish(options, result):
@@ -242,7 +296,7 @@ def _compare(options):
     if len(options.inputs) == 2:
         first, second = _loaded(options)
     elif len(options.inputs) == 1:
-        scene = _scene(options.inputs[0])
+        scene = _scene(options, options.inputs[0])
         second, first = _solved(options, scene), _simulated(options, scene)
         second = _checked(options, second, beside=first)
     else:
@@ -260,16 +314,24 @@ def _compare(options):
 def _fragility(options):
     from fpk_rocking.output import summary
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.studies import fragility
+    from fpk_rocking.results.layout import plain
+    from fpk_rocking.studies import drawn, fragility
+    from fpk_rocking.studies.drawing import dispersions
     from fpk_rocking.studies.picture import curves_figure, surface_figure
     from fpk_rocking.studies.tables import fragility_table
 
-    scenes, over = [_scene(path) for path in options.scenes], None
+    scenes, over = [_scene(options, path) for path in options.scenes], None
     if options.over is not None:
         name, equals, values = options.over.partition("=")
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: _numbers("--over", values)}
+    uncertain, draws = _uncertain(options), None
+    if uncertain:
+        if over is not None:
+            raise ValueError(f"--uncertain: got {options.uncertain}, accepted: nothing beside --over")
+        draws = drawn(scenes, uncertain, **_given(options, "seed"), count=options.blocks or _BLOCKS)
+        scenes = draws.scenes
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
@@ -281,7 +343,12 @@ def _fragility(options):
             progress=progress,
             **_given(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
-    values = result.summary()
+    values, beta = result.summary(), ()
+    if draws is not None:
+        found = dispersions(result.scale, result.overturned, draws.values)
+        result = result.pooled
+        values = result.summary() | {"dispersion_of": plain(found)}
+        beta = [f"Dispersion of the capacity by {name}: {value:.3g}." for name, value in found.items()]
     if options.out:
         result.save(options.out / "result.npz")
         result.to_csv(options.out / "fragility.csv")
@@ -290,7 +357,65 @@ def _fragility(options):
             curves_figure(options.out / "fragility.png", [result], "Fragility", which=None)
         else:
             surface_figure(options.out / "fragility.png", result, "Fragility")
-    _print(options, result, values, lambda: fragility_table(result))
+    title, table, sentences = fragility_table(result)
+    _print(options, result, values, lambda: (title, table, (*sentences, *beta)))
+
+
+def _risk(options):
+    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.risk.study import study
+
+    intensities = _numbers("--intensities", options.intensities)
+    records = options.records or ()
+    if options.synthetic:
+        from fpk_rocking.studies.suites import synthetic_records
+
+        if records:
+            raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
+        records = synthetic_records(options.synthetic, **_given(options, "seed"))
+    with reporting("records") as progress:
+        found = study(
+            _scene(options, options.scene),
+            records,
+            _hazard(options.hazard),
+            intensities,
+            scale_noise=not options.keep_noise,
+            uncertain=_uncertain(options),
+            progress=progress,
+            **_given(options, "blocks", "measure", "units", "realizations", "seed", "name"),
+        )
+    if options.out:
+        found.write(options.out)
+    if options.json:
+        sys.stdout.write(json.dumps(found.summary(), allow_nan=False, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(found.text() + "\n")
+
+
+def _hazard(text):
+    """Return the hazard K0:K, or the name of a file."""
+    from fpk_rocking.risk.hazard import Hazard
+
+    rate, colon, exponent = text.partition(":")
+    try:
+        return Hazard.power_law(float(rate), float(exponent)) if colon else text
+    except ValueError as error:
+        if pathlib.Path(text).exists():
+            return text
+        raise ValueError(f"--hazard: got {text!r}, accepted: a file, or K0:K ({error})") from None
+
+
+def _uncertain(options):
+    """Return the distributions of --uncertain by their names."""
+    found = {}
+    for text in options.uncertain or ():
+        name, equals, distribution = text.partition("=")
+        if not (equals and name):
+            raise ValueError(f"--uncertain: got {text!r}, accepted: NAME=DIST, as in size_factor=lognormal:1:0.05")
+        found[name] = distribution
+    if options.blocks is not None and not found:
+        raise ValueError(f"--blocks: got {options.blocks}, accepted: together with --uncertain")
+    return found
 
 
 def _numbers(name, text):
@@ -319,12 +444,23 @@ def _warmup(_):
     sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
 
 
-def _scene(path):
+def _scene(options, path):
     from fpk_rocking.scene.scene import load_scene
 
     if path.endswith(".npz"):
         raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
-    return load_scene(path)
+    return load_scene(path, dict(map(_setting, options.set or ())))
+
+
+def _setting(text):
+    """Return the name and the value of KEY=VALUE; a value that is not TOML is a text."""
+    name, equals, value = text.partition("=")
+    if not (equals and name.strip()):
+        raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
+    try:
+        return name.strip(), tomllib.loads(f"value = {value}")["value"]
+    except ValueError:
+        return name.strip(), value.strip()
 
 
 def _solved(options, scene):
@@ -379,7 +515,7 @@ def _loaded(options) -> list:
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
-    for flag in _ROWS | _DENSITY | _ENSEMBLE:
+    for flag in _CHANGED | _ROWS | _DENSITY | _ENSEMBLE:
         if _given(options, flag.removeprefix("--").replace("-", "_")):
             raise ValueError(f"{flag}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}

@@ -1,12 +1,14 @@
 """Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
 
 import dataclasses
+import functools
 
 from fpk_rocking.physics.noise.envelope import Trapezoid
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
 from montecarlo.simulation import simulate
 
 _QUIET = Scene(Block(0.5), Harmonic(4.6, 2.7, 0.0), NoNoise())
+_EXACT = Block(0.9, critical_angle=0.3)
 
 
 def exact() -> None:
@@ -19,24 +21,29 @@ def enveloped() -> None:
     _simulate(BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)), "exact")
 
 
-def nonlinear() -> None:
+def nonlinear_exact() -> None:
     """Event-driven paths of an exact block."""
-    _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact", Block(0.9, critical_angle=0.3))
+    _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact", _EXACT)
 
 
-def rk4() -> None:
+def rk4(block: Block = _QUIET.block) -> None:
     """Runge-Kutta paths."""
-    _simulate(BandNoise(0.04, (0.0, 10.0), 4), "rk4")
+    _simulate(BandNoise(0.04, (0.0, 10.0), 4), "rk4", block)
 
 
-def white() -> None:
+def white(block: Block = _QUIET.block) -> None:
     """Paths under white noise."""
-    _simulate(WhiteNoise(0.01), "white")
+    _simulate(WhiteNoise(0.01), "white", block)
 
 
-def filtered() -> None:
+def filtered(block: Block = _QUIET.block) -> None:
     """Paths under filtered noise."""
-    _simulate(FilteredNoise("low-pass", 0.04, 9.0, 0.7), "filtered")
+    _simulate(FilteredNoise("low-pass", 0.04, 9.0, 0.7), "filtered", block)
+
+
+rk4_exact = functools.partial(rk4, _EXACT)
+white_exact = functools.partial(white, _EXACT)
+filtered_exact = functools.partial(filtered, _EXACT)
 
 
 def _simulate(noise, method, block=_QUIET.block):

@@ -1,9 +1,10 @@
-"""Pages made from what is kept elsewhere: the sections of benchmarks, from docs/benchmarks, and the constants of the code.
+"""Pages made from what is kept elsewhere: what benchmarks measured, in docs/benchmarks, and the constants of the code.
 
 The files hold a section's text as Markdown, with its tables. A constant is a name in capitals, with the text below it.
 """
 
 import ast
+import itertools
 import json
 import pathlib
 import re
@@ -41,8 +42,8 @@ def _index():
 
 def _constants():
     parts = [
-        "# Constants of the code\n\nNumbers that were chosen, by trial or by derivation, for those who change the code. "
-        "Each is taken from its module."
+        "# Constants of the code",
+        "Numbers that were chosen, for those who change the code, as their modules state them.",
     ]
     for place in PLACES:
         for path in sorted((ROOT / place).rglob("*.py")):
@@ -54,7 +55,7 @@ def _constants():
 
 def _documented(body):
     """Each assignment to names in capitals with a text below it: what is assigned, and the text."""
-    for node, below in zip(body, body[1:], strict=False):
+    for node, below in itertools.pairwise(body):
         text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant) and below.value.value
         names = isinstance(node, ast.Assign) and ast.unparse(node.targets[0])
         if text and names and names.strip("()").replace(", ", "").replace("_", "").isupper():

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from fpk_rocking.density.refinement import candidates_for
+from fpk_rocking.base import ahead
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.run.filtered import carried_from_rest
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines
@@ -18,18 +19,20 @@ _SCENE = Scene(
     start=Start(),
     overturning=Overturning(),
 )
+_EXACT = _SCENE.varied(block=Block(0.5, critical_angle=0.3))
 _USUAL = 1e-3
 
 
 def tasks_of_density(scene, closure=None):
     """Return the tasks of `fpk_rocking.base.ahead` that compile what the density of a scene needs."""
     tasks = ["fpk_rocking.density.ahead:solve"]
-    return tasks + (["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, closure) else [])
+    tasks += ["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, closure) else []
+    return [ahead.of_block(task, scene) for task in tasks]
 
 
 def flight():
     """Free flight, of which a solver has need last."""
-    degree = candidates_for(_USUAL)[2].degree
+    degree = RESOLUTIONS[USUAL[_USUAL]].degree
     space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), degree)
     free = np.ones(space.shape[:2], dtype=bool)
     FreeFlight(space, free, Dynamics.of(_SCENE).affine(0.0, 0.1), 0.05, 0.1, 5).apply(
@@ -42,7 +45,21 @@ def solve():
     solve_fpk(_SCENE, cycles=1, tol=_USUAL)
 
 
+def solve_exact():
+    """Everything of one cycle of an exact block."""
+    solve_fpk(_EXACT, cycles=1, tol=_USUAL)
+
+
 def filtered():
     """Kernels that filtered noise needs beside the others."""
-    dynamics = Dynamics.of(_SCENE)
+    _carry_from_rest(_SCENE)
+
+
+def filtered_exact():
+    """Kernels that filtered noise needs beside the others, for an exact block."""
+    _carry_from_rest(_EXACT)
+
+
+def _carry_from_rest(scene):
+    dynamics = Dynamics.of(scene)
     carried_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

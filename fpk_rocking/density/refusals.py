@@ -38,20 +38,12 @@ def refuse_filtered(scene: Scene) -> None:
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
 
 
-def refuse_exact(scene: Scene) -> None:
-    """Refuse a block that is not taken as slender where the density has no exact equation of motion."""
-    if scene.block.critical_angle > 0.0 and scene.noise.kind == "filtered":
-        accepted = "0 (block.slender = true) for a density under filtered noise; or use Monte Carlo, simulate()"
-        raise ValueError(checks.refusal("block.critical_angle", scene.block.critical_angle, accepted))
-
-
 def refuse_unsolvable(scene: Scene) -> None:
     """Refuse a scene out of range, without noise, of too many states of a filter, or with infinitely many impacts.
 
     Its noise is white or filtered.
     """
     limits.check(scene)
-    refuse_exact(scene)
     noise = scene.noise
     if noise.kind == "filtered" and noise.space.order > MOST_STATES:
         accepted = (

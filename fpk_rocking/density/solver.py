@@ -9,8 +9,9 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
+from fpk_rocking.density.outlook import tell
 from fpk_rocking.density.pilot import in_rest, motion_of
-from fpk_rocking.density.refinement import UNRESOLVED, Count, bins_tolerance, candidates_for, refine
+from fpk_rocking.density.refinement import LEAST, UNRESOLVED, Count, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import (
     refuse_broken,
     refuse_large,
@@ -56,7 +57,7 @@ def solve_fpk(
     *,
     cycles: int | None = None,
     times: ArrayLike | None = None,
-    tol: float = 1e-3,
+    tol: float | None = None,
     bins_tol: float | None = None,
     closure: str = "white",
     progress: Progress | None = None,
@@ -78,11 +79,12 @@ def solve_fpk(
     times : array_like, optional
         For a pulse or a record: ascending nondimensional times at which results are wanted. By default 21 times over
         its duration, and 10 units of time after its end.
-    tol : float
-        Wanted error of survival, at least 1e-4.
+    tol : float, optional
+        Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
-        By default √tol / 3; with inf the binned density is not refined for.
+        With inf the binned density is not refined for. By default √tol / 3; where the forcing does not repeat,
+        the verdict is by that too, but refinement is for survival alone.
     closure : {"white", "filtered"}
         What replaces band noise: white noise of equal Melnikov variance, or low-pass noise of equal variance and
         Melnikov variance. Blocks come to rest under low-pass noise, and never do under white noise.
@@ -109,25 +111,27 @@ def solve_fpk(
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
-    tol = checks.number("tol", tol, at_least=min(USUAL))
-    bins_tol = bins_tolerance(tol) if bins_tol is None else _checked(bins_tol)
+    tol, bins_tol, judged = _tolerances(scene, tol, bins_tol)
     solved = _closed(scene, closure)
     white, rows = solved.white_equivalent(), len(times) - 1
-    ahead.before("fpk_rocking.density.ahead:solve", "fpk_rocking.density.ahead:flight")
+    ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
     kind, motion = kind_of(solved), motion_of(white, times)
-    grids = _grids(solved, white, motion, tol)
-    least, count = grids[2], Count(progress, rows, least=3)
-    refuse_large(least.memory, least.stored(rows), solved, rows)
+    grids = _grids(solved, white, motion, candidates_for(tol))
+    usual, count = grids[LEAST - 1], Count(progress, rows)
+    refuse_large(usual.memory, usual.stored(rows), solved, rows)
 
     def made(grid, coarser):
         run = kind(solved, grid, NEGLIGIBLE * tol, coarser and coarser.run)
+        if coarser:
+            coarser.run = None
         return Solved(run, run.evolve(times, count.next()), motion.edges, coarser)
 
     def fits(level, grid):
         held = level.memory * grid.memory / level.run.grid.memory
         return held + grid.stored(rows) <= SOLUTION_MEMORY[solved.noise.kind]
 
-    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol))
+    tell(solved, grids[:LEAST], times, tol)
+    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol) or _hopeless(found))
     fine, run = found.fine.solution, found.fine.run
     result = Evolution(
         scene=scene,
@@ -147,7 +151,7 @@ def solve_fpk(
         moving_negative_mass=found.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
-        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": bins_tol},
+        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": judged},
         coefficients=fine.coefficients,
         space=run.space,
         atom=solved.noise.kind == "filtered",
@@ -165,6 +169,7 @@ class Solved:
     Parameters
     ----------
     run : Run
+        Dropped once the next level has made its own.
     solution : Solution
     edges : sequence of ndarray
         Of the bins in angle and in velocity that it is compared in.
@@ -219,22 +224,38 @@ class Solved:
         return max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
 
     def release(self) -> None:
-        """Let go of the densities."""
+        """Let go of the densities, of which the negative mass is kept."""
+        self.negative_mass  # noqa: B018  (what it is cannot be told later)
         self.solution = self.solution._replace(coefficients=None)
 
 
-def _checked(bins_tol):
-    return bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
+def _tolerances(scene, tol, bins_tol):
+    """Return the tolerances of survival and of the bins, and that by which the bins are judged.
+
+    By default what does not repeat is refined for survival alone, and judged by the bins all the same.
+    """
+    tol = checks.number("tol", (1e-3 if scene.repeats else 1e-2) if tol is None else tol, at_least=min(USUAL))
+    if bins_tol is None:
+        judged = bins_tolerance(tol)
+        return tol, judged if scene.repeats else math.inf, judged
+    bins_tol = bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
+    return tol, bins_tol, bins_tol
 
 
-def _grids(scene, white, motion, tol):
-    """Return the grids of all resolutions that fit a tolerance; `white` is the scene with equivalent white noise."""
-    resolutions, bound = candidates_for(tol), velocity_bound(white, _spread(scene.noise))
+def _hopeless(found):
+    """Whether the density will not be resolved, though the next solutions gain twice as many digits as the last."""
+    now, before = found.fine.negative_mass, found.coarse.negative_mass
+    return now > UNRESOLVED and now * min(now / before, 1.0) ** (2 * found.left) > UNRESOLVED
+
+
+def _grids(scene, white, motion, resolutions):
+    """Return the grids of resolutions; `white` is the scene with equivalent white noise."""
+    kind, bound = kind_of(scene), velocity_bound(white, _spread(scene.noise))
     if not scene.repeats:
         # Blocks that are bound to overturn, but have not yet, may be faster.
         bound = max(bound, _FASTER * motion.fastest)
     grids = [resolution.of(white, bound, motion) for resolution in resolutions]
-    kind, coarsest = kind_of(scene), len(RESOLUTIONS) - len(resolutions)
+    coarsest = len(RESOLUTIONS) - len(resolutions)
     return [kind.adapted(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
 
 
@@ -265,7 +286,7 @@ def _spread(noise):
 def _refuse_unresolved(result, negative):
     if negative > UNRESOLVED:
         raise ValueError(
-            f"scene: got a density that the finest mesh, of {result.settings['unknowns']:,} unknowns, does not resolve "
-            f"(negative mass {negative:.1e}), accepted: up to {UNRESOLVED}; the noise, of diffusion "
+            f"scene: got a density that a mesh of {result.settings['unknowns']:,} unknowns does not resolve, nor would "
+            f"the finest (negative mass {negative:.1e}), accepted: up to {UNRESOLVED}; the noise, of diffusion "
             f"{result.diffusion:.3g}, is too weak, or filtered noise too slow: use Monte Carlo"
         )

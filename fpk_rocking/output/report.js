@@ -44,14 +44,14 @@ function draw(n, row) {
   pen.font = "13px sans-serif";
   pen.textAlign = "center";
   ticks(angle[0], angle[columns]).forEach((value) => pen.fillText(Number(value.toPrecision(3)), x(value), bottom + 16));
-  pen.fillText("angle Θ", (MARGIN.left + right) / 2, bottom + 36);
+  pen.fillText(film.names[0], (MARGIN.left + right) / 2, bottom + 36);
   pen.textAlign = "right";
   ticks(velocity[0], velocity[rows]).forEach((value) => pen.fillText(Number(value.toPrecision(3)), MARGIN.left - 14, y(value) + 4));
   pen.save();
   pen.translate(13, (MARGIN.top + bottom) / 2);
   pen.rotate(-Math.PI / 2);
   pen.textAlign = "center";
-  pen.fillText("velocity dΘ/dτ", 0, 0);
+  pen.fillText(film.names[1], 0, 0);
   pen.restore();
 
   const [left, other] = one.overturned[row].map((part) => part.toFixed(4));

@@ -7,28 +7,34 @@ import base64
 import html
 import importlib.metadata
 import json
+import math
 import pathlib
 
 import numpy as np
 
 from fpk_rocking.base.look import OVERTURNED, SURFACE
 from fpk_rocking.results.pictures import edges_of
+from fpk_rocking.results.plane import plane_units
 from fpk_rocking.results.result import label_of
 from fpk_rocking.results.shown import picture_html, trust_html
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.times import when
 
-__all__ = ["write_report"]
+__all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 
 _FRAMES = 121
 _COLOURS = 256
 _CANVAS = 460, 360
-_UNITS = "Angles Θ are in units of the critical angle, times τ = pt; all is nondimensional."
+_HEADS = {"time": "time τ"}
+_ENDINGS = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
+"""Endings of the names of columns that say a unit, and how they are written."""
+
 _LEFT_OUT = (
     "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
     "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
-    "bases and contents, and the scatter of restitution. No error stated here contains these."
+    "bases and contents{scatter}. No error stated here contains these."
 )
+_SCATTER = ", and the scatter of restitution"
 _SLENDER = ", with the equation of motion of a slender one"
 _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
@@ -67,35 +73,65 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         picture_html(shown.plot(), shown.headline),
         _film_html(made) if made else "",
         "<h2>Numbers</h2>",
-        _table_html(shown.columns()),
+        table_html(shown.columns()),
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
-        f"<p>{_left_out(scenes)}</p>",
-        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_UNITS}</p>",
-        _json_html("summary", values),
-        f"{_json_html('film', made)}<script>{script}</script>" if made else "",
+        f"<p>{left_out(scenes)}</p>",
+        f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_units(scenes)}</p>",
+        json_html("summary", values),
+        f"{json_html('film', made)}<script>{script}</script>" if made else "",
     ]
-    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(shown.title))
+    return write_page(path, shown.title, parts)
+
+
+def write_page(path, title, parts):
+    """Write a page of HTML that needs nothing else, whole or not at all; return its size in bytes.
+
+    Parameters
+    ----------
+    path : path
+    title : str
+    parts : sequence of str
+        HTML of what stands below the title.
+    """
+    page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(title))
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
     return len(page.encode())
 
 
-def _left_out(scenes):
-    """Say what the model of some scenes leaves out."""
+def _units(scenes):
+    """Say in which units what has no others stands."""
+    told = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
+    sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
+    if len(sizes) != 1:
+        return told
+    angle, second = math.degrees(sizes[0].critical_angle), sizes[0].seconds(1.0)
+    return f"{told} Here the critical angle is {angle:.4g}°, and τ = 1 is {second:.4g} s."
+
+
+def left_out(scenes, *, scatter=True):
+    """Say what the model of some scenes leaves out, the scatter of restitution unless it was drawn."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
-    return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "")
+    return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "", scatter=_SCATTER * scatter)
 
 
-def _table_html(columns):
+def table_html(columns):
     """Return a table of columns (n,) by name, without those that are empty or unknown throughout."""
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
-    head = "".join(f"<th>{html.escape(name.replace('_', ' '))}</th>" for name in texts)
+    head = "".join(f"<th>{html.escape(_head(name))}</th>" for name in texts)
     rows = ("".join(f"<td>{html.escape(text)}</td>" for text in row) for row in zip(*texts.values(), strict=True))
     return f"<div class='wide'><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table></div>"
+
+
+def _head(name):
+    """Return the name of a column as the head of a table, with its unit."""
+    ending = next((ending for ending in _ENDINGS if name.endswith(ending)), "")
+    words = _HEADS.get(name, name.removesuffix(ending).replace("_", " "))
+    return words + _ENDINGS.get(ending, "")
 
 
 def _text(value):
@@ -104,7 +140,7 @@ def _text(value):
     return str(value)
 
 
-def _json_html(name, values):
+def json_html(name, values):
     """Return plain values as JSON in HTML; "<" is written so that no text of theirs can end the element."""
     text = json.dumps(values, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
     return f"<script type='application/json' id='{name}'>{text}</script>"
@@ -123,6 +159,7 @@ def _film(results):
     areas = np.multiply.outer(*map(np.diff, edges))
     densities = [[result.bin_probabilities(row, *edges) / areas for row in rows] for result in results]
     densities = np.maximum(densities, 0.0)
+    units = plane_units(results[0].scene)
     most = densities.max(axis=(0, 2, 3))
     lists, scales = [], np.maximum(most, np.finfo(float).tiny)[:, None, None]
     for result, found in zip(results, densities, strict=True):
@@ -139,9 +176,10 @@ def _film(results):
     standing = np.flatnonzero(np.asarray(first.survival)[rows] > 1e-3)
     return {
         "when": [when(first, row) for row in rows],
-        "angle": edges[0].tolist(),
-        "velocity": edges[1].tolist(),
-        "most": most.tolist(),
+        "angle": (edges[0] * units.angle).tolist(),
+        "velocity": (edges[1] * units.velocity).tolist(),
+        "names": units.names,
+        "most": (most / (units.angle * units.velocity)).tolist(),
         "begin": int(max(standing, default=0)),
         "colours": [mpl.colors.to_hex(colour) for colour in mpl.colormaps[SURFACE](np.linspace(0.0, 1.0, _COLOURS))],
         "overturned": OVERTURNED,

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import interval_of, label_of
-from fpk_rocking.results.times import shown_times
+from fpk_rocking.results.times import seconds_of, shown_times, time_name
 
 __all__ = ["comparison_table", "result_table", "show", "text_table", "told"]
 
@@ -33,10 +33,11 @@ def show(title, table, sentences):
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     """Return title, table and closing sentences for survival and overturned probability after each cycle or time."""
     left, right = np.transpose(result.overturned)
-    columns = {
-        "τ" if result.cycles is None else "cycles": [f"{time:g}" for time in shown_times(result)],
-        "survival": [f"{value:.5f}" for value in result.survival],
-    }
+    sized = result.scene.block.dimensions is not None
+    columns = {time_name(result.scene).removeprefix("forcing "): [f"{time:.6g}" for time in shown_times(result)]}
+    if sized and result.cycles is not None:
+        columns["time, s"] = [f"{time:.4g}" for time in seconds_of(result)]
+    columns["survival"] = [f"{value:.5f}" for value in result.survival]
     interval = interval_of(result)
     if interval is not None:
         columns[_INTERVAL] = [_limits(limits, 5) for limits in interval]
@@ -44,8 +45,9 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
         columns["total ±"] = [f"{error:.5f}" for error in result.total_error[:, 0]]
     columns["overturned left"] = [f"{value:z.5f}" for value in left]
     columns["overturned right"] = [f"{value:z.5f}" for value in right]
+    made_by = f"{label_of(result)}: {noise_text(result.scene.noise)}{', ' * result.deterministic}{result.outcome}"
     return (
-        f"{label_of(result)}: {noise_text(result.scene.noise)}{', ' * result.deterministic}{result.outcome}",
+        f"{result.answer}\n{made_by}",
         text_table(columns, zip(*columns.values(), strict=True)),
         told(result.trust, result.account, *remarks(result)),
     )

@@ -1,5 +1,7 @@
 """Confidence intervals of probabilities from counts."""
 
+import statistics
+
 import numpy as np
 
 from fpk_rocking.base import checks
@@ -28,9 +30,7 @@ def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.
     TypeError, ValueError
         The level is not a number above 0 and below 1.
     """
-    from scipy import special
-
-    z = special.ndtri(0.5 + 0.5 * checks.part("level", level))
+    z = statistics.NormalDist().inv_cdf(0.5 + 0.5 * checks.part("level", level))
     share = np.asarray(successes) / trials
     scale = 1.0 / (1.0 + z * z / trials)
     centre = scale * (share + 0.5 * z * z / trials)

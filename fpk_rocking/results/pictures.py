@@ -8,6 +8,7 @@ import numpy as np
 from fpk_rocking.base.look import COLOURS, SURFACE, drawing
 from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import shown_edges
+from fpk_rocking.results.plane import NONDIMENSIONAL, PlaneUnits, plane_units
 from fpk_rocking.results.times import shown_times, time_name, when
 
 __all__ = ["edges_of", "figure_of", "function_panel", "plane_panel", "result_panels", "survival_panel"]
@@ -37,6 +38,7 @@ def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
 
 def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[Any, Any], None]]:
     """Return the panels of a result with bins; see `fpk_rocking.results.result.SurvivalResult.plot`."""
+    units = plane_units(result.scene)
 
     def survival(_, axes):
         survival_panel(axes, result)
@@ -44,12 +46,13 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
     def bins(figure, axes):
         edges = edges_of([result], [cycle])
         areas = np.multiply.outer(*map(np.diff, edges))
-        plane_panel(figure, axes, edges, result.bin_probabilities(cycle, *edges) / areas, "probability in a bin / area")
+        density = result.bin_probabilities(cycle, *edges) / areas
+        plane_panel(figure, axes, edges, density, "probability in a bin / area", units=units)
         axes.set_title(_title(result, cycle))
 
     def density(figure, axes):
         edges = edges_of([result], [cycle])
-        function_panel(figure, axes, result.at(cycle), edges, "density")
+        function_panel(figure, axes, result.at(cycle), edges, "density", units=units)
         axes.set_title(_title(result, cycle))
 
     panels = {"survival": survival, "bins": bins, "density": density}
@@ -80,14 +83,23 @@ def survival_panel(axes: Any, *results: Any) -> None:
     axes.legend(loc="best", fontsize=8)
 
 
-def plane_panel(figure: Any, axes: Any, edges: Sequence[Array], values: Array, name: str, power: float = 0.5) -> None:
-    """Draw values (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
+def plane_panel(
+    figure: Any,
+    axes: Any,
+    edges: Sequence[Array],
+    values: Array,
+    name: str,
+    power: float = 0.5,
+    units: PlaneUnits = NONDIMENSIONAL,
+) -> None:
+    """Draw a density (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
     from matplotlib.colors import PowerNorm
 
+    values = values / (units.angle * units.velocity)
     scale = PowerNorm(power, 0.0, max(float(values.max()), np.finfo(float).tiny))
-    mesh = axes.pcolormesh(*edges, values.T, cmap=SURFACE, norm=scale)
+    mesh = axes.pcolormesh(edges[0] * units.angle, edges[1] * units.velocity, values.T, cmap=SURFACE, norm=scale)
     figure.colorbar(mesh, ax=axes, label=name)
-    axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
+    axes.set(xlabel=units.names[0], ylabel=units.names[1])
     axes.grid(visible=False)
 
 
@@ -98,11 +110,12 @@ def function_panel(
     edges: Sequence[Array],
     name: str,
     power: float = 0.5,
+    units: PlaneUnits = NONDIMENSIONAL,
 ) -> None:
     """Draw a function of angle and velocity on a lattice between the outer edges."""
     fine = [np.linspace(line[0], line[-1], _LATTICE) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
-    plane_panel(figure, axes, fine, values, name, power)
+    plane_panel(figure, axes, fine, values, name, power, units)
 
 
 def _title(result, cycle):

@@ -9,6 +9,7 @@ from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.results.trust import CAUTION, REPLACED, Doubt
 from fpk_rocking.scene.parts import BandNoise, FilteredNoise, NoNoise, WhiteNoise
+from fpk_rocking.scene.plausible import implausible
 from fpk_rocking.scene.scene import Scene
 
 __all__ = ["closure_of", "doubts", "noise_text", "remarks"]
@@ -102,9 +103,16 @@ def doubts(result: Any) -> list[Doubt]:
     return scene_doubts(result.scene, "" if result.replacement else result.closure, result.unresolved)
 
 
-def scene_doubts(scene: Scene, closure: str, unresolved: str = "") -> list[Doubt]:
-    """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene."""
+def scene_doubts(
+    scene: Scene, closure: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
+) -> list[Doubt]:
+    """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene.
+
+    Between the smallest and the largest of some scales of its shaking, where there are several.
+    """
     found = _slender(scene.block)
+    told = implausible(scene, *scales)
+    found += [Doubt(CAUTION, " ".join(told), "implausible")] * bool(told)
     found += [Doubt(CAUTION, unresolved, "unresolved")] * bool(unresolved)
     return found + [Doubt(CAUTION, UNCHECKED, "unchecked")] * bool(closure)
 

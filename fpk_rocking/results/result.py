@@ -12,7 +12,7 @@ from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import doubts
 from fpk_rocking.results.replacement import measured
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.times import cycles_of
+from fpk_rocking.results.times import cycles_of, seconds_of, when
 from fpk_rocking.results.trust import Trust, trust_of
 from fpk_rocking.scene.scene import Scene
 
@@ -163,8 +163,22 @@ class SurvivalResult(Shown, _Result):
             error = f"{survival:.4f} ± {self.facts['error_estimate']:.1g}"
         else:
             error = f"{survival:.4f} ({interval[-1][0]:.4f} to {interval[-1][1]:.4f})"
-        until = f"τ = {self.times[-1]:.4g}" if self.cycles is None else f"{self.cycles} cycles"
+        until = when(self, len(self.times) - 1).removeprefix("after ")
         return f"{label_of(self)}, survival {error} after {until}"
+
+    @property
+    def answer(self) -> str:
+        """Probability of overturning until the last time with its whole error, as a line of text."""
+        last, size = len(self.times) - 1, self.scene.block.dimensions
+        seconds = "" if size is None or self.cycles is None else f" ({seconds_of(self)[last]:.4g} s)"
+        return f"{self._whole()}, {when(self, last)}{seconds}"
+
+    def _whole(self):
+        """Probability of overturning at the last time with its errors, as a text."""
+        over, interval = 1.0 - float(self.survival[-1]), self.survival_interval()
+        if self.deterministic or interval is None:
+            return f"P(overturned) = {over:.0f} (one path)"
+        return f"P(overturned) = {over:.4f} ± {np.abs(interval[-1] - self.survival[-1]).max():#.2g} (95 %, sampling)"
 
     def columns(self) -> dict[str, Array]:
         """Table of survival and overturned to either side, a row a time: arrays by column name."""
@@ -172,6 +186,7 @@ class SurvivalResult(Shown, _Result):
         return {
             **({} if self.cycles is None else {"cycle": np.arange(self.cycles + 1)}),
             "time": self.times,
+            **({} if self.scene.block.dimensions is None else {"time_s": seconds_of(self)}),
             "survival": self.survival,
             **({} if interval is None else {"survival_low": interval[:, 0], "survival_high": interval[:, 1]}),
             "overturned_left": left,
@@ -318,12 +333,14 @@ class DensityResult(SurvivalResult, _Errors):
         """The engine, and the last probability with its error, as a line of text."""
         if not self.closure:
             return super().headline
-        until = f"τ = {self.times[-1]:.4g}" if self.cycles is None else f"{self.cycles} cycles"
+        until = when(self, len(self.times) - 1).removeprefix("after ")
         return f"{self.engine}, {self._whole()}, after {until}"
 
     def _whole(self):
         """Probability of overturning at the last time, its numerical and its whole error, as a text."""
         text = f"P(overturned) = {1.0 - self.survival[-1]:.4f} ± {self.error_estimate:.1g} (numerics)"
+        if not self.closure:
+            return text
         if self.replacement is None or self.total_error is None:
             return f"{text}, replacement of the noise: not checked"
         found, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]

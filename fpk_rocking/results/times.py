@@ -69,14 +69,25 @@ def cycles_of(result: Any) -> int | None:
 
 def time_name(scene: Scene) -> str:
     """Return what the rows of a result are counted in, for axes and tables."""
-    return "forcing cycles" if scene.period is not None else "time τ"
+    return "forcing cycles" if scene.period is not None else "time τ" if scene.block.dimensions is None else "time, s"
 
 
 def shown_times(result: Any) -> Array:
-    """Return the rows as a reader counts them: whole cycles, or times τ."""
-    return np.asarray(result.times) if result.scene.period is None else np.arange(len(result.times))
+    """Return the rows as a reader counts them: whole cycles, or times in seconds, without a size of the block τ."""
+    if result.scene.period is not None:
+        return np.arange(len(result.times))
+    return np.asarray(result.times) if result.scene.block.dimensions is None else seconds_of(result)
+
+
+def seconds_of(result: Any) -> Array:
+    """Return the times of the rows in seconds; the block has dimensions."""
+    return result.scene.block.dimensions.seconds(np.asarray(result.times))
 
 
 def when(result: Any, row: int) -> str:
-    """Return the time of a row as a text, as in "after 3 cycles" or "τ = 2.5"."""
-    return f"τ = {result.times[row]:.4g}" if result.cycles is None else f"after {row} cycle{'s' * (row != 1)}"
+    """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5"."""
+    if result.cycles is not None:
+        return f"after {row} cycle{'s' * (row != 1)}"
+    if result.scene.block.dimensions is not None:
+        return f"after {seconds_of(result)[row]:.4g} s"
+    return f"τ = {result.times[row]:.4g}"

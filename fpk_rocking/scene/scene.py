@@ -8,6 +8,7 @@ import dataclasses
 import math
 import pathlib
 import tomllib
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 from fpk_rocking.base import checks
@@ -16,8 +17,8 @@ from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Reco
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
-from fpk_rocking.scene.text import read_part, table_of
-from fpk_rocking.scene.units import Dimensions
+from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
+from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
 
 _PACKAGE = pathlib.Path(__file__).parents[1]
 _SHIPPED = _PACKAGE / "scenes" if (_PACKAGE / "scenes").is_dir() else _PACKAGE.parent / "cases" / "scenes"
@@ -167,25 +168,27 @@ class Scene:
     @classmethod
     def from_block(
         cls,
-        width: float,
-        height: float,
-        peak_acceleration: float | None = None,
-        frequency_hz: float | None = None,
+        width: float | str,
+        height: float | str,
+        peak_acceleration: float | str | None = None,
+        frequency_hz: float | str | None = None,
         *,
         record: Forcing | None = None,
         pulse: str | None = None,
         pulse_cycles: int | None = None,
         restitution: float | None = None,
         phase: float = 0.0,
-        noise_rms_acceleration: float = 0.0,
-        noise_band_hz: tuple[float, float] | None = None,
+        noise_rms_acceleration: float | str = 0.0,
+        noise_band_hz: Sequence[float | str] | None = None,
         harmonics: int = 100,
-        gravity: float = 9.80665,
+        gravity: float = STANDARD_GRAVITY,
         start: Start = Start(),
         overturning: Overturning = Overturning(),
         slender: bool = False,
     ) -> Self:
         """Build a scene from the size of a block and the shaking of its base.
+
+        Quantities may have other units as texts: ``"60 cm"``, ``"0.3 g"``.
 
         Parameters
         ----------
@@ -228,15 +231,16 @@ class Scene:
             A value is refused, the block is too squat for Housner's restitution, or only one of strength and band of
             the noise is given.
         """
-        size = Dimensions(width, height, gravity)
+        size = Dimensions(width, height, gravity)  # type: ignore[arg-type]  # it reads texts
         forcing = _shaking(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
-        rms = checks.number("noise_rms_acceleration", noise_rms_acceleration, at_least=0.0)
+        rms = in_units("noise_rms_acceleration", noise_rms_acceleration, "acceleration")
+        rms = checks.number("noise_rms_acceleration", rms, at_least=0.0)
         if (rms > 0.0) != (noise_band_hz is not None):
             accepted = "a number > 0 together with noise_band_hz = [lowest, highest], or neither of them"
             raise ValueError(checks.refusal("noise_rms_acceleration", noise_rms_acceleration, accepted))
         noise: BandNoise | NoNoise = NoNoise()
         if noise_band_hz is not None:
-            low, high = checks.interval("noise_band_hz", noise_band_hz)
+            low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
         return cls(
             block=Block(restitution, size, slender=slender),  # type: ignore[arg-type]  # None: from the size
@@ -247,7 +251,7 @@ class Scene:
         )
 
     @classmethod
-    def from_toml(cls, text: str, folder: File = ".") -> Self:
+    def from_toml(cls, text: str, folder: File = ".", changes: Mapping[str, Any] | None = None) -> Self:
         """Read a scene from TOML text.
 
         Parameters
@@ -258,9 +262,14 @@ class Scene:
             "white", "filtered" or "none"; ``noise.filter`` is a name, or a table of the kind "linear" or
             "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
             ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
-            ``file`` in place of ``interval`` and ``samples``.
+            ``file`` in place of ``interval`` and ``samples``. Of a block with dimensions quantities may have units:
+            ``peak_acceleration``, ``rms_acceleration`` (in m/s², or "0.3 g"), ``frequency_hz``, ``band_hz``, and others
+            that end with ``_hz``, ``_s`` or ``_deg``.
         folder : str or pathlib.Path
             Folder that the file of a record is relative to.
+        changes : dict of str, optional
+            Values that replace those of the text, by dotted names: ``{"forcing.peak_acceleration": "0.3 g"}``. A new
+            ``kind`` drops the other keys of its table.
 
         Returns
         -------
@@ -275,8 +284,17 @@ class Scene:
             document = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
             raise ValueError(f"not valid TOML: {error}") from None
+        for name, value in (changes or {}).items():
+            _change(document, name, value)
+        if "noise" not in document and document.keys() <= _PARTS:
+            raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
         tables = checks.arguments("", document, cls)
-        return cls(**{name: read_part(name, table, folder) for name, table in tables.items()})
+        block = read_part("block", tables.pop("block"), folder)
+        parts = {"block": block}
+        for name, table in tables.items():
+            given = without_units(name, checks.table(name, table), block.dimensions)
+            parts[name] = read_part(name, given, folder)
+        return cls(**parts)
 
     def to_toml(self) -> str:
         """Return the scene as TOML text, samples of a record included; `from_toml` reads it back."""
@@ -290,7 +308,10 @@ class Scene:
         return "\n".join(table_of(name, part) for name, part in tables.items())
 
 
-def load_scene(path: File) -> Scene:
+_PARTS = {field.name for field in dataclasses.fields(Scene)}
+
+
+def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
     """Read a scene file, or one of the scenes that come with the package.
 
     Parameters
@@ -298,6 +319,8 @@ def load_scene(path: File) -> Scene:
     path : str or pathlib.Path
         A TOML file, or the name of a scene of the package: ``"main"``, ``"second"``, ``"fig05"``,
         ``"second_harmonic"``, ``"rest"`` or ``"record"``. To read a file of such a name write ``"./main"``.
+    changes : dict of str, optional
+        As for `Scene.from_toml`.
 
     Returns
     -------
@@ -320,7 +343,7 @@ def load_scene(path: File) -> Scene:
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a text file in UTF-8 ({error})") from None
     try:
-        return Scene.from_toml(text, path.parent)
+        return Scene.from_toml(text, path.parent, changes)
     except (TypeError, ValueError, OSError) as error:
         raise type(error)(f"{path}: {error}") from None
 
@@ -328,6 +351,17 @@ def load_scene(path: File) -> Scene:
 def _fields(value):
     """Return the fields of a dataclass, themselves and not copied."""
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+
+
+def _change(document, name, value):
+    """Set a value of parsed TOML by its dotted name; another form of the same quantity gives way to it."""
+    *path, key = name.split(".")
+    table = document
+    for place, part in enumerate(path):
+        table = checks.table(".".join(path[: place + 1]), table.setdefault(part, {}))
+    for other in [one for one in table if key == "kind" or nondimensional(one) == nondimensional(key)]:
+        del table[other]
+    table[key] = value
 
 
 def _check_cutoff(cutoff, critical_angle):
@@ -345,8 +379,9 @@ def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
             if value is not None:
                 raise ValueError(checks.refusal(name, value, "nothing where there is a record"))
         return record
-    amplitude = size.amplitude(checks.number("peak_acceleration", peak, at_least=0.0))
-    frequency = size.frequency(checks.number("frequency_hz", hertz, above=0.0))
+    peak = checks.number("peak_acceleration", in_units("peak_acceleration", peak, "acceleration"), at_least=0.0)
+    hertz = checks.number("frequency_hz", in_units("frequency_hz", hertz, "frequency"), above=0.0)
+    amplitude, frequency = size.amplitude(peak), size.frequency(hertz)
     if pulse is not None:
         return Pulse(pulse, amplitude, frequency, pulse_cycles)
     return Harmonic(amplitude, frequency, phase)

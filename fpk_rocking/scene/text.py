@@ -10,10 +10,89 @@ from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
 from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.physics.noise.filters import LinearFilter
 from fpk_rocking.scene.parts import NOISES, Block, Overturning, Start
-from fpk_rocking.scene.units import Dimensions
+from fpk_rocking.scene.units import Dimensions, in_units
 
 FILTER_KINDS = {cls.kind: cls for cls in (LinearFilter, CloughPenzien)}
 """Classes of filters by the kind of their table; a filter with a name needs no table."""
+
+
+_STRENGTHS = {"peak_acceleration": ("amplitude", 1), "rms_acceleration": ("variance", 2)}
+"""Accelerations by their keys: the nondimensional key, and the power of the acceleration that it is."""
+
+_SUFFIXES = {"_hz": "frequency", "_s": "time", "_deg": "angle"}
+"""Endings of keys with units, and the kind of their quantity."""
+
+
+def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> dict[str, Any]:
+    """Convert the quantities with units in a table of a scene to nondimensional ones.
+
+    Parameters
+    ----------
+    name : str
+        Of the table, for messages.
+    table : dict
+        A key ``peak_acceleration`` becomes ``amplitude``, ``rms_acceleration`` ``variance``, and ``x_hz``, ``x_s`` and
+        ``x_deg`` become ``x``. Values are as `fpk_rocking.scene.units.in_units` takes them.
+    size : Dimensions or None
+        Of the block.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    TypeError, ValueError
+        A value is refused, the block has no dimensions, or a quantity is given twice.
+    """
+    return {nondimensional(key): _plain(name, key, table, size) for key in table}
+
+
+def _plain(name, key, table, size):
+    """Return the value of a key of a table without units."""
+    value, plain = table[key], nondimensional(key)
+    name = f"{name}.{key}"
+    if isinstance(value, dict):
+        return without_units(name, value, size)
+    if plain != key:
+        other = f"{name.removesuffix(key)}{plain}"
+        if plain in table:
+            raise ValueError(checks.refusal(name, value, f"nothing beside {other}"))
+        if size is None:
+            accepted = f"a scene with [block.dimensions], or {other}, which is nondimensional"
+            raise ValueError(checks.refusal(name, value, accepted))
+        return _converted(name, key, value, size)
+    if isinstance(value, str) and key in _WITH_UNITS and value[:1] in "+-.0123456789":
+        accepted = f"a nondimensional number; with a unit it is {name.removesuffix(key)}{_WITH_UNITS[key]} = {value!r}"
+        raise ValueError(checks.refusal(name, value, accepted))
+    return value
+
+
+_WITH_UNITS = {
+    "amplitude": "peak_acceleration",
+    "variance": "rms_acceleration",
+    "frequency": "frequency_hz",
+    "angle": "angle_deg",
+}
+
+
+def nondimensional(key: str) -> str:
+    """Return the nondimensional key of a scene file that one with a unit stands for; any other as it is."""
+    ending = next((ending for ending in _SUFFIXES if key.endswith(ending)), "")
+    return _STRENGTHS[key][0] if key in _STRENGTHS else key.removesuffix(ending)
+
+
+def _converted(name, key, value, size):
+    """Return a quantity with a unit, or a list of them, as nondimensional numbers."""
+    if key in _STRENGTHS:
+        strength = checks.number(name, in_units(name, value, "acceleration"), at_least=0.0)
+        return size.amplitude(strength) ** _STRENGTHS[key][1]
+    kind = _SUFFIXES[key[key.rindex("_") :]]
+    given = in_units(name, value, kind)
+    change = {"frequency": size.frequency, "time": size.tau, "angle": lambda angle: angle / size.critical_angle}[kind]
+    if isinstance(given, list | tuple):
+        return [change(checks.number(f"{name}[{place}]", one)) for place, one in enumerate(given)]
+    return change(checks.number(name, given))
 
 
 def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
@@ -24,7 +103,7 @@ def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
     name : str
         "block", "forcing", "noise", "start" or "overturning".
     table : dict
-        Its TOML table.
+        Its TOML table, its quantities nondimensional but for those of the block and of a record.
     folder : str or pathlib.Path
         That the file of a record is relative to.
 
@@ -103,4 +182,7 @@ def _literal(value):
     if isinstance(value, bool):
         return str(value).lower()
     # Python's shortest exact forms of int and float are TOML too.
-    return "[" + ", ".join(map(_literal, value)) + "]" if isinstance(value, tuple) else repr(value)
+    if not isinstance(value, tuple):
+        return repr(value)
+    # The samples of a record are many, and are written for every point of a study.
+    return "[" + ", ".join(map(repr if set(map(type, value)) <= {float} else _literal, value)) + "]"

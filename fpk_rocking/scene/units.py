@@ -9,15 +9,75 @@ amplitude a/(g θ_cr). Taken as slender, sine linear and cosine 1, a block has a
 
 import dataclasses
 import math
-from typing import TypeVar
+import re
+from typing import Any, TypeVar
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
+from fpk_rocking.physics.forcing.files import UNITS as ACCELERATIONS
+from fpk_rocking.physics.forcing.files import unit_of
 
 _Number = TypeVar("_Number", float, Array)
 
+STANDARD_GRAVITY = ACCELERATIONS["g"]
+"""Acceleration of gravity, m/s², where none is given; also what "g" means as a unit."""
+
+DEGREE = math.pi / 180.0
+
+_UNITS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048},
+    "acceleration": {"m/s2": 1.0} | ACCELERATIONS,
+    "frequency": {"Hz": 1.0, "rad/s": 0.5 / math.pi},
+    "time": {"s": 1.0, "ms": 0.001},
+    "angle": {"deg": DEGREE, "°": DEGREE, "rad": 1.0},
+}
+"""Units of each kind of quantity in SI (of frequencies in Hz), that of a bare number first."""
+
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
 _SMALLEST, _LARGEST = 1e-100, 1e100
 """Of a width, height or gravity: beyond, a conversion of units divides by 0 or overflows."""
+
+
+def in_units(name: str, value: Any, kind: str) -> Any:
+    """Read a quantity with a unit.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for the message.
+    value : float, str, or list or tuple of them
+        A bare number is in m, m/s², Hz, s, or degrees; a text has a number and a unit, as in "0.3 g" or "1.5 Hz".
+    kind : {"length", "acceleration", "frequency", "time", "angle"}
+
+    Returns
+    -------
+    float, list or tuple
+        In m, m/s², Hz, s, or radians. What is no text, number or list comes back as it is.
+
+    Raises
+    ------
+    ValueError
+        A text is no number with one of the units.
+    """
+    units = _UNITS[kind]
+    bare = next(iter(units.values()))
+    if isinstance(value, list | tuple):
+        return type(value)(in_units(f"{name}[{place}]", one, kind) for place, one in enumerate(value))
+    if not isinstance(value, str):
+        return value if bare == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else bare * value
+    found = _QUANTITY.fullmatch(value)
+    unit = found and (unit_of(found[2]) if kind == "acceleration" else _spelt(found[2], units))
+    if not found or not unit:
+        first, number = next(iter(units)), found[1] if found else "1"
+        accepted = f'a number in {first}, or a text with a unit such as "{number} {first}" ({", ".join(units)})'
+        raise ValueError(checks.refusal(name, value, accepted))
+    return float(found[1]) * units[unit]
+
+
+def _spelt(text, units):
+    """Return the unit that a text means, in letters of any size, or None."""
+    return next((unit for unit in units if unit.lower() == text.lower()), None)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -27,7 +87,7 @@ class Dimensions:
     Parameters
     ----------
     width, height : float
-        Full width and full height, metres.
+        Full width and full height, metres, or a text with a unit ("50 cm").
     gravity : float
         Acceleration of gravity, m/s².
 
@@ -39,11 +99,13 @@ class Dimensions:
 
     width: float
     height: float
-    gravity: float = 9.80665
+    gravity: float = STANDARD_GRAVITY
 
     def __post_init__(self):
         for name in ("width", "height", "gravity"):
-            value = checks.number(f"block.dimensions.{name}", getattr(self, name), above=0.0)
+            kind = "acceleration" if name == "gravity" else "length"
+            value = in_units(f"block.dimensions.{name}", getattr(self, name), kind)
+            value = checks.number(f"block.dimensions.{name}", value, above=0.0)
             checks.number(f"block.dimensions.{name}", value, at_least=_SMALLEST, at_most=_LARGEST)
             object.__setattr__(self, name, value)
 

@@ -10,17 +10,17 @@ from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
 from fpk_rocking.studies.lognormal import MISFIT, REJECTED
 from montecarlo.results.sample import path_doubts
 
-__all__ = ["doubts_of"]
+__all__ = ["doubts_of", "model_doubts"]
 
 
 def doubts_of(result: Any) -> list[Doubt]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
-    found = _unanswered(result) + _noise(result) + _rejected(result)
-    if result.mixture:
-        found += _few_motions(result)
-    if result.deterministic.any():
-        found += path_doubts(result.engine)
-    return found
+    return model_doubts(result) + _rejected(result) + (_few_motions(result) if result.mixture else [])
+
+
+def model_doubts(result: Any) -> list[Doubt]:
+    """Return what speaks against the model, the noise and the engine of a `studies.Fragility`, each kind once."""
+    return _unanswered(result) + _noise(result) + (path_doubts(result.engine) if result.deterministic.any() else [])
 
 
 def _unanswered(result):
@@ -35,7 +35,7 @@ def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
     kinds: dict[str, dict[Doubt, None]] = {}
     for scene in result.scenes:
-        for doubt in scene_doubts(scene, result.closure):
+        for doubt in scene_doubts(scene, result.closure, scales=(result.scale[0], result.scale[-1])):
             kinds.setdefault(doubt.kind, {})[doubt] = None
     found = []
     for kind in kinds.values():

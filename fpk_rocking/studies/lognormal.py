@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Number
+from fpk_rocking.base.types import Array, ArrayLike, Number
 
 P_VALUE = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
 """What stands below fits with a p-value."""
@@ -124,7 +124,8 @@ def fit_lognormal(
     reason = _undetermined(logs, count, trials)
     if reason:
         return LognormalFit(level=level, reason=reason)
-    curve, information = _maximize(logs, count[None], trials)
+    design = np.stack([np.ones_like(logs), logs])
+    curve, information = maximize(design, count[None], trials)
     if not 0.0 < curve[0, 1] < _STEEPEST:
         return LognormalFit(level=level, reason="the probability does not rise with the scale")
     intercept, slope = curve[0]
@@ -139,7 +140,7 @@ def fit_lognormal(
     reach = np.exp(special.ndtri(0.5 + 0.5 * level) * errors)
     deviance = float(_deviance(logs, count[None], trials, curve)[0])
     drawn = np.random.default_rng(seed).binomial(trials.astype(int), fitted, (samples, logs.size)).astype(float)
-    lost = _deviance(logs, drawn, trials, _maximize(logs, drawn, trials, curve)[0])
+    lost = _deviance(logs, drawn, trials, maximize(design, drawn, trials, curve)[0])
     # What rounding leaves of two equal deviances is no difference.
     as_far = np.count_nonzero(lost >= deviance - _SMALL * (1.0 + deviance))
     return fit._replace(
@@ -148,6 +149,47 @@ def fit_lognormal(
         deviance=deviance,
         p_value=float((1 + as_far) / (samples + 1)),
     )
+
+
+def refitted(scale: ArrayLike, shares: Array) -> Array:
+    """Fit lognormal curves to many sets of probabilities at the same scales.
+
+    Parameters
+    ----------
+    scale : array_like, shape (n,)
+        Above 0.
+    shares : ndarray, shape (b, n)
+        Probabilities, in [0, 1].
+
+    Returns
+    -------
+    ndarray, shape (c, 2)
+        Median and dispersion, of those sets that determine a curve.
+    """
+    logs, trials = np.log(np.asarray(scale, float)), np.ones(np.size(scale))
+    known = np.array([not _undetermined(logs, share, trials) for share in shares], bool)
+    if not known.any():
+        return np.empty((0, 2))
+    intercept, slope = maximize(np.stack([np.ones_like(logs), logs]), shares[known], trials)[0].T
+    rises = (slope > 0.0) & (slope < _STEEPEST)
+    return np.stack([np.exp(-intercept[rises] / slope[rises]), 1.0 / slope[rises]], axis=-1)
+
+
+def shares_deviance(scale: ArrayLike, probability: ArrayLike, fit: LognormalFit) -> float:
+    """Return twice the log-likelihood that probabilities, each counting like one outcome, lose by a fit.
+
+    Parameters
+    ----------
+    scale, probability : array_like, shape (n,)
+    fit : LognormalFit
+
+    Returns
+    -------
+    float
+    """
+    logs, share = np.log(np.asarray(scale, float)), np.clip(np.asarray(probability, float), 0.0, 1.0)
+    curve = np.array([[-math.log(fit.median), 1.0]]) / fit.dispersion
+    return float(_deviance(logs, share[None], np.ones(share.size), curve)[0])
 
 
 def _undetermined(logs, count, trials):
@@ -167,19 +209,36 @@ def _likelihood(z, count, trials):
     return (count * special.log_ndtr(z) + (trials - count) * special.log_ndtr(-z)).sum(axis=-1)
 
 
-def _maximize(logs, count, trials, start=None):
-    """Maximize the likelihood of sets of counts (r, n); return curves (r, 2), b₀ and b₁, and information (r, 2, 2)."""
-    sets = count.shape[0]
+def maximize(design: Array, count: Array, trials: Array, start: Array | None = None) -> tuple[Array, Array]:
+    """Maximize the likelihood of sets of counts under probits that are linear in some terms.
+
+    Parameters
+    ----------
+    design : ndarray, shape (k, n)
+        Values of the terms: ones, the logarithms of the scales, and any others.
+    count : ndarray, shape (r, n)
+        Sets of counts.
+    trials : ndarray, shape (n,)
+    start : ndarray, shape (r or 1, k), optional
+        Where to begin.
+
+    Returns
+    -------
+    curve : ndarray, shape (r, k)
+        Factors of the terms.
+    information : ndarray, shape (r, k, k)
+        Observed information.
+    """
+    sets, terms = count.shape[0], len(design)
     if start is None:
-        middle, spread = logs.mean(), max(logs.std(), _SMALL)
-        start = np.array([[-middle / spread, 1.0 / spread]])
-    curve = np.broadcast_to(start, (sets, 2)).copy()
-    design = np.stack([np.ones_like(logs), logs])
+        middle, spread = design[1].mean(), max(design[1].std(), _SMALL)
+        start = np.array([[-middle / spread, 1.0 / spread, *[0.0] * (terms - 2)]])
+    curve = np.broadcast_to(start, (sets, terms)).copy()
     reached = _likelihood(curve @ design, count, trials)
     for _ in range(_ROUNDS):
         gradient, information = _derivatives(curve @ design, count, trials, design)
         # Sets that a scale separates have no maximum: their information vanishes, and their steps are held back.
-        ridge = 1e-12 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(2) + 1e-300 * np.eye(2)
+        ridge = 1e-12 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(terms) + 1e-300 * np.eye(terms)
         step = np.linalg.solve(information + ridge, gradient[..., None])[..., 0]
         step *= np.minimum(1.0, 0.5 * _STEEPEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1.0))
         for _ in range(_ROUNDS):
@@ -196,7 +255,7 @@ def _maximize(logs, count, trials, start=None):
 
 
 def _derivatives(z, count, trials, design):
-    """Gradient (r, 2) of the log-likelihood, and its observed information (r, 2, 2)."""
+    """Gradient (r, k) of the log-likelihood, and its observed information (r, k, k)."""
     density = -0.5 * z * z - _LOG_ROOT
     rise, fall = np.exp(density - special.log_ndtr(z)), np.exp(density - special.log_ndtr(-z))
     gradient = (count * rise - (trials - count) * fall) @ design.T

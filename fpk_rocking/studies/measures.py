@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from fpk_rocking.base import checks
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 
 class Intensities(NamedTuple):
@@ -29,6 +30,21 @@ class Intensities(NamedTuple):
     pga: float
     pgv: float
     relative_velocity: float
+
+    def columns(self, scale: float) -> dict[str, float]:
+        """Return the measures at a scale by names that say their units, for tables."""
+        return {
+            "acceleration": scale * self.acceleration,
+            "velocity": scale * self.velocity,
+            "pga_g": scale * self.pga / STANDARD_GRAVITY,
+            "pgv_m_per_s": scale * self.pgv,
+            "relative_velocity": scale * self.relative_velocity,
+        }
+
+    def at(self, scale: float) -> str:
+        """Return peak acceleration and velocity at a scale as a text; empty for a block without dimensions."""
+        found = {"PGA {:.4g} g": self.pga / STANDARD_GRAVITY, "PGV {:.4g} m/s": self.pgv}
+        return ", ".join(text.format(scale * value) for text, value in found.items() if math.isfinite(value))
 
 
 def intensities(scene: Scene) -> Intensities:

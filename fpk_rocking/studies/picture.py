@@ -142,14 +142,16 @@ def _curves(axes, result, m, shown):
     for one in shown:
         _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
     # Set, for there may be no answer at all, and nothing that a logarithmic axis could begin with.
-    axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03), xlabel="scale of the shaking")
+    known = result.intensities[m].at(1.0)
+    axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03))
+    axes.set_xlabel("scale of the shaking" + f"\n(1: {known})" * bool(known))
     logarithmic(axes.set_xscale, axes.xaxis)
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
     known = np.isfinite(result.probability[m, which])
     scale, values = result.scale[known], result.probability[m, which, known]
-    found, label = result.fits[m][which], f"{result.engine}, {result.names[which]}"
+    found, label = result.fits[m][which], f"{_made_by(result)}, {result.names_with_degrees[which]}"
     if fit and not found.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
         axes.plot(fine, found(fine), color=colour, linewidth=1.0, label=f"lognormal fit of {label}")
@@ -161,13 +163,19 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten."""
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     set_scale("log")
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_view_interval()
+    subs = (1.0, 2.0, 5.0) if high > 10.0 * low else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+    axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
+
+
+def _made_by(result):
+    return "density solver" if result.engine == "density" else f"Monte Carlo {result.engine}"
 
 
 def _event(result, which):
@@ -187,6 +195,9 @@ def _notes(results):
 def _duration(result):
     if "cycles" in result.options:
         return f"Within {result.options['cycles']} forcing cycles."
-    if "times" in result.options:
-        return f"Until τ = {result.options['times'][-1]:g}."
-    return f"Until τ = {SETTLING:g} after the end of the motion."
+    last, after = (
+        (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the end of the motion")
+    )
+    sizes = {scene.block.dimensions for scene in result.scenes}
+    size = sizes.pop() if len(sizes) == 1 else None
+    return f"Until {f'τ = {last:g}' if size is None else f'{size.seconds(last):.3g} s'}{after}."

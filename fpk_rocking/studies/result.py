@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Iterator
 from typing import Any, ClassVar, Self
 
@@ -201,6 +202,14 @@ class Fragility(Saved, Shown):
         """Labels of the l + 1 probabilities."""
         return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
 
+    @property
+    def names_with_degrees(self) -> list[str]:
+        """The same with the levels in degrees too, where all blocks have one critical angle."""
+        angle = math.degrees(_common([scene.block.critical_angle for scene in self.scenes]))
+        if not angle > 0.0:
+            return self.names
+        return ["overturned", *(f"|Θ| ≥ {one:g} ({angle * one:.3g}°)" for one in self.level)]
+
     def label(self, scene: int) -> str:
         """Return a label of a scene: its value of the parameter, the size of its block, or its number.
 
@@ -278,7 +287,9 @@ class Fragility(Saved, Shown):
             return f"Lognormal ({where}): no fit, {fit.reason}."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
-        return text + (f", p = {fit.p_value:.2g}." if np.isfinite(fit.p_value) else ".")
+        text += f", p = {fit.p_value:.2g}" if np.isfinite(fit.p_value) else ""
+        known = self.intensities[scene].at(fit.median)
+        return text + f". At the median: {known}" * bool(known) + "."
 
     def columns(self) -> dict[str, Array]:
         """Table of `to_csv`: arrays by column name."""
@@ -301,20 +312,25 @@ class Fragility(Saved, Shown):
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of `to_csv`, a dict for each probability."""
         limits, angles = self.interval(), [scene.overturning.angle for scene in self.scenes]
-        angles = [_common(angles)] if self.mixture else angles
+        degrees = [math.degrees(scene.block.critical_angle) or math.nan for scene in self.scenes]
+        if self.mixture:
+            angles, degrees = [_common(angles)], [_common(degrees)]
+        place = range(len(self.place)) if self.axis == "scene" and not self.mixture else self.place
         for m, measure in enumerate(self.intensities):
             for n, scale in enumerate(self.scale):
                 for which, level in enumerate([angles[m], *self.level]):
                     low, high = limits[m, which, n]
                     yield {
-                        self.axis: self.place[m],
+                        self.axis: place[m],
                         "scale": scale,
                         "level": level,
+                        "level_deg": level * degrees[m],
                         "event": "overturned" if which == 0 else "reached",
                         "probability": self.probability[m, which, n],
                         "low": low,
                         "high": high,
-                        **{name: scale * value for name, value in measure._asdict().items()},
+                        "lognormal": math.nan if (fit := self.fits[m][which]).reason else float(fit(scale)),
+                        **measure.columns(scale),
                         "reason": self.reasons.get(f"{m},{which},{n}", ""),
                     }
 

@@ -34,15 +34,18 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
         The verdict, the fits, notes on the columns, the seconds, and the remarks.
     """
     many, still = len(result.place) > 1, result.deterministic
-    names = [result.axis] * many + ["scale", "p PGV / (g tan θ_cr)"]
-    for name in result.names:
+    sized = all(np.isfinite(measure.pga) or np.isfinite(measure.pgv) for measure in result.intensities)
+    names = [result.axis] * many + ["scale"] + (["PGA, g", "PGV, m/s"] if sized else ["p PGV / (g tan θ_cr)"])
+    for name in result.names_with_degrees:
         names += [name] + ["95 %" if result.realizations else "± estimate"] * (not still.all())
     limits = result.interval()
 
     def rows(m, place):
         for n, scale in enumerate(result.scale):
-            velocity = scale * result.intensities[m].relative_velocity
-            cells = [f"{place:g}"] * many + [f"{scale:.4g}", f"{velocity:.3f}" if np.isfinite(velocity) else "-"]
+            measures = result.intensities[m].columns(scale)
+            shown = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]
+            cells = [f"{place:g}"] * many + [f"{scale:.4g}"]
+            cells += [f"{value:.3f}" if np.isfinite(value) else "-" for value in shown]
             for which in range(len(result.names)):
                 value, (low, high) = result.probability[m, which, n], limits[m, which, n]
                 error = "exact" if still[m] else f"{low:.4f}–{high:.4f}"
@@ -53,6 +56,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     title = f"Fragility by {result.engine}, {size_of(result)}"
     fits = [result.describe(m, which) for m in range(len(result.place)) for which in range(len(result.names))]
     notes = [P_VALUE] if result.tested else []
-    notes.append("p PGV / (g tan θ_cr): peak velocity of the shaking without noise, nondimensional.")
+    what = "PGA, PGV: peak acceleration and velocity" if sized else "p PGV / (g tan θ_cr): peak velocity"
+    notes.append(f"{what} of the shaking without noise{'' if sized else ', nondimensional'}.")
     table = text_table(names, *(rows(*place) for place in enumerate(result.place)))
     return title, table, told(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)

@@ -48,7 +48,7 @@ def tasks_of(verb: Callable[..., Any], cells: Sequence[Cell], options: dict[str,
     found: set[str] = set()
     for cell in cells:
         if verb is mc:
-            found.update(map(task_of, fitting(cell.scene, options.get("method"))[:1]))
+            found.update(task_of(engine, cell.scene) for engine in fitting(cell.scene, options.get("method"))[:1])
         elif verb is fpk:
             found.update(tasks_of_density(cell.scene, options.get("closure")))
     return sorted(found)

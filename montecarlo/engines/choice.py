@@ -1,6 +1,6 @@
 """The engines there are, which of them simulates a scene, and what it compiles before."""
 
-from fpk_rocking.base import checks
+from fpk_rocking.base import ahead, checks
 from montecarlo.engines import enveloped, exact, filtered, nonlinear, rk4, white
 
 ENGINES = exact, enveloped, nonlinear, rk4, white, filtered
@@ -36,6 +36,6 @@ def engine_of(scene, method=None):
     raise ValueError(checks.refusal("method", method, accepted))
 
 
-def task_of(engine):
-    """Return the task of `fpk_rocking.base.ahead` that compiles an engine."""
-    return f"montecarlo.ahead:{engine.__name__.rpartition('.')[2]}"
+def task_of(engine, scene):
+    """Return the task of `fpk_rocking.base.ahead` that compiles an engine for a scene."""
+    return ahead.of_block(f"montecarlo.ahead:{engine.__name__.rpartition('.')[2]}", scene)

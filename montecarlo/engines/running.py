@@ -101,7 +101,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
         Each of its own arrays.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
-    ahead.before(task_of(engine))
+    ahead.before(task_of(engine, run.scene))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     lap = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
     problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)

@@ -204,6 +204,7 @@ def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turn
     assert left > 3.0 * right
 
 
+@pytest.mark.slow
 def test_second_harmonic(case, tmp_path, monkeypatch):
     """Coarse densities of five cycles beside 2000 realizations and survival at tol 1e-3; rates beside theirs."""
     module = case("second_harmonic")

@@ -24,6 +24,9 @@ SCALED = {"scales": "0.9,1.1", "cycles": 3, "realizations": 200, "seed": 1}
 ELSEWHERE = {"help", "version", "out", "report", "json", "checkpoint"}
 """Options that test_cli.py, test_report.py and test_checkpoint.py try."""
 
+OF_RISK = {"records", "synthetic", "units", "hazard", "intensities", "measure", "name", "uncertain", "blocks", "set"}
+"""Options that tests/risk and test_drawing.py try."""
+
 
 def asked(options):
     """Words of the command line for options by name; True stands for one without a value."""
@@ -54,7 +57,7 @@ def test_no_option_is_left_out():
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
-    assert known - ELSEWHERE == tried | {"times", "tally", "closure", "scales", "workers", "no_check"}
+    assert known - ELSEWHERE - OF_RISK == tried | {"times", "tally", "closure", "scales", "workers", "no_check"}
 
 
 OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cycle", 60), ("method", "exact")]

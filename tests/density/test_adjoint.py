@@ -12,7 +12,7 @@ from numpy.polynomial.legendre import legvander
 from fpk_rocking import Harmonic, load_scene
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.adjoint import value_at
+from fpk_rocking.density.step.adjoint import row_value, value_at
 from fpk_rocking.density.step.deposit import add
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
@@ -102,6 +102,9 @@ def test_a_deposit_and_a_value_at_a_point_are_of_the_same_polynomials():
     add(deposited, 2.0, *place, (0.0,) * 6)
     assert deposited.reshape(6, 6) == pytest.approx(2.0 * np.outer(along, across), rel=1e-13)
     assert value_at(cell.ravel(), *place, (0.0,) * 6) == pytest.approx(along @ cell @ across, rel=1e-12)
+    for modes in range(2, 7):
+        row = row_value.py_func(cell.ravel()[: modes**2], 1, across, (0.0,) * modes)
+        assert row == pytest.approx(cell.ravel()[modes : 2 * modes] @ across[:modes], rel=1e-12)
 
 
 @pytest.mark.parametrize("same_mesh", [True, False])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density import refinement, solver
+from fpk_rocking.density import outlook, refinement, solver
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
@@ -28,19 +28,20 @@ def grid_of(scene, resolution, cycles=10):
 
 
 @pytest.mark.parametrize(
-    ("before", "last", "bins", "lost", "expected"),
+    ("distances", "bins", "lost", "expected"),
     [
-        (1e-3, 4e-4, 1e-3, 0.0, 1.4 * 4e-4),  # the last difference rules
-        (1e-3, 2e-4, 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
-        (1e-2, 2e-4, 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
-        (1e-6, 1e-6, 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
-        (1e-6, 1e-6, 1e-6, -3e-3, 3e-3),  # what was lost is an error
+        ((1e-3, 4e-4), 1e-3, 0.0, 1.4 * 4e-4),  # the last distance rules
+        ((1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # small by chance: the one before tells
+        ((1e-2, 2e-4), 1e-3, 0.0, 1.4 * 5e-4),  # but not more than two and a half times the last
+        ((2e-3, 1e-3, 2e-4), 1e-3, 0.0, 1.4 * 3e-4),  # it hardly falls: to .3 over two solutions
+        ((1e-6, 1e-6), 1e-2, 0.0, 1e-4),  # survival says nothing, the bins do
+        ((1e-6, 1e-6), 1e-6, -3e-3, 3e-3),  # what was lost is an error
     ],
 )
-def test_estimate_from_three_solutions(before, last, bins, lost, expected):
+def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
     level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None))
-    found = solver.Solved.error(level, safe_difference(before, last), bins)
+    found = solver.Solved.error(level, safe_difference(distances), bins)
     assert found == pytest.approx(expected, rel=1e-12)
 
 
@@ -83,6 +84,46 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
         found = solve_fpk(MAIN, cycles=2, tol=1e-4)
     assert caught[0].filename == __file__
     assert found.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "left", "hopeless"),
+    [
+        (0.04, 0.04, 1, False),  # resolved
+        (0.2, 0.4, 1, False),  # 0.2 / 4 next
+        (0.2, 0.3, 1, True),
+        (0.2, 0.3, 2, False),
+        (0.2, 0.1, 3, True),  # it grows
+        (0.06, 0.1, 0, True),  # no finer one
+    ],
+)
+def test_hope_ends_where_negative_mass_falls_too_slowly(now, before, left, hopeless):
+    fine, coarse = (types.SimpleNamespace(negative_mass=mass) for mass in (now, before))
+    assert solver._hopeless(refinement.Refined(fine, coarse, 0.0, 0.0, left)) is hopeless
+
+
+def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
+    """Seconds of one processor grow with the cycles; the paths are those of a standard error below the tolerance."""
+    times = MAIN.period * np.arange(11)
+    grid = grid_of(MAIN, RESOLUTIONS[2])
+    few, many = (outlook.seconds_of(MAIN, grid, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
+    assert 10.0 * few < many < 100.0 * few
+    outlook.tell(MAIN, [grid], times, 1e-2)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(outlook, "seconds_of", lambda *_: 26.0)
+    outlook.tell(MAIN, [grid, grid], times, 1e-2)
+    said = capsys.readouterr().err
+    assert "about 50 s of one processor" in said
+    assert "10,000 sampled paths give a standard error of 0.005" in said
+
+
+def test_default_tolerances_depend_on_whether_the_scene_repeats():
+    usual = refinement.bins_tolerance(1e-3)
+    assert solver._tolerances(MAIN, None, None) == (1e-3, usual, usual)
+    once = types.SimpleNamespace(repeats=False)
+    assert solver._tolerances(once, None, None) == (1e-2, math.inf, refinement.bins_tolerance(1e-2))
+    assert solver._tolerances(once, 1e-3, 0.1) == (1e-3, 0.1, 0.1)
+    assert solver._tolerances(once, 1e-3, math.inf) == (1e-3, math.inf, math.inf)
 
 
 @pytest.mark.slow

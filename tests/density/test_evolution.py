@@ -8,12 +8,20 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
+from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
 from fpk_rocking.studies import checked
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
+
+
+def test_a_density_is_shown_where_it_is_resolved():
+    """In all rows but that of the start, unless told."""
+    solution = Solution(np.ones(4), np.zeros((4, 3)), np.zeros((4, 1, 1, 2, 2)))
+    assert solution.shown.tolist() == [1, 2, 3]
+    assert solution._replace(resolved=np.array([True, False, True, False])).shown.tolist() == [0, 2]
 
 
 @pytest.fixture(scope="module")

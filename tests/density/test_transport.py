@@ -239,8 +239,8 @@ def test_noise_is_carried_through_an_impact(point, side):
 def test_ends_that_something_passes_are_numbered_row_by_row():
     """Rows of sources that pass both ends, none, that hold nothing, that pass the lower end, and the upper one."""
     lines, source = np.arange(6.0), np.array([[0, 5], [1, 4], [3, 3], [0, 4], [1, 5]])
-    bounds, still = np.tile([0, 5], (5, 1)), np.zeros((5, 2))
-    found = passes_end(lines, bounds, still, np.array([-0.1, 0.1]), source)
+    bounds, still, spread = np.tile([0, 5], (5, 1)), np.zeros((5, 2)), np.ones((5, 2))
+    found = passes_end(lines, bounds, still, spread, np.array([-0.1, 0.1]), source)
     assert found.tolist() == [[0, 1], [-1, -1], [-1, -1], [2, -1], [-1, 3]]
 
 

@@ -10,6 +10,7 @@ import types
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from fpk_rocking import BandNoise, Block, CycleOperator, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.compare import compare
@@ -283,11 +284,15 @@ def fragility(axis="scene", sampled=True):
     for (m, block), (n, scale), which in itertools.product(enumerate(BLOCKS), enumerate(SCALES), range(3)):
         size, at = block.block.dimensions, (m, which, n)
         unit, velocity = size.gravity * size.critical_angle, block.forcing.amplitude / block.forcing.frequency
-        row = {axis: place[m], "scale": scale, "level": [block.overturning.angle, *LEVELS][which]}
+        fit, level = result.fits[m][which], [block.overturning.angle, *LEVELS][which]
+        row = {axis: m if axis == "scene" else place[m], "scale": scale, "level": level}
+        row["level_deg"] = level * math.degrees(math.atan2(size.width, size.height))
         row |= {"event": "reached" if which else "overturned", "probability": probability[at]}
         row |= {"low": limits[at][0], "high": limits[at][1]}
+        row["lognormal"] = stats.norm.cdf(math.log(scale / fit.median) / fit.dispersion)
         row |= {"acceleration": scale * block.forcing.amplitude, "velocity": scale * velocity}
-        row |= {"pga": row["acceleration"] * unit, "pgv": row["velocity"] * unit / size.frequency_parameter}
+        row["pga_g"] = row["acceleration"] * unit / 9.80665
+        row["pgv_m_per_s"] = row["velocity"] * unit / size.frequency_parameter
         relative = row["velocity"] * size.critical_angle / math.tan(size.critical_angle)
         rows.append(row | {"relative_velocity": relative, "reason": reason * (at == (1, 2, 3))})
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}

@@ -238,6 +238,18 @@ def test_first_passage_map_is_the_loss_of_survival(operator):
     assert np.abs(operator.first_passage_map(3).coefficients - loss).max() < 1e-13
 
 
+def test_another_leading_eigenvalue_of_the_adjoint_is_refused(monkeypatch):
+    def modes(*values):
+        return types.SimpleNamespace(values=np.array(values))
+
+    one = types.SimpleNamespace(_one=np.ones(4), leg=types.SimpleNamespace(rmatvec=None), modes=modes(0.9, 0.5))
+    monkeypatch.setattr(level, "leading_modes", lambda *_: modes(0.9, 0.4))
+    assert level.Level.left_modes.func(one).values[1] == 0.4
+    monkeypatch.setattr(level, "leading_modes", lambda *_: modes(0.9 - 1e-7, 0.5))
+    with pytest.raises(ValueError, match=r"scene: got 'eigenvalues 0\.9\d+ and 0\.8999999\d+', accepted: .* adjoint"):
+        level.Level.left_modes.func(one)
+
+
 def test_half_a_turn_of_the_phase_turns_the_map(operator):
     """(x, v, Psi) -> (-x, -v, Psi + pi)."""
     there, here = operator.survival_map(2, phase=MAIN.forcing.phase + np.pi), operator.survival_map(2)

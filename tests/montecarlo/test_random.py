@@ -53,6 +53,15 @@ def test_normals_have_their_tail():
         assert abs(np.count_nonzero(np.abs(numbers) > limit) - expected) < 4.0 * np.sqrt(expected)
 
 
+def test_paths_that_begin_at_a_later_cycle_have_keys_of_their_own():
+    keys = random.stream_keys(7)
+    assert np.array_equal(random.keys_at(keys, 0), keys)
+    later = np.array([random.keys_at(keys, cycle) for cycle in range(100)])
+    assert np.unique(later).size == 400
+    with np.errstate(over="ignore"):  # Python sees an index beyond the end.
+        assert np.array_equal(random.keys_at.py_func(keys, 9), later[9])
+
+
 def test_streams_differ_in_every_word():
     for seeds, realizations in (((1,), range(2000)), (range(2000), (0,))):
         words = np.array([random.open_stream(random.stream_keys(s), r) for s in seeds for r in realizations])

@@ -106,6 +106,7 @@ def test_agrees_with_a_plain_ensemble(scene, cycles, which):
     compare(scene, cycles, which)
 
 
+@pytest.mark.slow
 def test_agrees_with_a_plain_ensemble_of_exact_blocks(monkeypatch):
     """With a coarse table of prospects; false alarm 6 x 6e-5."""
     monkeypatch.setattr("montecarlo.rare.prospects._ANGLES", 24)

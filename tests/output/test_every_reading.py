@@ -102,7 +102,7 @@ def test_every_printed_row(name):
     result, columns, _, _ = kind(name)
     counted = {"cycles": [f"{k}" for k in range(made_results.CYCLES + 1)]}
     if result.scene.period is None:
-        counted = {"τ": [f"{time:g}" for time in columns["time"]]}
+        counted = {"time τ": [f"{time:g}" for time in columns["time"]]}
     wanted = counted | {"survival": [f"{value:.5f}" for value in columns["survival"]]}
     if name in SAMPLES:
         wanted |= {"95 % interval": limits(columns["survival_low"], columns["survival_high"], 5)}
@@ -146,7 +146,8 @@ def test_every_printed_row_of_curves(name):
     first = columns["event"] == "overturned"
     assert found.pop(result.axis) == [f"{value:g}" for value in columns[result.axis][first]]
     assert found.pop("scale") == [f"{value:.4g}" for value in columns["scale"][first]]
-    assert found.pop("p PGV / (g tan θ_cr)") == [f"{value:.3f}" for value in columns["relative_velocity"][first]]
+    for head, column in (("PGA, g", "pga_g"), ("PGV, m/s", "pgv_m_per_s")):
+        assert found.pop(head) == [f"{value:.3f}" for value in columns[column][first]]
     bounds = found.pop("95 %" if result.realizations else "± estimate")
     assert list(found) == ["overturned", "|Θ| ≥ 0.5", "|Θ| ≥ 1.1"]
     for which, texts in enumerate(found.values()):
@@ -193,7 +194,9 @@ def test_every_row_of_a_report(name, tmp_path):
     result, columns, _, _ = kind(name)
     head, rows, _ = written(result, tmp_path)
     known = {one: values for one, values in columns.items() if values.dtype.kind != "f" or not np.isnan(values).all()}
-    assert head == [one.replace("_", " ") for one in known]
+    units = {"time": "time τ", "wall_s": "wall, s", "level_deg": "level, degrees", "pga_g": "pga, g"}
+    units["pgv_m_per_s"] = "pgv, m/s"
+    assert head == [units.get(one, one.replace("_", " ")) for one in known]
     assert len(rows) == len(next(iter(columns.values())))
     for texts, values in zip(zip(*rows, strict=True), known.values(), strict=True):
         if values.dtype.kind == "f":

@@ -1,9 +1,12 @@
 """Pictures, tables and summaries: what they show, and complete or not there."""
 
 import itertools
+import json
 import math
+import re
 import subprocess
 import sys
+import types
 
 import fakes
 import matplotlib.image
@@ -11,10 +14,12 @@ import numpy as np
 import opengl
 import pytest
 
-from fpk_rocking import BandNoise, Block, Harmonic, Scene
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, maps, progress, style, summary, surfaces, tables
+from fpk_rocking.output import curves, maps, progress, report, style, summary, surfaces, tables
 from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.pictures import edges_of
+from fpk_rocking.results.times import shown_times, time_name, when
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 DENSITY = fakes.FakeEvolution(MAIN)
@@ -92,6 +97,10 @@ def test_survival_figure(tmp_path, drawn):
     assert len(difference.containers) == 2
     np.testing.assert_allclose(difference.containers[0][0].get_ydata(), ENSEMBLE.survival - DENSITY.survival)
     assert leakage.get_ylim()[0] < 0.0 < leakage.get_ylim()[1]
+    (legend,) = figure.legends
+    handles, names = survival.get_legend_handles_labels()
+    assert [text.get_text() for text in legend.get_texts()] == names
+    assert len(legend.legend_handles) == len(handles) == 3
     assert [path.name for path in tmp_path.iterdir()] == ["survival.png"]
 
 
@@ -139,10 +148,10 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(capsys, monkeypatch)
     clock = iter([0.0, 1.0, 11.0, 12.0, 30.0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
     with progress.reporting("density") as report:
-        for done in (1, 2, 3, 4):
-            report(done, 4)
+        for done in (1, 3, 4, 5):
+            report(done, 5)
     captured = capsys.readouterr()
-    assert captured.err == "density: 50 % after 11 s, about 20 s left\n"
+    assert captured.err == "density: 60 % after 11 s, about 10 s left\n"
     assert captured.out == ""
 
 
@@ -181,3 +190,45 @@ def test_probe_names_a_missing_package(monkeypatch):
     failed = subprocess.CompletedProcess([], 1, "", "ModuleNotFoundError: No module named 'pyvista'\n")
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
     assert "fpk-rocking[view]" in opengl.probe_rendering().reason
+
+
+def test_times_after_a_pulse_are_in_seconds_where_the_size_is_known():
+    sized = Scene(Block(0.9, Dimensions(0.6, 2.0)), Pulse("one-sine", 1.4, 3.0), BandNoise(0.01, (0.0, 9.0), 20))
+    size, times = sized.block.dimensions, np.array([0.0, 2.0, 7.0])
+    found = types.SimpleNamespace(scene=sized, times=times, cycles=None)
+    assert shown_times(found) == pytest.approx(size.seconds(times), rel=1e-15)
+    assert (time_name(sized), when(found, 2)) == ("time, s", f"after {size.seconds(7.0):.4g} s")
+    bare = types.SimpleNamespace(scene=sized.varied(block=Block(0.9)), times=times, cycles=None)
+    assert shown_times(bare).tolist() == times.tolist()
+    assert (time_name(bare.scene), when(bare, 2)) == ("time τ", "τ = 7")
+
+
+def test_a_block_with_a_size_is_shown_in_seconds_and_degrees(capsys, tmp_path):
+    scene = Scene(Block(0.9, Dimensions(0.6, 2.0)), Harmonic(1.4, 3.0), BandNoise(0.01, (0.0, 9.0), 20))
+    size = scene.block.dimensions
+    found = fakes.FakeEnsemble(scene, realizations=500)
+    tables.show(*tables.result_table(found))
+    first, _, head, _, *rows = capsys.readouterr().out.splitlines()
+    last, half = size.seconds(found.times[-1]), np.abs(found.survival_interval()[-1] - found.survival[-1]).max()
+    told = f"P(overturned) = {1.0 - found.survival[-1]:.4f} ± {half:#.2g} (95 %, sampling), after "
+    assert first == f"{told}10 cycles ({last:.4g} s)"
+    assert head.split()[:3] == ["cycles", "time,", "s"]
+    assert float(rows[4].split()[1]) == pytest.approx(size.seconds(found.times[4]), rel=1e-3)
+    assert found.columns()["time_s"] == pytest.approx(size.seconds(found.times))
+    survival, plane = found.plot(cycle=4).axes[:2]
+    assert survival.get_xlabel() == "forcing cycles"
+    assert (plane.get_xlabel(), plane.get_ylabel()) == ("angle θ, degrees", "velocity, degrees/s")
+    (mesh,) = plane.collections
+    coordinates = mesh.get_coordinates()
+    edges = coordinates[0, :, 0], coordinates[:, 0, 1]
+    areas = np.multiply.outer(*map(np.diff, edges))
+    unit = math.degrees(size.critical_angle)
+    bins = found.bin_probabilities(4, edges[0] / unit, edges[1] / (unit * size.frequency_parameter))
+    np.testing.assert_allclose(mesh.get_array(), (bins / areas).T, rtol=1e-9, atol=1e-12)
+    report.write_report(tmp_path / "x.html", found, {}, films=[found], scenes=[scene])
+    text = (tmp_path / "x.html").read_text(encoding="utf-8")
+    film = json.loads(re.search(r"id='film'>(.*?)</script>", text)[1])
+    assert film["names"] == ["angle θ, degrees", "velocity, degrees/s"]
+    assert film["angle"][-1] == pytest.approx(unit * edges_of([found], [4])[0][-1], rel=0.2)
+    assert f"Here the critical angle is {unit:.4g}°, and τ = 1 is {size.seconds(1.0):.4g} s." in text
+    assert "<th>time, s</th>" in text

@@ -19,8 +19,7 @@ from fpk_rocking import BandNoise, Block, Harmonic, Scene, cli
 from fpk_rocking.base.look import OVERTURNED
 from fpk_rocking.compare import compare
 from fpk_rocking.output import summary
-from fpk_rocking.output.report import _left_out as left_out
-from fpk_rocking.output.report import write_report
+from fpk_rocking.output.report import left_out, write_report
 from fpk_rocking.results.pictures import edges_of
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
@@ -94,7 +93,7 @@ def test_nothing_is_loaded_from_anywhere(report):
 def test_numbers_are_those_of_the_result(report):
     _, page = report
     assert page.json["summary"] == json.loads(json.dumps(summary.result_summary(DENSITY)))
-    assert page.rows[0] == ["cycle", "time", "survival", "overturned left", "overturned right"]
+    assert page.rows[0] == ["cycle", "time τ", "survival", "overturned left", "overturned right"]
     survival = [float(row[2]) for row in page.rows[1:]]
     assert survival == pytest.approx(DENSITY.survival, rel=1e-5)
     assert page.texts.count(DENSITY.title) == 2
@@ -120,6 +119,11 @@ def test_it_says_which_equation_of_motion_it_is_for():
     base = "The model is one rigid block that rocks in a plane on a rigid base"
     part = ", with the equation of motion of a slender one"
     assert found == [base, base + part, f"{base}{part} in 1 of 2 scenes"]
+    exact = dataclasses.replace(DENSITY.scene, block=Block(0.5, critical_angle=0.2))
+    assert [", and the scatter of restitution." in left_out([exact], scatter=one) for one in (True, False)] == [
+        True,
+        False,
+    ]
 
 
 def test_densities_are_those_of_the_results(both):
@@ -135,6 +139,8 @@ def test_densities_are_those_of_the_results(both):
             density = result.bin_probabilities(row, *edges) / areas
             # A code is half a step off at most, and the root of density is what it is a step of.
             assert np.abs(np.sqrt(drawn) - np.sqrt(density)).max() < 0.51 / 255.0 * math.sqrt(film["most"][row])
+    assert len(film["colours"]) == 256
+    assert len(set(film["colours"])) > 200
     assert film["when"][:2] == ["after 0 cycles", "after 1 cycle"]
     assert film["begin"] == 10
 

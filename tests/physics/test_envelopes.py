@@ -27,6 +27,7 @@ from fpk_rocking.analytics import melnikov
 from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo import simulate
+from montecarlo.engines.enveloped import pieces_of
 from montecarlo.poincare import restarted_poincare_map
 from montecarlo.rare.splitting import split
 
@@ -124,6 +125,17 @@ def test_flights_have_the_exact_mean_and_covariance(name, envelope):
             squares = (whitened**2).sum(axis=0)
             assert np.all(np.abs(stats.chi2.cdf(squares, size) - 0.5) < 0.5 - 0.5 * level)
         assert np.abs(whitened.mean(axis=0) * math.sqrt(size)).max() < stats.norm.isf(0.5 * level)
+
+
+def test_kinks_at_the_ends_of_intervals_cut_nothing():
+    """Intervals of .5 from 0 on; the kinks are at 0, 1, 3 and 4.5, and one moved into an interval cuts it."""
+    middles = 0.25 + 0.5 * np.arange(12)
+    piece, ends, _ = pieces_of(Trapezoid(1.0, 2.0, 1.5), middles, 0.25, 2)
+    assert piece.tolist() == list(range(13))
+    assert ends == pytest.approx(np.full(12, 0.25))
+    piece, ends, _ = pieces_of(Trapezoid(1.1, 1.9, 1.5), middles, 0.25, 2)
+    assert piece.tolist() == [0, 1, 2, *range(4, 14)]
+    assert ends[2:4] == pytest.approx([-0.15, 0.25])
 
 
 def test_before_white_noise_begins_a_block_moves_as_without_noise():

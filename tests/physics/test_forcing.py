@@ -237,6 +237,7 @@ def test_band_noise_engines_agree_under_harmonics():
     assert run.angle[0, 1] < 0.0
 
 
+@pytest.mark.slow
 def test_rare_overturning_under_harmonics_agrees_with_the_density():
     """Within 4 of the splitting's standard errors: false alarms 6e-5."""
     scene = Scene(Block(0.6), Harmonics(2.7, (1.2, 0.5), (0.0, 0.7)), WhiteNoise(0.01))

@@ -16,6 +16,7 @@ from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
 from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.polynomial import safe_time
 from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import advance
 
@@ -38,6 +39,13 @@ def random_scene(rng, kind):
     elif kind == "chatter":
         scene[0], scene[3], x, v = rng.uniform(0, 1.3), rng.uniform(0, 0.8), 0.2 * x, 0.2 * v
     return scene, (x, v, int(np.sign(x)))
+
+
+def test_how_long_a_gap_stays_open():
+    """Until the root of gap + slope t - curvature t²/2; for ever where it has none, of a gap of 0 too."""
+    safe = safe_time.py_func
+    assert [safe(1.0, 0.0, 2.0), safe(1.0, -1.0, 0.0), safe(1.0, 1.0, 4.0)] == [1.0, 1.0, 1.0]
+    assert safe(0.0, 0.0, 0.0) == safe(1.0, 0.0, 0.0) == safe(1.0, 1.0, 0.0) == safe(1.0, -1.0, -1.0) == math.inf
 
 
 @pytest.mark.parametrize("rounds", [25, pytest.param(100, marks=pytest.mark.slow)])

@@ -254,6 +254,78 @@ def test_peer_files_with_every_header_are_read(header, tmp_path):
     assert same.interval == pytest.approx(record.interval)
 
 
+@pytest.mark.parametrize(
+    ("spelling", "units", "si"),
+    [
+        ("G", "g", 9.80665),
+        ("m/s^2", "m/s2", 1.0),
+        ("M/SEC/SEC", "m/s2", 1.0),
+        ("gal", "cm/s2", 0.01),
+        ("cm/s²", "cm/s2", 0.01),
+    ],
+)
+def test_units_are_known_by_their_spellings(spelling, units, si):
+    record = Record(0.01, [0.0, 2.0, 0.0], spelling)
+    assert record.units == units
+    assert record.on(Dimensions(0.5, 1.8)).largest == pytest.approx(
+        2.0 * si / (9.80665 * math.atan(0.5 / 1.8)), rel=1e-12
+    )
+
+
+def test_peer_files_in_centimetres_and_with_values_that_run_together_are_read(tmp_path):
+    path = tmp_path / "motion.AT2"
+    path.write_text(NEW.replace("OF G", "OF CM/SEC/SEC").format(n=5) + "-.1234E-02-.2345E-03 .5\n1.5-2.5\n")
+    record = Record.from_file(path)
+    assert record.samples == (-0.1234e-2, -0.2345e-3, 0.5, 1.5, -2.5)
+    assert record.units == "cm/s2"
+
+
+def esm(samples, **changed):
+    header = {"EVENT_NAME": "X", "NDATA": len(samples), "SAMPLING_INTERVAL_S": 0.005, "UNITS": "cm/s^2"} | changed
+    lines = [f"{name}: {value}" for name, value in header.items() if value is not None]
+    return "\n".join(lines + [f"USER{k}: " for k in range(64 - len(lines))] + [str(one) for one in samples]) + "\n"
+
+
+def test_files_of_esm_are_read(tmp_path):
+    path = tmp_path / "IT.XYZ.ASC"
+    path.write_text(esm([0.5, -1.25, 2.0]))
+    record = Record.from_file(path)
+    assert (record.interval, record.samples, record.units) == (0.005, (0.5, -1.25, 2.0), "cm/s2")
+    for changed, says in (
+        ({"NDATA": 4}, "got 3 samples from line 65 on, accepted: the 4 of its line NDATA"),
+        ({"UNITS": "cm"}, "got UNITS: 'cm', accepted: an acceleration"),
+        ({"UNITS": None}, "got no line 'UNITS:'"),
+        ({"SAMPLING_INTERVAL_S": "0"}, "got SAMPLING_INTERVAL_S: 0"),
+        ({"SAMPLING_INTERVAL_S": "x"}, "got 'x', accepted: finite"),
+    ):
+        path.write_text(esm([0.5, -1.25, 2.0], **changed))
+        with pytest.raises(ValueError, match=says):
+            Record.from_file(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("time,acc\n0.0,1.5\n0.1,-2.5\n", ""),
+        ("Time [s];Acceleration [cm/s2]\n0,0;1,5\n0,1;-2,5\n", "cm/s2"),
+        ("t (s)\ta (m/s^2)\n0.0\t1.5\n0.1\t-2.5\n", "m/s2"),
+        ("0,0\t1,5\n0,1\t-2,5\n", ""),
+        ("# from a table\n0.0;1.5;\n0.1;-2.5;\n", ""),
+        ('"time","acc (g)"\r\n0.0, 1.5\r\n0.1, -2.5\r\n', "g"),
+    ],
+    ids=["names", "decimal commas", "tabs", "tabs and commas", "semicolons", "quotes"],
+)
+def test_columns_are_read_as_people_have_them(tmp_path, text, units):
+    path = tmp_path / "motion.csv"
+    path.write_text(text, newline="")
+    record = Record.from_file(path, units=None if units else "gal")
+    assert (record.samples, record.units) == ((1.5, -2.5), units or "cm/s2")
+    assert record.interval == pytest.approx(0.1, rel=1e-12)
+    if units == "g":
+        with pytest.raises(ValueError, match=r"forcing.units: got 'm/s2', accepted: 'g', as the file "):
+            Record.from_file(path, units="m/s2")
+
+
 BAD_PEER = {
     "cut": (peer(NEW, SAMPLES)[:-200], "got [45][0-9] samples, accepted: the 60"),
     "count": (peer(NEW, SAMPLES, 61), "got 60 samples, accepted: the 61"),
@@ -269,7 +341,7 @@ BAD_PEER = {
     "count of many digits": (peer(NEW, SAMPLES, "9" * 5000), "got the fourth line 'NPTS=   9*', accepted: 'NPTS= n"),
     "interval of Fortran": (peer(NEW.replace(".0100", "1.0D-2"), SAMPLES), "got '1.0D-2', accepted: finite numbers"),
     "samples of Fortran": (peer(NEW, SAMPLES).replace("E-", "D-"), r"got '-?[\d.]*D-\d\d', accepted: finite numbers"),
-    "glued": (NEW.format(n=3) + "0.1-0.2 0.3", "got '0.1-0.2', accepted: finite numbers"),
+    "glued": (NEW.format(n=4) + "0.1-0.2 0.3", "got '0.1-0.2', accepted: finite numbers"),
     "underscore": (NEW.format(n=2) + "1_0 2", "got '1_0', accepted: finite numbers"),
 }
 BAD_COLUMNS = {
@@ -279,10 +351,12 @@ BAD_COLUMNS = {
     "twice": ("0.00 1\n0.00 2\n0.01 3\n", "got the time 0 after 0"),
     "uneven": ("0.00 1\n0.01 2\n0.03 3\n", "got the time 0.01 for 0.015, accepted: equally spaced"),
     "nan": ("0.00 1\n0.01 nan\n", "got 'nan', accepted: finite numbers"),
-    "words": ("time acc\n0.0 1\n", "got 'time', accepted: finite numbers"),
+    "words": ("time acc\n0.0 1\n", "got 1 samples"),
+    "words later": ("0.0 1\ntime acc\n0.1 1\n", "got 'time', accepted: finite numbers"),
+    "two lines of words": ("time acc\ns g\n0.0 1\n0.1 1\n", "got 's', accepted: finite numbers"),
     "one line": ("0.0 1\n", "got 1 samples"),
     "glued": ("0.0 1\n0.1-0.2\n", "got a line of 1 columns"),
-    "semicolons": ("0.0;1\n0.1;2\n", "got a line of 1 columns"),
+    "three by semicolons": ("0,0;1,0;2\n0,1;2,0;2\n", "got a line of 3 columns"),
     "decimal commas": ("0,0 1,0\n0,1 2,0\n", "got a line of 4 columns"),
     "Fortran": ("0.0 1.D-2\n0.1 1.D-3\n", r"got '1\.D-2', accepted: finite numbers"),
 }
@@ -324,9 +398,13 @@ def test_what_is_no_text_file_is_refused_by_name(tmp_path):
         Record.from_file(path)
     with pytest.raises(FileNotFoundError, match=r"forcing.file: no file .*none.AT2"):
         Record.from_file(tmp_path / "none.AT2")
-    with pytest.raises(ValueError, match=r"units: got 'm/s2', accepted: 'g', the unit of an .AT2 file, or nothing"):
+    path.write_text(peer(NEW, SAMPLES))
+    with pytest.raises(
+        ValueError, match=r"units: got 'm/s2', accepted: 'g', as the file '.*motion.AT2' says, or nothing"
+    ):
         Record.from_file(path, units="m/s2")
-    with pytest.raises(ValueError, match=r"forcing.units: missing, required for a file of two columns"):
+    (tmp_path / "motion.txt").write_text("0 1\n1 2\n")
+    with pytest.raises(ValueError, match=r"forcing.units: missing, the file '.*motion.txt' does not say it"):
         Record.from_file(tmp_path / "motion.txt")
     with pytest.raises(OSError, match=r"forcing.file: .* cannot be read"):
         Record.from_file(tmp_path, units="g")
@@ -338,7 +416,7 @@ def test_bad_values_are_refused_by_name():
         (lambda: Record(0.01, [1.0], "g"), "forcing.samples: got"),
         (lambda: Record(0.01, [1.0, math.inf], "g"), r"forcing.samples\[1\]: got inf"),
         (lambda: Record(0.0, [1.0, 2.0], "g"), "forcing.interval: got 0.0"),
-        (lambda: Record(0.01, [1.0, 2.0], "cm/s2"), "forcing.units: got 'cm/s2', accepted: 'g' or 'm/s2'"),
+        (lambda: Record(0.01, [1.0, 2.0], "ft/s2"), "forcing.units: got 'ft/s2', accepted: 'g' or 'm/s2' or 'cm/s2'"),
         (lambda: Record(0.01, [1.0, 2.0], "g", math.nan), "forcing.scale: got nan"),
         (lambda: Pulse("two-sine", 1.0, 1.0), "forcing.shape: got 'two-sine', accepted: 'one-sine'"),
         (lambda: Pulse("one-sine", 1.0, 1.0, 2), "forcing.cycles: got 2, accepted: nothing"),

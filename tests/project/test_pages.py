@@ -26,6 +26,7 @@ LESS_EXACT = {"long_horizon.md": {"tol=1e-3": "tol=1e-2"}, "fragility.md": {"cyc
 OPTIONS = {"fpk": ["--cycles", "2", "--tol", "1e-2"], "mc": ["--cycles", "2", "--realizations", "500"]}
 OPTIONS["compare"] = OPTIONS["fpk"] + OPTIONS["mc"]
 OPTIONS["fragility"] = OPTIONS["mc"]
+OPTIONS["risk"] = ["--realizations", "10", "--synthetic", "5", "--intensities", "0.3:2:4"]
 # Blocks that are no examples: what a reader's shell shows, formulas, what only a cluster runs.
 OTHER = {"text", "console", "math", "py"}
 
@@ -69,6 +70,8 @@ def test_every_block_is_of_a_kind_that_is_run():
 def folder(tmp_path, monkeypatch):
     """Work in a folder with what pages call the reader's own: a scene and a record."""
     (tmp_path / "my.toml").write_text(load_scene("second").to_toml(), encoding="utf-8")
+    (tmp_path / "rack.toml").write_text(Scene.from_block(0.5, 1.8, 3.0, 1.5).to_toml(), encoding="utf-8")
+    (tmp_path / "pgv.csv").write_text("0.1,5e-2\n0.5,3e-3\n2,2.5e-5\n", encoding="utf-8")
     shutil.copy(ROOT / "cases" / "records" / "synthetic.AT2", tmp_path / "motion.AT2")
     monkeypatch.chdir(tmp_path)
 

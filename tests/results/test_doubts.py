@@ -168,6 +168,7 @@ def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=Fal
         reasons=dict.fromkeys(reasons, "refused."),
         fits=[[one] for one in fits],
         scenes=scenes,
+        scale=np.array([0.5, 2.0]),
         closure="",
         mixture=mixture,
         deterministic=np.array([False]),

@@ -64,7 +64,7 @@ RUN = {
 }  # fmt: skip
 SOLVE = {
     "scene": WRONG_SCENES, "cycles": fuzz.NOT_COUNTS | TOO_MANY, "progress": WRONG_PROGRESS,
-    "tol": st.one_of(fuzz.NOT_NUMBERS, fuzz.NOT_FINITE, st.floats(max_value=9e-5)),
+    "tol": st.one_of(GIVEN, fuzz.NOT_FINITE, st.floats(max_value=9e-5)),
 }  # fmt: skip
 STUDY = {
     "workers": fuzz.NOT_COUNTS, "store": OTHER_PATHS, "progress": WRONG_PROGRESS,

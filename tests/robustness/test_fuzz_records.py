@@ -55,7 +55,10 @@ def test_spoiled_record_files(examples, name, tmp_path):
         path.write_bytes(data)
         found = []
         if not fuzz.refused(
-            lambda: found.append(Record.from_file(path, units=units)), "forcing.file", "forcing.interval"
+            lambda: found.append(Record.from_file(path, units=units)),
+            "forcing.file",
+            "forcing.interval",
+            "forcing.units",
         ):
             assert len(found[0].samples) >= 2
             assert all(map(math.isfinite, (found[0].interval, *found[0].samples)))

@@ -157,7 +157,9 @@ def test_the_command_line_says_what_happens(tmp_path, capsys):
     outcome = simulate(FALL, cycles=2).outcome
     assert cli.main(["mc", str(file), "--cycles", "2", "--report", str(tmp_path / "fall.html")]) == 0
     text = capsys.readouterr().out
-    assert text.startswith(f"Monte Carlo exact, one path: no noise, {outcome}\n")
+    seconds = FALL.block.dimensions.seconds(2 * FALL.period)
+    answer = f"P(overturned) = 1 (one path), after 2 cycles ({seconds:.4g} s)"
+    assert text.startswith(f"{answer}\nMonte Carlo exact, one path: no noise, {outcome}\n")
     assert "trust: ok. Deterministic: one path, exact to rounding" in text
     page = (tmp_path / "fall.html").read_text(encoding="utf-8")
     assert outcome in page

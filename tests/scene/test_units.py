@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, Start
+from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, Start, WhiteNoise, load_scene
+from fpk_rocking.scene.plausible import implausible
+from fpk_rocking.scene.units import in_units
 
 
 def test_a_block_in_round_numbers():
@@ -121,3 +123,110 @@ def test_from_block_refuses_by_name(keywords, message):
     values = {"width": 0.5, "height": 2.0, "peak_acceleration": 1.0, "frequency_hz": 1.0}
     with pytest.raises(ValueError, match=message):
         Scene.from_block(**values | keywords)
+
+
+SI = """
+[block.dimensions]
+width = "60 cm"
+height = 2
+[forcing]
+peak_acceleration = "0.3 g"
+frequency_hz = "1.5 Hz"
+[noise]
+kind = "band"
+rms_acceleration = "50 gal"
+band_hz = [0.0, 8]
+harmonics = 30
+envelope = {kind = "trapezoid", rise_s = 2, hold_s = "4000 ms", decay_s = 3.0}
+[start]
+angle_deg = 2
+"""
+
+
+def test_a_scene_file_takes_units_as_python_does():
+    scene = Scene.from_toml(SI)
+    size = Dimensions(0.6, 2.0)
+    same = Scene.from_block(
+        "60 cm", 2.0, "0.3 g", 1.5, noise_rms_acceleration=0.5, noise_band_hz=("0 Hz", 8), harmonics=30
+    )
+    assert (scene.block, scene.forcing) == (same.block, same.forcing)
+    assert scene.forcing.amplitude == pytest.approx(0.3 / size.critical_angle, rel=1e-15)
+    assert scene.noise.band == same.noise.band
+    assert scene.noise.variance == pytest.approx(size.amplitude(0.5) ** 2, rel=1e-15)
+    envelope = scene.noise.envelope
+    assert size.seconds(np.array([envelope.rise, envelope.hold, envelope.decay])) == pytest.approx([2.0, 4.0, 3.0])
+    assert size.radians(scene.start.angle) == pytest.approx(math.radians(2.0), rel=1e-15)
+    assert Scene.from_toml(scene.to_toml()) == scene
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"0.3 g"', '"0.3 gg"', r"^forcing\.peak_acceleration: got '0\.3 gg', .*such as \"0\.3 m/s2\""),
+        ('"0.3 g"', '"0.3"', r"^forcing\.peak_acceleration: got '0\.3', .*\(m/s2, g, cm/s2\)"),
+        ('"0.3 g"', '"-1 g"', r"^forcing\.peak_acceleration: got -9\.8"),
+        ("peak_acc", "amplitude = 1\npeak_acc", r"^forcing\.peak_acceleration: .*nothing beside forcing\.amplitude$"),
+        ("peak_acceleration", "amplitude", r"^forcing\.amplitude: .*it is forcing\.peak_acceleration = '0\.3 g'$"),
+        ("[0.0, 8]", '[0.0, "8 m"]', r"^noise\.band_hz\[1\]: got '8 m', .*\(Hz, rad/s\)"),
+        ('"4000 ms"', "true", r"^noise\.envelope\.hold_s: got True"),
+        ('"60 cm"', '"0.6 s"', r"^block\.dimensions\.width: got '0\.6 s', accepted: a number in m"),
+    ],
+)  # fmt: skip
+def test_units_that_do_not_fit_are_refused_by_name(old, new, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        Scene.from_toml(SI.replace(old, new))
+
+
+def test_without_dimensions_there_are_no_units():
+    sizeless = SI.replace('[block.dimensions]\nwidth = "60 cm"\nheight = 2', "[block]\nrestitution = 0.5")
+    with pytest.raises(
+        ValueError, match=r"^forcing\.peak_acceleration: got '0\.3 g', accepted: a scene with \[block\.dim"
+    ):
+        Scene.from_toml(sizeless)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value"),
+    [
+        ("2 ft", "length", 0.6096), ("1e3mm", "length", 1.0), (" .5 G ", "acceleration", 4.903325),
+        ("3 m/s^2", "acceleration", 3.0), ("6.283185307179586 rad/s", "frequency", 1.0), ("180°", "angle", math.pi),
+        (90, "angle", 0.5 * math.pi), (2, "time", 2),
+    ],
+)  # fmt: skip
+def test_quantities(text, kind, value):
+    assert in_units("x", text, kind) == pytest.approx(value, rel=1e-15)
+
+
+def test_values_set_replace_those_of_a_file(tmp_path):
+    file = tmp_path / "block.toml"
+    file.write_text(SI)
+    changes = {"forcing.amplitude": 1.5, "noise.kind": "none", "block.dimensions.width": 0.5, "block.restitution": 0.8}
+    scene = load_scene(file, changes)
+    assert scene.forcing.amplitude == 1.5  # in place of the peak acceleration
+    assert scene.noise == NoNoise()
+    assert (scene.block.dimensions.width, scene.block.restitution) == (0.5, 0.8)
+    assert load_scene("main", {"noise.kind": "white", "noise.diffusion": 0.01}).noise == WhiteNoise(0.01)
+    with pytest.raises(ValueError, match=r"forcing\.speed: unknown"):
+        load_scene(file, {"forcing.speed": 3})
+    with pytest.raises(TypeError, match=r"forcing\.peak_acceleration: got '0\.3 g', accepted: a table"):
+        load_scene(file, {"forcing.peak_acceleration.x": 3})
+
+
+def test_what_was_hardly_meant_is_named():
+    plain = Scene.from_block(0.6, 2.0, "0.4 g", 1.5)
+    assert implausible(plain) == []
+    assert implausible(load_scene("main")) == []
+    (width, height, *_) = implausible(Scene.from_block(600.0, 2000.0, 3.0, 1.5))
+    assert width == "block.dimensions.width is 600 m; was 0.6 m meant?"
+    assert height.startswith("block.dimensions.height is 2000 m")
+    (small,) = implausible(Scene.from_block(0.0006, 0.01, "2 g", 1.5))
+    assert small == "block.dimensions.width is 0.0006 m; was 0.6 m meant?"
+    (weak,) = implausible(Scene.from_block(0.6, 2.0, 0.3, 1.5))
+    assert "is 0.3 m/s² (0.031 g), and this block lifts off above 2.942 m/s² (0.3 g)" in weak
+    assert "Was 0.3 g meant?" in weak
+    noisy = {"noise_rms_acceleration": 1.0, "noise_band_hz": (0.0, 8.0)}
+    assert implausible(Scene.from_block(0.6, 2.0, 0.3, 1.5, **noisy)) == []
+    assert implausible(Scene.from_block(0.6, 2.0, 0.3, 1.5), 0.1, 10.0) == []
+    (strong,) = implausible(Scene.from_block(0.6, 2.0, 300.0, 1.5))
+    assert strong == "The peak acceleration of the forcing is 300 m/s² (31 g); was 3 m/s² meant (cm/s²)?"
+    assert implausible(Scene.from_block(0.6, 2.0, 300.0, 1.5), 0.01, 1.0) == []

@@ -139,7 +139,7 @@ def test_outcomes_have_no_bars_and_hidden_curves_are_told(tmp_path, outcomes):
     assert list(table.columns[-1].cells)[3:] == ["exact"] * 3
     title, table, sentences = fragility_table(outcomes)
     assert title == "Fragility by exact, one path a point"
-    assert [column.header for column in table.columns] == ["scene", "scale", "p PGV / (g tan θ_cr)", "overturned"]
+    assert [column.header for column in table.columns] == ["scene", "scale", "PGA, g", "PGV, m/s", "overturned"]
     assert not any(sentence.startswith("p:") for sentence in sentences)
     curves_figure(tmp_path / "curves.png", [outcomes], "Outcomes")
 
@@ -156,11 +156,11 @@ def test_a_mixture_states_what_its_scenes_have_in_common(tmp_path, outcomes):
     assert measure.pga == own[0].pga
     assert np.isnan([measure.velocity, measure.pgv, measure.relative_velocity]).all()
     row = next(pooled.rows())
-    assert row["pga"] == 0.4 * own[0].pga
-    assert np.isnan([row["scene"], row["pgv"]]).all()
+    assert row["pga_g"] == pytest.approx(0.4 * own[0].pga / 9.80665, rel=1e-14)
+    assert np.isnan([row["scene"], row["pgv_m_per_s"]]).all()
     other = [PULSES[0], PULSES[0].varied(overturning={"angle": 1.2}, forcing={"amplitude": 1.0})]
     differing = fragility(other, scale=(1.0, 2.0)).pooled
-    assert np.isnan([next(differing.rows())[name] for name in ("level", "pga")]).all()
+    assert np.isnan([next(differing.rows())[name] for name in ("level", "pga_g")]).all()
     (fit,) = pooled.fits[0]
     assert fit.median > 0.0
     assert np.isnan([*fit.median_interval, fit.p_value]).all()
@@ -195,7 +195,7 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     found = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
     assert found.remarks[:2] == ["Measured: here.", "Measured: there."]
 
-    def told(scene, _):
+    def told(scene, *_, **__):
         size = scene.noise.remark
         return [Doubt(CAUTION, f"Wide: {size}", "wide"), Doubt(CAUTION, f"Wide: of {size}", "other"), Doubt(1, "Bare.")]
 

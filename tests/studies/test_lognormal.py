@@ -34,7 +34,7 @@ def test_what_is_rejected():
     assert sampled.rejected
     assert plain.misfit > 0.05
     assert plain.rejected
-    assert not plain._replace(misfit=0.049).rejected
+    assert not plain._replace(misfit=0.05).rejected
     assert not sampled._replace(p_value=0.01).rejected
     assert not fit_lognormal(SCALE, np.zeros(12)).rejected
 

@@ -19,7 +19,7 @@ _RESTING_NODES = {
     1: ((12,), (16,), (20,), (24,), (28,), (32,), (36,)),
     2: ((12, 4), (14, 5), (18, 6), (22, 7), (26, 8), (30, 9), (34, 10)),
 }
-"""Nodes of a scene that may rest after a cycle: the noise at which |f| passes 1 has to be met."""
+"""Nodes of a scene that may rest after a cycle: the noise that lifts a block off has to be met."""
 
 _RESTING_POINTS = 5
 """Gauss points of a cell, an axis, where the mesh is fine about rest."""
@@ -28,7 +28,7 @@ _RESTING_PART = 0.5
 """Part of the cells that hold something, about, where blocks may rest: the others are for the few that do not."""
 
 _MAY_REST = 4.0
-"""A block may rest where |f| without noise is below 1 and so many standard deviations of the noise."""
+"""A block may rest where |f| without noise is below its lift-off and so many standard deviations of the noise."""
 
 _LAST, _GROWTH = (100, 140, 200, 300, 420, 600, 840), 0.2
 """Parts of a cycle that the last step is, by resolution, and length of a step over the time from its end to the
@@ -116,7 +116,7 @@ def node_grid(scene, plane, number):
 
 def may_rest(scene):
     """Whether noise may leave a block at rest at the end of a cycle."""
-    return abs(scene.forcing.value(0.0)) < 1.0 + _MAY_REST * math.sqrt(scene.noise.variance)
+    return abs(scene.forcing.value(0.0)) < scene.block.lift_off + _MAY_REST * math.sqrt(scene.noise.variance)
 
 
 def graded_marks(leg, longest, shortest):

@@ -3,16 +3,17 @@
 A block at rest stays in the atom at rest of its node. From any other start, and from rest under a force that lifts the
 block off for certain, the flight is linear until something happens to the block: angle, velocity and the states of the
 filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and velocity. The
-mesh takes over when it resolves these, or else at the last step before anything can happen.
+mesh takes over when it resolves these, or else at the last step before anything can happen. So narrow a density of an
+exact block is taken as Gaussian too: see `moments`.
 """
 
 import math
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from fpk_rocking.density.memory.nodes import whitened
 from fpk_rocking.density.space.space import shapes
-from fpk_rocking.physics.motion import LIFT_OFF
 from fpk_rocking.physics.noise.state_space import transition
 
 REACH = 8.0
@@ -44,6 +45,9 @@ class Flight:
         self._covariance = np.zeros((2, 2)) if start.covariance is None else np.array(start.covariance)
         push = self._mean[0] or self._mean[1] or scene.forcing.value(0.0)
         self.side = 1 if push > 0.0 else -1
+        self._found = None
+        if dynamics.critical_angle is not None:
+            self._found = moments(dynamics, nodes, self._mean, self._covariance, scene.period, self.side)
 
     @property
     def at_rest(self):
@@ -51,10 +55,12 @@ class Flight:
         if self._mean.any() or self._covariance.any():
             return False
         room = REACH * math.sqrt(self.scene.noise.variance)
-        return abs(self.scene.forcing.value(0.0)) <= LIFT_OFF + room
+        return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
 
     def at(self, time):
         """Mean (2,) and covariance (2 + states, 2 + states) of angle, velocity and the whitened states at a time."""
+        if self._found:
+            return self._found(time)
         flight = self.dynamics.affine(0.0, time)
         mean = flight.matrix @ self._mean + flight.shifts[self.side]
         return mean, _joint_covariance(self.nodes, self._covariance, time)
@@ -111,6 +117,44 @@ def _joint_covariance(nodes, covariance, time):
     begin = np.eye(2 + count)
     begin[:2, :2] = covariance
     return phi @ begin @ phi.T + factor @ factor.T
+
+
+def moments(dynamics, nodes, mean, covariance, end, side):
+    """Follow a Gaussian of an exact block in a flight in which nothing happens, to second order in its spread.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        Without noise.
+    nodes : Nodes
+    mean, covariance : ndarray, shapes (2,), (2, 2)
+        Of angle and velocity at time 0.
+    end : float
+    side : int
+
+    Returns
+    -------
+    callable
+        Mean (2,) and covariance (2 + states, 2 + states) as a function of a time up to the end, as `Flight.at`.
+    """
+    alpha, forcing, size = dynamics.critical_angle, dynamics.forcing, 2 + len(nodes.drift)
+    rate, source = np.zeros((size, size)), np.zeros((size, size))
+    rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
+
+    def rates(time, state):
+        x, v, joint = state[0], state[1], state[2:].reshape(size, size)
+        phi, force = alpha * (1.0 - side * x), forcing.value(time)
+        sine, cosine = side * alpha * math.sin(phi), math.cos(phi)
+        rate[1, 0], rate[1, 2] = cosine + force * sine, nodes.sigma * cosine
+        bend = 0.5 * (sine - force * alpha**2 * cosine) * joint[0, 0] + nodes.sigma * sine * joint[0, 2]
+        moved = rate @ joint
+        return np.concatenate([[v, force * cosine - sine / alpha**2 + bend], (moved + moved.T + source).ravel()])
+
+    begin = np.eye(size)
+    begin[:2, :2] = covariance
+    states = np.concatenate([mean, begin.ravel()])
+    found = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
+    return lambda time: (found(time)[:2], found(time)[2:].reshape(size, size))
 
 
 def spread_left(noise, covariance, time):

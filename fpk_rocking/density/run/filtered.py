@@ -4,8 +4,8 @@ In a step the noise is held: at every node a density of angle and velocity moves
 the paths of a block without other noise. Between steps the filter mixes the nodes, exactly. So the noise is a process
 that is constant over each step and has, from step to step, the law of the filter.
 
-Blocks whose impacts accumulate under |f| <= 1 come to rest at x = v = 0, an atom of each node. It is set free, on the
-side of f, in the first step in which |f| passes 1.
+Blocks whose impacts accumulate while the force cannot lift them off come to rest at x = v = 0, an atom of each node. It
+is set free, on the side of f, in the first step in which |f| passes the level of lift-off.
 """
 
 import dataclasses
@@ -57,13 +57,13 @@ class FilteredRun(CyclicRun):
     @staticmethod
     def adapted(scene: Scene, grid: Grid, number: int) -> NodeGrid:
         """Return the mesh with the nodes and steps of a resolution."""
-        ahead.before("fpk_rocking.density.ahead:filtered")
+        ahead.before(ahead.of_block("fpk_rocking.density.ahead:filtered", scene))
         return node_grid(scene, grid, number)
 
     def _dynamics(self, constant):
-        scene = self.scene
-        forcing = periodic(scene.forcing).plus(constant)
-        return Dynamics(forcing, 0.0, scene.block.restitution, scene.overturning.angle)
+        forcing, block = periodic(self.scene.forcing).plus(constant), self.scene.block
+        common = forcing, 0.0, block.restitution, self.scene.overturning.angle
+        return Dynamics(*common, critical_angle=block.critical_angle or None)
 
     def _steps(self, k):
         """Step k of a leg at every node of the noise; they share what does not depend on the node."""

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.space.space import Space
@@ -116,6 +115,8 @@ def moments(dynamics: Dynamics, begin, end, side):
     callable
         These (5,) as a function of a time up to the end.
     """
+    from scipy.integrate import solve_ivp  # takes longer to import than all else here
+
     alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
 
     def rates(time, state):

@@ -14,8 +14,10 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import WIDTH
 from fpk_rocking.density.step.deposit import legendre
 from fpk_rocking.density.step.free_flight import transform
+from fpk_rocking.density.step.landed import collect_landed
 from fpk_rocking.density.step.landing import LOST, locate, points_of
 from fpk_rocking.physics.motion.slender import carried
 
@@ -54,21 +56,6 @@ def value_at(cell, xi, eta, basis):
     if modes > 5:
         total += along[5] * row_value(cell, 5, across, basis)
     return total
-
-
-@kernel(fastmath=_FASTMATH)
-def collect_landed(function, exit_values, node_weights, cells, points, values, basis):
-    """Mean value over the nodes of every Gauss point of one cell whose nodes were traced."""
-    for p in range(values.shape[0]):
-        for q in range(values.shape[1]):
-            total = 0.0
-            for k in range(len(node_weights)):
-                target = cells[p, q, k]
-                if target < 0:
-                    total += node_weights[k] * exit_values[-1 - target]
-                else:
-                    total += node_weights[k] * value_at(function[target], points[p, q, k, 0], points[p, q, k, 1], basis)
-            values[p, q] = total
 
 
 @kernel(fastmath=_FASTMATH)
@@ -132,7 +119,8 @@ def collect(
         values = np.empty((len(points.angle_points), len(points.velocity_points)))
         row = events[i, j]
         if row >= 0:
-            collect_landed(function, exit_values, flown.weights, landed[0][row], landed[1][row], values, basis)
+            found, ordered = np.empty(values.size * len(flown.weights) + 1), np.empty((landed.most, WIDTH))
+            collect_landed(function, exit_values, flown.weights, row, landed, values, found, ordered, basis)
         else:
             side, x, v = points_of(i, j, points)
             affine = flown.cosh, flown.sinh, flown.shifts[side]

@@ -12,6 +12,8 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import WIDTH
+from fpk_rocking.density.step.landed import deposit_landed
 from fpk_rocking.density.step.landing import LOST, locate, points_of
 from fpk_rocking.physics.motion.slender import carried
 
@@ -88,20 +90,6 @@ def values_at_points(cell, area, points, rows, values, basis):
 
 
 @kernel(fastmath={"contract", "reassoc", "nsz"}, tuned=True)
-def deposit_landed(values, node_weights, cells, points, buffer, sink, basis):
-    """Deposit one cell whose nodes were traced."""
-    for p in range(values.shape[0]):
-        for q in range(values.shape[1]):
-            for k in range(len(node_weights)):
-                amount = values[p, q] * node_weights[k]
-                target = cells[p, q, k]
-                if target < 0:
-                    sink[-1 - target] += amount
-                else:
-                    add(buffer[target], amount, points[p, q, k, 0], points[p, q, k, 1], basis)
-
-
-@kernel(fastmath={"contract", "reassoc", "nsz"}, tuned=True)
 def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, velocity_grid, buffer, sink, basis):
     """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
     for p in range(values.shape[0]):
@@ -127,6 +115,7 @@ def deposit_chunk(
     buffer[chunk[2] * across : chunk[3] * across] = 0.0
     rows = np.empty((len(source_basis), len(points.velocity_points)))
     values = np.empty((len(points.angle_points), len(points.velocity_points)))
+    masses, ordered = np.empty(values.size * len(flown.weights) + 1), np.empty((landed.most, WIDTH))
     for i in range(chunk[0], chunk[1]):
         for j in range(source.shape[1]):
             if not cells.chosen[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
@@ -134,7 +123,7 @@ def deposit_chunk(
             values_at_points(source[i, j], cells.areas[i, j], points, rows, values, source_basis)
             row = cells.events[i, j]
             if row >= 0:
-                deposit_landed(values, flown.weights, landed[0][row], landed[1][row], buffer, sink, basis)
+                deposit_landed(values, flown.weights, row, landed, buffer, sink, masses, ordered, basis)
             else:
                 side, x, v = points_of(i, j, points)
                 affine = flown.cosh, flown.sinh, flown.shifts[side]
@@ -183,8 +172,8 @@ def deposit(source, cells, points, landed, flown, angle_grid, velocity_grid, par
         Coefficients.
     cells : Cells
     points : Gauss
-    landed : tuple of ndarray, shapes (m, g, h, n) and (m, g, h, n, 2)
-        Cells and reference coordinates of what was traced.
+    landed : Landed
+        Of what was traced.
     flown : Flown
     angle_grid, velocity_grid : tuple
         Of the target, see `landing.locate`.

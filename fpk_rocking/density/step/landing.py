@@ -126,8 +126,8 @@ def locate(grid, point):
 
 
 @kernel(borrows=True, tuned=True)
-def _settle(n, states, codes, angle_grid, velocity_grid, first):
-    """Cell of traced state n, which becomes its reference coordinates unless it overturned."""
+def settle(n, states, codes, angle_grid, velocity_grid, first):
+    """Cell of traced state n, below 0 where it is gone; the state becomes its reference coordinates unless it is."""
     x, v, code = states[n, 0], states[n, 1], codes[n]
     if abs(code) == OVERTURNED_SIDE:
         return LEFT if code < 0 else RIGHT
@@ -141,22 +141,3 @@ def _settle(n, states, codes, angle_grid, velocity_grid, first):
         i, xi = i - 1, 1.0
     states[n, 0], states[n, 1] = xi, eta
     return LOST if i < 0 or j < 0 else i * (len(velocity_grid[0]) - 1) + j
-
-
-@kernel(parallel=True)
-def _settle_all(states, codes, angle_grid, velocity_grid, first, cells):
-    for n in prange(len(codes)):
-        cells[n] = _settle(np.int64(n), states, codes, angle_grid, velocity_grid, first)
-
-
-def settle_in_cells(states, codes, angle_grid, velocity_grid, first):
-    """Turn traced states into cells and, in place, into reference coordinates on [-1, 1].
-
-    Returns
-    -------
-    ndarray, shape (m, g, g, n)
-        Flat cell index, or LEFT, RIGHT, LOST, REST.
-    """
-    cells = np.empty(codes.shape, np.int32)
-    _settle_all(states.reshape(-1, 2), codes.reshape(-1), angle_grid, velocity_grid, first, cells.reshape(-1))
-    return cells

@@ -8,8 +8,9 @@ node's displacement at it is then carried on by an expansion about that path, wi
 displacement; what noise acts between the node's own impact and that of the path is counted on the side of the latter.
 Where no node can meet an event the nodes are the affine flight's.
 
-Noise moves an exact block by the part cos φ of it, here taken half way along a flight. A path with the noise in its
-forcing needs no such part: its equation of motion has it.
+Noise moves an exact block by the part cos φ of it, here taken half way along a flight. Next to x = 0 the nodes of an
+exact block are carried as those of a slender one in other units (`_near_contact`); what this leaves out is taken along
+the path without noise. A path with the noise in the forcing of the exact equation needs no part: that has it.
 """
 
 import functools
@@ -20,13 +21,15 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import cosine, flight, stays_below
-from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event
+from fpk_rocking.physics.motion.body import Body, by_body
+from fpk_rocking.physics.motion.collocation import carried
+from fpk_rocking.physics.motion.equation import cosine, flight, lift, stays_below
+from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event, reach
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
 from fpk_rocking.physics.motion.saltation import encounter, through_impact, through_impact_expanded
 from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.transition import SLOW, advance
 
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
@@ -84,6 +87,27 @@ def bend(particular, duration, dx, dv, out):
     out[3] += (duration * dv - 2.0 * dx) / (duration * duration * duration)
 
 
+@kernel(inline="always")
+def _carry_slender(x, v, side, segment, end, slow, block):
+    return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+
+
+@kernel(borrows=True)
+def _carried_exact(x, v, side, segment, end, slow, block):
+    _, most = reach(side * x, side * v, side, segment.force_low, segment.force_high, end, block)
+    if side != 0 and most < block.cutoff:
+        return carried(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
+    return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+
+
+@kernel(inline="always")
+def _carry_exact(x, v, side, segment, end, slow, block):
+    return _carried_exact(x, v, side, segment, end, slow, block)
+
+
+_carry = by_body(_carry_slender, _carry_exact)
+
+
 @kernel
 def trace(x, v, side, segment, block, noise, scratch, states, codes):
     """Carry all nodes of one point through a step.
@@ -107,7 +131,8 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
-    if kind == NOTHING and is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin):
+    quiet = noise.diffusion == 0.0 or is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin)
+    if kind == NOTHING and quiet:
         part = cosine(0.5 * side * (x + end), block)
         for n in range(len(nodes)):
             states[n, 0], states[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
@@ -131,17 +156,65 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
             first, last = half * nodes[n, 0] * cosine(side * x, block), half * nodes[n, 1]
             _jolted(n, x, v + first, side, last, False, segment, block, duration, states, codes)
         return
-    for n in range(len(nodes)):
-        bend(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
+    _near_nodes(x, v, (end, time, side), segment, block, noise, scratch, states, codes)
+
+
+@kernel
+def _near_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes):
+    """Carry the nodes of a point next to x = 0 or the cut-off; see `trace`.
+
+    `undisturbed` is the angle and the time of the end of the path without noise, and its side.
+    """
+    end, time, side = undisturbed
+    duration, offsets = noise.duration, noise.offsets
+    unit, near, particular = _near_contact(x, end, time, side, segment, duration, scratch[2], block)
+    part = cosine(0.5 * side * (x + end), block) / unit
+    for n in range(len(offsets)):
+        bend(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
         path = segment_of(scratch[0], scratch[1], duration)
-        xn, vn, sn, _ = advance(x, v, side, path, 0.0, duration, block)
-        _put(n, xn, vn, sn, side, cutoff, states, codes)
+        xn, vn, sn, _ = advance(x / unit, v / unit, side, path, 0.0, duration, near)
+        _put(n, xn, vn, sn, side, near.cutoff, states, codes)
+        states[n, 0] *= unit
+        states[n, 1] *= unit
+
+
+@kernel(inline="always")
+def _near_contact_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
+    return 1.0, block, segment.particular
+
+
+@kernel(inline="always")
+def _near_contact_exact(x, end, time, side, segment, duration, out, block):
+    alpha = block.critical_angle
+    unit, level = math.sin(alpha) / alpha, stays_below(block)
+    first = _beyond_contact(x, side, segment.force[0], unit, block)
+    last = _beyond_contact(end, side, polynomial(segment.force, time)[0], unit, block)
+    for k in range(TERMS):
+        out[k] = segment.particular[k] / level
+    out[0] -= first / unit
+    out[1] -= (last - first) / (unit * duration)
+    return unit, Body(block.restitution, block.cutoff / unit, None), out
+
+
+_near_contact = by_body(_near_contact_slender, _near_contact_exact)
+"""Unit of angle and velocity, the slender block that moves as a block does next to x = 0, and its particular solution.
+
+At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F) under the lift-off force F: it is a slender one under
+f/F, in units of sin α/α. What acceleration it has beyond that elsewhere is taken as linear in time along the path
+without noise, from its begin to its `end` at a `time`.
+"""
+
+
+@kernel(inline="always")
+def _beyond_contact(x, side, force, unit, block):
+    """Acceleration beyond that of a block next to x = 0."""
+    return side * lift(side * x, side, force, block) - (x - side * unit + force * math.cos(block.critical_angle))
 
 
 @kernel
 def _jolted(n, x, v, side, last, rests, segment, block, duration, states, codes):
     """Carry a node without noise but for a last jump of its velocity, which sets it off from rest unless it `rests`."""
-    xn, vn, sn, _ = advance(x, v, side, segment, 0.0, duration, block, None, 0.0, CHATTER * duration)
+    xn, vn, sn, _ = _carry(x, v, side, segment, duration, CHATTER * duration, block)
     if abs(xn) < block.cutoff:
         vn += last * cosine(abs(xn), block)
         if xn == 0.0 and not rests:
@@ -177,11 +250,12 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
     after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
     long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
+    long_x, long_v = long_x / long, long_v / long
+    short_x, short_v = (short_x / short, short_v / short) if short > 0.0 else (0.0, 0.0)
     smooth = smooth and kind == NOTHING
     for n in range(len(noise.nodes)):
         a, b = noise.nodes[n]
-        p = a * long_x / long + (b * short_x / short if b != 0.0 else 0.0)
-        q = a * long_v / long + (b * short_v / short if b != 0.0 else 0.0)
+        p, q = a * long_x + b * short_x, a * long_v + b * short_v
         g, h = b11 * p + b21 * q, b12 * p + b22 * q
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
@@ -193,9 +267,9 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
                 continue
         bend(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = segment_of(scratch[0], scratch[1], time)
-        xn, vn, sn, end = advance(x, v, side, path, 0.0, time, block)
+        xn, vn, sn, end = _carry(x, v, side, path, time, SLOW, block)
         if end == time:
             bend(late, rest, late_x / after, late_v / after, scratch[3])
             path = segment_of(scratch[3], scratch[1], rest)
-            xn, vn, sn, _ = advance(xn, vn, sn, path, 0.0, rest, block)
+            xn, vn, sn, _ = _carry(xn, vn, sn, path, rest, SLOW, block)
         _put(n, xn, vn, sn, side, cutoff, states, codes)

@@ -11,7 +11,8 @@ from fpk_rocking.density.space.space import Space, gauss, gauss_shapes
 from fpk_rocking.density.step.adjoint import collect, fly_back
 from fpk_rocking.density.step.deposit import CHUNKS, Cells, Flown, Parts, deposit, gather
 from fpk_rocking.density.step.free_flight import FreeFlight
-from fpk_rocking.density.step.landing import Gauss, classify, settle_in_cells, trace_cells
+from fpk_rocking.density.step.landed import Landed
+from fpk_rocking.density.step.landing import Gauss, classify, trace_cells
 from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
@@ -215,29 +216,27 @@ class Step:
         self.buffers = deposit_buffers(target) if buffers is None else buffers
         self._sinks = np.empty((CHUNKS, 3 if trace.dynamics.diffusion > 0.0 else 4))
         self._bases = (1.0,) * (degree + 1), (1.0,) * modes
-        self._landed = self._settled(trace.states, trace.codes)
+        self._landed = self._with(Landed.nothing(), trace.states.copy(), trace.codes)
         self._prepare()
 
     def activate(self, cells):
         """Add cells (angle cells, velocity cells) to those whose mass the step moves."""
-        landed = self._settled(*self.trace.activate(cells))
-        self._landed = tuple(np.concatenate(pair) for pair in zip(self._landed, landed, strict=True))
+        self._landed = self._with(self._landed, *self.trace.activate(cells))
         self._prepare()
 
     @property
     def memory(self):
         """Bytes that the step holds, shared buffers left out."""
-        return sum(part.nbytes for part in self._landed) + (self._flight.memory if self._flight else 0)
+        return self._landed.memory + (self._flight.memory if self._flight else 0)
 
     @property
     def operations(self):
         """Multiplications and additions of a step, about."""
         modes = self.target.degree + 1
-        return self._landed[0].size * (24 + 2 * modes * modes) + (self._flight.operations if self._flight else 0)
+        return self._landed.paths * (24 + 2 * modes * modes) + (self._flight.operations if self._flight else 0)
 
-    def _settled(self, states, codes):
-        points = states.copy()
-        return settle_in_cells(points, codes, *self._grids, self.target.first_positive), points
+    def _with(self, landed, states, codes):
+        return landed.joined(states, codes, self._grids, self.target.first_positive)
 
     def _prepare(self):
         """Divide the active cells: free ones fly where source and target are one mesh, all others are deposited."""
@@ -304,11 +303,11 @@ class Step:
         (low, high), lines = self._reach(), self.target.angle_lines
         first = np.where(low < high, np.clip(np.searchsorted(lines, low) - 1, 0, limit - 1), limit)
         last = np.where(low < high, np.clip(np.searchsorted(lines, high) - 1, 0, limit - 1), -1)
-        landed = self._landed[0] // across
+        nearest, farthest = self._landed.reach(across, limit)
         rows = np.nonzero(trace.events >= 0)[0]
         order = trace.events[trace.events >= 0]
-        np.maximum.at(last, rows, landed.max(axis=(1, 2, 3))[order])
-        np.minimum.at(first, rows, np.where(landed < 0, limit, landed).min(axis=(1, 2, 3))[order])
+        np.maximum.at(last, rows, farthest[order])
+        np.minimum.at(first, rows, nearest[order])
         load = np.cumsum(self._deposited.sum(axis=1) + 1e-9)
         edges = np.searchsorted(load, load[-1] * np.arange(1, CHUNKS) / CHUNKS)
         edges = np.concatenate([[0], edges, [len(load)]])

@@ -1,11 +1,9 @@
-"""Forcing by a recorded motion of the base, linear between samples, and the files that such records come in."""
+"""Forcing by a recorded motion of the base, linear between samples."""
 
-import codecs
 import dataclasses
 import functools
 import math
 import pathlib
-import re
 from typing import ClassVar, Self
 
 import numpy as np
@@ -13,18 +11,9 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.physics.forcing.base import AMPLITUDES, TIMES, Size, keep
+from fpk_rocking.physics.forcing.files import MOST, UNITS, read, unit_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
-
-MOST = 2**20
-"""Most samples: 87 minutes at 200 Hz."""
-
-UNITS = {"g": 9.80665, "m/s2": 1.0}
-"""Metres per second squared of a unit of acceleration."""
-
-_MOST_BYTES = 64 * MOST
-_EVEN = 0.02
-"""Part of the interval by which a time in a file may be off: files round times."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,8 +29,8 @@ class Record(TransientForcing):
         Time between samples, seconds.
     samples : sequence of float
         Accelerations, 2 to 2^20 of them. A positive value accelerates the base towards negative angles.
-    units : {"g", "m/s2"}
-        Unit of the samples; g is 9.80665 m/s².
+    units : {"g", "m/s2", "cm/s2"}
+        Unit of the samples; g is 9.80665 m/s². Other spellings, such as "m/s^2" and "gal", become one of these.
     scale : float
         Factor of the samples.
     source : str
@@ -64,9 +53,7 @@ class Record(TransientForcing):
     def __post_init__(self):
         keep(self, interval=checks.number("forcing.interval", self.interval, above=0.0))
         keep(self, samples=_samples(self.samples))
-        if not isinstance(self.units, str) or self.units not in UNITS:
-            error = ValueError if isinstance(self.units, str) else TypeError
-            raise error(checks.refusal("forcing.units", self.units, " or ".join(map(repr, UNITS))))
+        keep(self, units=_unit(self.units))
         keep(self, scale=checks.number("forcing.scale", self.scale))
         keep(self, source=checks.sentence("forcing.source", self.source))
 
@@ -77,10 +64,12 @@ class Record(TransientForcing):
         Parameters
         ----------
         path : str or pathlib.Path
-            A PEER file (.AT2, in g), whose fourth line has ``NPTS= n, DT= seconds`` or ``n seconds NPTS, DT``; or a
-            text file of two columns, time in seconds and acceleration. Lines that begin with # are comments.
-        units : {"g", "m/s2"}, optional
-            Unit of the accelerations. Required for columns; an .AT2 file is in g.
+            A PEER file (.AT2), whose third line says the unit and whose fourth has ``NPTS= n, DT= seconds`` or ``n
+            seconds NPTS, DT``; a file of the ESM database (.ASC); or a text of two columns, time in seconds and
+            acceleration, parted by commas, semicolons, tabs or blanks. A first line of names may say the unit; lines
+            that begin with # are comments.
+        units : str, optional
+            Unit of the accelerations, see `Record`. Required where the file does not say it.
         scale : float
             Factor of the samples.
 
@@ -97,17 +86,16 @@ class Record(TransientForcing):
             times that are not equally spaced; the message says what and where.
         """
         file = checks.path("forcing.file", path)
-        peer = file.suffix.lower() == ".at2"
-        if peer and units not in (None, "g"):
-            raise ValueError(checks.refusal("forcing.units", units, "'g', the unit of an .AT2 file, or nothing"))
-        if not peer and units is None:
-            raise ValueError(f"forcing.units: missing, required for a file of two columns: {', '.join(UNITS)}")
-        text = _text(file)
-        try:
-            interval, samples = (_peer if peer else _columns)(text)
-        except ValueError as error:
-            raise ValueError(f"forcing.file: {str(file)!r}: {error}") from None
-        return cls(interval, samples, units or "g", scale, file.name)
+        wanted = None if units is None else _unit(units)
+        found = read(file)
+        if wanted and found.units and wanted != found.units:
+            accepted = f"{found.units!r}, as the file {str(file)!r} says, or nothing"
+            raise ValueError(checks.refusal("forcing.units", units, accepted))
+        if not wanted and not found.units:
+            raise ValueError(
+                f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
+            )
+        return cls(found.interval, tuple(found.samples.tolist()), wanted or found.units, scale, file.name)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
@@ -190,6 +178,16 @@ class Record(TransientForcing):
         return f"{name}, {len(self.samples)} samples of {self.interval:g} s, {self.scale:g} times"
 
 
+def _unit(text):
+    """Return the unit that a text means, or refuse it."""
+    if not isinstance(text, str):
+        raise TypeError(checks.refusal("forcing.units", text, " or ".join(map(repr, UNITS))))
+    units = unit_of(text)
+    if units is None:
+        raise ValueError(checks.refusal("forcing.units", text, " or ".join(map(repr, UNITS))))
+    return units
+
+
 def _unsized():
     return ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
 
@@ -211,110 +209,3 @@ def _samples(value):
     if wild.size:
         raise ValueError(checks.refusal(f"forcing.samples[{wild[0]}]", float(array[wild[0]]), accepted))
     return tuple(array.tolist())
-
-
-def _text(path):
-    """Read a text file of a size that a record can have."""
-    try:
-        size = path.stat().st_size
-        # A device or a pipe may never end.
-        if not path.is_file():
-            raise OSError("it is no file")
-        if size > _MOST_BYTES:
-            accepted = f"at most {_MOST_BYTES} bytes, and {MOST} samples"
-            raise ValueError(f"forcing.file: {str(path)!r}: got {size} bytes, accepted: {accepted}")
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FileNotFoundError(f"forcing.file: no file {str(path)!r}") from None
-    except OSError as error:
-        raise OSError(f"forcing.file: {str(path)!r} cannot be read ({error})") from None
-    if not data.strip():
-        raise ValueError(f"forcing.file: {str(path)!r}: got an empty file, accepted: a record")
-    if b"\0" in data:
-        raise ValueError(f"forcing.file: {str(path)!r}: got binary data, accepted: a text file")
-    return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
-
-
-# The letter of an exponent may be Fortran's D here, so that what is refused is the number and not a part of it.
-_HEADERS = (
-    re.compile(r"NPTS\s*=\s*(\d{1,9})\s*,?\s*DT\s*=\s*([-+.\dDE]+)", re.IGNORECASE),
-    re.compile(r"^\s*(\d{1,9})\s+([-+.\dDE]+)\s+NPTS\s*,\s*DT", re.IGNORECASE),
-)
-
-
-def _peer(text):
-    """Return the interval and the samples (n,) of a PEER file."""
-    lines = text.splitlines()
-    if len(lines) < 5:
-        raise ValueError(f"got {len(lines)} lines, accepted: four of header and the samples")
-    if not re.search(r"units\s+of\s+g\b", lines[2], re.IGNORECASE):
-        raise ValueError(f"got the third line {lines[2][:80]!r}, accepted: one that says 'UNITS OF G'")
-    found = next(filter(None, (header.search(lines[3]) for header in _HEADERS)), None)
-    if found is None:
-        accepted = "'NPTS= n, DT= seconds' or 'n seconds NPTS, DT'"
-        raise ValueError(f"got the fourth line {lines[3][:80]!r}, accepted: {accepted}")
-    count = int(found[1])
-    interval = _numbers([found[2]])[0]
-    if not 0.0 < interval < math.inf:
-        raise ValueError(f"got DT = {found[2]}, accepted: a number above 0")
-    _accept_count(count)
-    words = " ".join(lines[4:]).split()
-    if len(words) != count:
-        # Numbers that are glued together make the count wrong, and tell more; the last one may be cut.
-        _numbers(words[:-1])
-        raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
-    return float(interval), _numbers(words)
-
-
-def _columns(text):
-    """Return the interval and the samples (n,) of a text of two columns."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    _accept_count(len(lines))
-    rows = [line.replace(",", " ").split() for line in lines]
-    wrong = next((row for row in rows if len(row) != 2), None)
-    if wrong is not None:
-        raise ValueError(f"got a line of {len(wrong)} columns, accepted: time in seconds and acceleration")
-    times, samples = _numbers([entry for row in rows for entry in row]).reshape(-1, 2).T
-    # Times at the ends of double precision may be further apart than that reaches, and the interval is then refused.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _interval(times), samples
-
-
-def _interval(times):
-    """Return the interval of times (n,), or refuse them where it is not one."""
-    steps = np.diff(times)
-    if not (steps > 0.0).all():
-        place = int(np.argmax(~(steps > 0.0)))
-        raise ValueError(f"got the time {times[place + 1]:g} after {times[place]:g}, accepted: ascending times")
-    interval = (times[-1] - times[0]) / (len(times) - 1)
-    late = times - (times[0] + interval * np.arange(len(times)))
-    place = int(np.argmax(np.abs(late)))
-    if abs(late[place]) > _EVEN * interval:
-        expected = times[place] - late[place]
-        raise ValueError(f"got the time {times[place]:g} for {expected:g}, accepted: equally spaced times")
-    return float(interval)
-
-
-def _accept_count(count):
-    if not 2 <= count <= MOST:
-        raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
-
-
-def _numbers(words):
-    """Return words as finite numbers."""
-    try:
-        values = np.array(words, dtype=float)
-    except ValueError:
-        values = np.array([_number(word) for word in words])
-    # Python reads 1_0 as 10.
-    wild = np.flatnonzero(~np.isfinite(values) | np.array(["_" in word for word in words], dtype=bool))
-    if wild.size:
-        raise ValueError(f"got {words[wild[0]][:40]!r}, accepted: finite numbers")
-    return values
-
-
-def _number(word):
-    try:
-        return float(word)
-    except ValueError:
-        return math.nan

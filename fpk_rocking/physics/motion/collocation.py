@@ -334,20 +334,21 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
 
 
 @kernel(forceinline=True, borrows=True)
-def _land(side, speed, force, half, time, block, impacts, origin):
+def _land(side, speed, force, half, time, block, impacts, origin, slow):
     """Return x, v, side and time after an impact of a folded velocity, or those of rest."""
     if impacts is not None:
         record(impacts, origin + time, side * speed)
     v, side = impact(side * speed, block.restitution), -side
-    if abs(v) <= SLOW:
-        side, delay = settle(abs(v), side, force_segment(force, half), time, block)
+    # Chatter takes longer than the speed is large.
+    if abs(v) <= slow:
+        side, delay = settle(abs(v), side, force_segment(force, half), time, block, slow)
         if side == 0:
             return 0.0, 0.0, side, time + delay
     return 0.0, v, side, time
 
 
 @kernel(borrows=True)
-def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend):
+def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=SLOW):
     """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
 
     Parameters
@@ -360,6 +361,8 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
         As of `advance`; times are those of the polynomial.
     known, last, speed, bend : bool, float, float, Lanes
         Whether the flight from `start` to `end`, on over impacts, is known, and what `fly` returned of it.
+    slow : float
+        As of `advance`.
 
     Returns
     -------
@@ -393,14 +396,14 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
             if time == 0.0:
                 break
         until = end
-        x, v, side, start = _land(side, landing, force, half, start + time, block, impacts, origin)
+        x, v, side, start = _land(side, landing, force, half, start + time, block, impacts, origin, slow)
     if start >= end:
         return x, v, side, end
-    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin)
+    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin, slow)
 
 
 @kernel(borrows=True)
-def carried(force, half, x, v, side, start, end, block, impacts, origin):
+def carried(force, half, x, v, side, start, end, block, impacts, origin, slow=SLOW):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `through`."""
     nothing = load(_POINTS, 0)
-    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing)
+    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow)

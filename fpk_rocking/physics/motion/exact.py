@@ -9,6 +9,8 @@ its derivatives, so events are found as for the slender block.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
@@ -17,7 +19,10 @@ from fpk_rocking.physics.motion.polynomial import move_origin, polynomial, safe_
 WORK = 4, TERMS
 """Shape of what `launch` writes: the series of u, sin φ, cos φ and s f."""
 
-_ROUNDING = 1e-16
+_ROUNDING, _BELOW = 1e-16, 1e-18
+"""Last term of a series that has all its terms, and sum of the last two of one that ends before, over the angle."""
+
+_PARTS = 1.0 / np.maximum(np.arange(TERMS), 1)
 
 _work = scratch(*WORK)
 
@@ -70,25 +75,35 @@ class Course(NamedTuple):
 
 
 @kernel(borrows=True)
-def _expand(u, w, side, force, t, block, work):
-    """Write the series (4, TERMS) of u, sin φ, cos φ and s f about a time; return for how long that of u holds."""
+def _expand(u, w, side, force, t, span, block, work):
+    """Write the series (4, TERMS) of u, sin φ, cos φ and s f about a time; return for how long that of u holds.
+
+    It ends where its terms are below rounding at the end of a span, for which it then holds.
+    """
     angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
     move_origin(force, t, push)
     phi = alpha * (1.0 - u)
     angle[0], angle[1], sine[0], cosine[0] = u, w, math.sin(phi), math.cos(phi)
-    for k in range(TERMS - 2):
-        if k > 0:
-            s, c = 0.0, 0.0
-            for i in range(1, k + 1):
-                turn = i * angle[i]
-                s -= turn * cosine[k - i]
-                c += turn * sine[k - i]
-            sine[k], cosine[k] = alpha * s / k, alpha * c / k
-        total = 0.0
-        for i in range(k + 1):
+    size, power, before, weight = max(1.0, abs(u)), span * span, math.inf, 1.0 / alpha
+    angle[2] = 0.5 * (side * push[0] * cosine[0] - weight * sine[0])
+    for k in range(1, TERMS - 2):
+        s, c, total = 0.0, 0.0, 0.0
+        for i in range(1, k + 1):
+            turn = i * angle[i]
+            s -= turn * cosine[k - i]
+            c += turn * sine[k - i]
             total += push[i] * cosine[k - i]
-        angle[k + 2] = (side * total - sine[k] / alpha) / ((k + 1) * (k + 2))
-    last, size = max(abs(angle[TERMS - 1]), 1e-300), max(1.0, abs(u))
+        share = alpha * _PARTS[k]
+        sine[k], cosine[k] = share * s, share * c
+        total += push[0] * cosine[k]
+        angle[k + 2] = (side * total - weight * sine[k]) * (_PARTS[k + 1] * _PARTS[k + 2])
+        power *= span
+        term = abs(angle[k + 2]) * power
+        if before + term < _BELOW * size:
+            angle[k + 3 :] = 0.0
+            return span
+        before = term
+    last = max(abs(angle[TERMS - 1]), 1e-300)
     before = max(abs(angle[TERMS - 2]), 1e-300)
     reach = (_ROUNDING * size / last) ** (1.0 / (TERMS - 1))
     return min(reach, (_ROUNDING * size / before) ** (1.0 / (TERMS - 2)))
@@ -97,17 +112,17 @@ def _expand(u, w, side, force, t, block, work):
 @kernel(borrows=True)
 def launch(x, v, side, segment, start, end, work, block):
     """Return the `Course` of a flight that is at (x, v) at `start`."""
-    reach = _expand(side * x, side * v, side, segment.force, start, block, work)
+    reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
     spread, snap, power = 0.0, 0.0, 1.0
     for k in range(3, TERMS):
         term = k * (k - 1) * abs(angle[k]) * power
         if k > 3:
-            snap += (k - 2) * (k - 3) * term / step
+            snap += (k - 2) * (k - 3) * term
         power *= step
         spread += term * step
     end = start + step if step < end - start else end
-    return Course(start, end, spread - 2.0 * angle[2], spread + 2.0 * angle[2], snap)
+    return Course(start, end, spread - 2.0 * angle[2], spread + 2.0 * angle[2], snap / step)
 
 
 @kernel(borrows=True)
@@ -133,7 +148,7 @@ def flight(x, v, side, segment, start, end, block):
     """Angle and velocity at `end` of a flight that is at (x, v) at `start`, times since the segment's start."""
     work, t, u, w = _work(), start, side * x, side * v
     while t < end:
-        reach = _expand(u, w, side, segment.force, t, block, work)
+        reach = _expand(u, w, side, segment.force, t, end - t, block, work)
         u, w = polynomial(work[0], min(reach, end - t))
         t = t + reach if reach < end - t else end
     return side * u, side * w

@@ -11,7 +11,7 @@ def move_origin(coefficients, t, out):
     """Write the coefficients (TERMS,) of the same polynomial in the time since t."""
     for k in range(TERMS):
         out[k] = coefficients[k]
-    for k in range(TERMS - 1):
+    for k in range(TERMS - 1 if t != 0.0 else 0):
         for i in range(TERMS - 2, k - 1, -1):
             out[i] += t * out[i + 1]
 

@@ -1,4 +1,4 @@
-"""What the exact block has beyond the slender one: δ of x'' = x - s + f + δ, for numbers and tables, not compiled.
+"""What the exact block has beyond the slender one, x'' = x - s + f + δ, in plain numbers and tables.
 
 With φ = α (1 - s x), gravity turns the block by -s sin φ/α in place of x - s, and the base by f cos φ in place of f; so
 δ = -s [sin φ/α - (1 - s x)] - f (1 - cos φ), a function of angle and time only. White noise is sqrt(2 D) cos φ dW.

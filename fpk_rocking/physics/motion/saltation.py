@@ -131,5 +131,7 @@ def through_impact_expanded(x, v, time, rest, impact, block):
     pull, jerk = impact.far_pull, impact.far_stiff * leaving + impact.jerk
     x = -late * (leaving + late * (0.5 * pull + late * jerk / 6.0))
     v = block.restitution * arrival - leaving - late * (pull + 0.5 * late * jerk)
-    x, v = hyperbolic_turn(x, v, math.cosh(rest - late), math.sinh(rest - late))
+    grow = math.exp(rest - late)
+    decay = 1.0 / grow
+    x, v = hyperbolic_turn(x, v, 0.5 * (grow + decay), 0.5 * (grow - decay))
     return x, v, -time < late < rest

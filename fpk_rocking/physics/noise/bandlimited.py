@@ -69,11 +69,9 @@ def compensation() -> Array:
 
     Not to be written to.
     """
-    from scipy import special
-
     nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
     argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
-    inverse = special.i0(_SHAPE) * argument / (WIDTH * np.sinh(argument))
+    inverse = float(np.i0(_SHAPE)) * argument / (WIDTH * np.sinh(argument))
     return np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebfit(nodes, inverse, _ORDER - 1))
 
 

@@ -1,0 +1,304 @@
+"""The probability of overturning against an intensity of the ground motion, from the fragility of one scene or many."""
+
+import dataclasses
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Number
+from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.drawing import Draws, dispersions
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, refitted
+from fpk_rocking.studies.measures import intensities
+from fpk_rocking.studies.result import Fragility
+from fpk_rocking.studies.scenes import scaled
+
+_EQUAL = 1e-6
+"""Relative difference up to which records have the same intensity at scale 1."""
+
+_FEWEST = 5
+"""Records of which a bootstrap says something."""
+
+
+class Measure(NamedTuple):
+    """An intensity of the ground motion: its name in `Intensities`, its unit, and that in SI."""
+
+    field: str
+    unit: str
+    si: float
+
+
+MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", "m/s", 1.0)}
+"""Intensities that a curve may be for: peak ground acceleration in g, peak ground velocity in m/s."""
+
+
+def measure_of(name: str) -> Measure:
+    """Return a measure by its name, or refuse it."""
+    if name not in MEASURES:
+        raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
+    return MEASURES[name]
+
+
+def intensity_of(scene: Scene, measure: str) -> float:
+    """Return the intensity of a scene's forcing.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s).
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+    """
+    chosen = measure_of(measure)
+    found = getattr(intensities(scene), chosen.field) / chosen.si
+    if not found > 0.0:
+        why = "a scene of a block with dimensions and a forcing that is not 0"
+        raise ValueError(checks.refusal("scene", scene, why))
+    return found
+
+
+def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
+    """Return a scene whose forcing is scaled to an intensity.
+
+    With the default value, the scales of `fpk_rocking.studies.fragility` of such scenes are the intensity itself: all
+    records of a suite are then compared at equal intensities (stripes).
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s), of the forcing without the noise.
+    value : float
+        Intensity, in its unit, above 0.
+    noise : bool
+        Whether the noise is scaled too.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+    """
+    value = checks.number("value", value, above=0.0)
+    return scaled(scene, value / intensity_of(scene, measure), noise=noise)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class IntensityCurve:
+    """The probability of a limit state against an intensity of the ground motion.
+
+    Parameters
+    ----------
+    name : str
+        The limit state, "overturned" or an angle that is reached.
+    measure : str
+        "PGA" or "PGV".
+    intensity : ndarray, shape (n,)
+        Intensities, ascending: in g or m/s.
+    probability : ndarray, shape (n,)
+        Mean over the records.
+    interval : ndarray, shape (n, 2)
+        95 % limits: of a suite by bootstrap over its records, and Wilson's for as many records where less than one of
+        them overturns a block, or all but less than one; of one scene those of its sample or solution.
+    fit : LognormalFit
+        Lognormal curve through all records; its intervals are those of `replicates`.
+    replicates : ndarray, shape (b, 2)
+        Median and dispersion of curves that other samples, or other records, would have given (bootstrap).
+    records : int
+        Number of records.
+    within : float
+        Dispersion β_N that the noise alone gives: root mean square of those of the records by themselves; nan where
+        none of these has a fit.
+    between : float
+        Dispersion β_R from record to record, what the other sources leave of β: √(β² - β_N² - Σβ_j²), 0 where that is
+        negative; nan for one scene, or draws of one.
+    redrawn : ndarray, shape (b, n)
+        Mean over records drawn with replacement; (0, n) for one scene.
+    blocks : dict of str to float
+        Dispersion β_j that each uncertain value of the block gives, by name (`fpk_rocking.studies.drawing.drawn`).
+    """
+
+    name: str
+    measure: str
+    intensity: np.ndarray
+    probability: np.ndarray
+    interval: np.ndarray
+    fit: LognormalFit
+    replicates: np.ndarray
+    records: int
+    within: float
+    between: float
+    redrawn: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
+    blocks: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def sources(self) -> dict[str, float]:
+        """Dispersion of each source that is known, by name: noise, each uncertain value, records."""
+        found = {"noise": self.within, **self.blocks, "record to record": self.between}
+        return {name: value for name, value in found.items() if math.isfinite(value)}
+
+    @property
+    def unit(self) -> str:
+        """Unit of the intensity."""
+        return measure_of(self.measure).unit
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the lognormal curve stands for the data: there is one, and it is not rejected."""
+        return not (self.fit.reason or self.fit.rejected)
+
+    def __call__(self, intensity: Number) -> Number:
+        """Return the probability at intensities: of the lognormal curve where it fits, else between the points.
+
+        Between the points the probability is linear in the logarithm of the intensity; below the lowest it is 0, above
+        the highest that of the highest.
+        """
+        if self.fitted:
+            return self.fit(intensity)
+        return np.interp(np.log(intensity), np.log(self.intensity), np.maximum.accumulate(self.probability), left=0.0)
+
+    @classmethod
+    def of(
+        cls,
+        fragility: Fragility,
+        measure: str = "PGV",
+        which: int = 0,
+        *,
+        draws: Draws | None = None,
+        samples: int = 999,
+        seed: int = 1,
+    ) -> Self:
+        """Read the curve of a fragility: of its one scene, or the mean over its records.
+
+        Parameters
+        ----------
+        fragility : Fragility
+            Of one scene, or of several that have the same intensity at each scale: see `at_intensity`.
+        measure : str
+            "PGA" (in g) or "PGV" (in m/s).
+        which : int
+            Index of the probability: 0 overturning, 1, 2, ... the levels.
+        draws : Draws, optional
+            Where the scenes are `fpk_rocking.studies.drawing.drawn` blocks.
+        samples : int
+            Number of replicates: of counts drawn from the curve for one scene, of records drawn with replacement for a
+            suite, or of blocks where there is one record.
+        seed : int
+            Seed of these draws.
+
+        Returns
+        -------
+        IntensityCurve
+
+        Raises
+        ------
+        ValueError
+            The scenes are no suite (``over`` a parameter, or a mean), have unequal intensities, or a probability is
+            missing.
+        """
+        several = len(fragility.place) > 1
+        if fragility.mixture or (several and fragility.axis != "scene"):
+            accepted = "a fragility of one scene, or of a list of scenes before `pooled`"
+            raise ValueError(checks.refusal("fragility", fragility.headline, accepted))
+        found = np.array([intensity_of(scene, measure) for scene in fragility.scenes])
+        if np.ptp(found) > _EQUAL * found.max():
+            accepted = "equal ones: make each scene with `at_intensity`"
+            raise ValueError(
+                checks.refusal(f"{measure} of the scenes at scale 1", [f"{one:.4g}" for one in found], accepted)
+            )
+        shares = fragility.probability[:, which]
+        if not np.isfinite(shares).all():
+            raise ValueError(
+                f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: all known"
+            )
+        intensity, rng = found[0] * fragility.scale, np.random.default_rng(seed)
+        spreads = refitted(intensity, shares[~fragility.deterministic])[:, 1]
+        within = math.sqrt(np.mean(spreads**2)) if spreads.size else math.nan
+        common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
+        if several:
+            own = {} if draws is None else dispersions(intensity, shares, draws.values)
+            origin = range(len(shares)) if draws is None else draws.origin
+            return cls(**common, blocks=own, **_of_suite(intensity, shares, (within, own), origin, rng, samples))
+        return cls(**common, **_of_one(fragility, intensity, which, rng, samples))
+
+
+def _of_suite(intensity, shares, known, origin, rng, samples):
+    """Return what a curve has of the mean over records (r, n), with a bootstrap over them.
+
+    Blocks that were drawn for one record stand and fall together; where all are of one, they are what is drawn again.
+    """
+    records = np.unique(origin)
+    if len(records) > 1:
+        shares = np.array([shares[np.asarray(origin) == one].mean(axis=0) for one in records])
+    if len(shares) < _FEWEST:
+        raise ValueError(checks.refusal("records", len(shares), f"at least {_FEWEST}, or one scene"))
+    mean = shares.mean(axis=0)
+    # A stripe says as much as its records do, however many paths each of them has.
+    fit = fit_lognormal(intensity, mean, None)
+    drawn = shares[rng.integers(0, len(shares), (samples, len(shares)))].mean(axis=1)
+    replicates = refitted(intensity, drawn)
+    return {
+        "probability": mean,
+        "interval": _limits(mean, drawn, len(shares)),
+        "redrawn": drawn,
+        "fit": _with_intervals(fit, replicates),
+        "replicates": replicates,
+        "records": len(records),
+        "between": _left(fit.dispersion, *known) if len(records) > 1 else math.nan,
+    }
+
+
+def _limits(mean, drawn, count):
+    """Return limits (n, 2) of means over records from those over records drawn with replacement."""
+    few = np.minimum(mean, 1.0 - mean) * count < 1.0
+    # Records of which none overturns a block are all alike, and what is drawn from them never differs.
+    return np.where(few[:, None], wilson_interval(mean * count, count), np.quantile(drawn, [0.025, 0.975], axis=0).T)
+
+
+def _left(dispersion, within, own):
+    """Return what the noise and the uncertain values of blocks leave of a dispersion."""
+    sources = np.nan_to_num([within, *own.values()])
+    return math.sqrt(max(dispersion**2 - float(sources @ sources), 0.0))
+
+
+def _of_one(fragility, intensity, which, rng, samples):
+    """Return what a curve has of one scene, with counts drawn from its lognormal curve."""
+    fit, trials = fragility.fits[0][which], fragility.realizations
+    found = fit._replace(median=fit.median * intensity[0] / fragility.scale[0])
+    replicates = np.empty((0, 2))
+    if trials and not fit.reason and not fragility.deterministic[0]:
+        drawn = rng.binomial(trials, fit(fragility.scale), (samples, intensity.size)) / trials
+        replicates = refitted(intensity, drawn)
+    return {
+        "probability": fragility.probability[0, which],
+        "interval": fragility.interval()[0, which],
+        "fit": _with_intervals(found, replicates),
+        "replicates": replicates,
+        "records": 1,
+        "between": math.nan,
+    }
+
+
+def _with_intervals(fit, replicates):
+    """Return a fit with the 95 % intervals of replicates (b, 2), nan where there are none."""
+    if not len(replicates) or fit.reason:
+        return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))
+    (low, narrow), (high, wide) = np.quantile(replicates, [0.025, 0.975], axis=0).tolist()
+    return fit._replace(median_interval=(low, high), dispersion_interval=(narrow, wide))

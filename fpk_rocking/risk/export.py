@@ -1,0 +1,186 @@
+"""Fragility curves in the formats of OpenQuake (NRML 0.5) and pelicun, and as a table with units."""
+
+import json
+import math
+import pathlib
+import re
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import File
+from fpk_rocking.results.storage import write_text
+from fpk_rocking.risk.curve import IntensityCurve
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,75}")
+_CENTIMETRES = 100.0
+"""OpenQuake takes PGV in cm/s."""
+
+_RANGE = 4.9
+"""Dispersions to either side of the median that a continuous function spans: probabilities from 5e-7 to 1 - 5e-7."""
+
+_NRML = "http://openquake.org/xmlns/nrml/0.5"
+_DEMANDS = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}
+
+
+def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description: str = "") -> None:
+    """Write curves as the limit states of one fragility function in OpenQuake's NRML 0.5.
+
+    The function is continuous (lognormal) where each curve has a lognormal fit that is not rejected, else discrete: the
+    points as they are. PGA is in g, PGV in cm/s.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File to write.
+    curves : sequence of IntensityCurve
+        Of one measure, the mildest limit state first.
+    name : str
+        Identifier of the function, which an exposure model refers to: letters, digits, ``_`` and ``-``.
+    description : str
+        For a reader; by default how the curves were made.
+
+    Raises
+    ------
+    ValueError
+        There is no curve, their measures or, where discrete, intensities differ, or the name is not accepted.
+    """
+    curves = _same(curves)
+    _check(name)
+    measure, factor = curves[0].measure, _CENTIMETRES if curves[0].measure == "PGV" else 1.0
+    states = [_identifier(curve.name) for curve in curves]
+    root = ET.Element("nrml", xmlns=_NRML)
+    model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
+    ET.SubElement(model, "description").text = description or _told(curves)
+    ET.SubElement(model, "limitStates").text = " ".join(states)
+    fitted = all(curve.fitted for curve in curves)
+    kind: dict[str, str] = {"format": "continuous", "shape": "logncdf"} if fitted else {"format": "discrete"}
+    function = ET.SubElement(model, "fragilityFunction", kind, id=name)
+    intensity = factor * curves[0].intensity
+    imls = ET.SubElement(function, "imls", imt=measure, noDamageLimit=repr(1e-6 * float(intensity[0])))
+    if fitted:
+        # OpenQuake looks at a few intensities of this range, and holds the probability beyond it.
+        low = min(curve.fit.median * math.exp(-_RANGE * curve.fit.dispersion) for curve in curves)
+        high = max(curve.fit.median * math.exp(_RANGE * curve.fit.dispersion) for curve in curves)
+        imls.set("minIML", repr(factor * low))
+        imls.set("maxIML", repr(factor * high))
+        imls.set("noDamageLimit", repr(factor * low))
+        for state, curve in zip(states, curves, strict=True):
+            median, spread = factor * curve.fit.median, curve.fit.dispersion
+            mean = median * math.exp(0.5 * spread**2)
+            deviation = mean * math.sqrt(math.expm1(spread**2))
+            ET.SubElement(function, "params", ls=state, mean=repr(mean), stddev=repr(deviation))
+    else:
+        imls.text = _numbers(intensity)
+        for state, curve in zip(states, curves, strict=True):
+            ET.SubElement(function, "poes", ls=state).text = _numbers(curve.probability)
+    ET.indent(root)
+    write_text(path, '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n")
+
+
+def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = "") -> None:
+    """Write a curve as a row of pelicun's fragility table (CSV), with its description beside it (JSON).
+
+    Lognormal where the curve has a fit that is not rejected, else the points (``multilinear_CDF``).
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        CSV file to write; the description has the same name with the suffix ``.json``.
+    curve : IntensityCurve
+    name : str
+        Identifier of the component: letters, digits, ``_`` and ``-``.
+    description : str
+        For a reader; by default how the curve was made.
+
+    Raises
+    ------
+    ValueError
+        The name is not accepted.
+    """
+    _check(name)
+    path = checks.path("path", path)
+    demand, unit = _DEMANDS[curve.measure]
+    if curve.fitted:
+        family, first, second = "lognormal", repr(curve.fit.median), repr(curve.fit.dispersion)
+    else:
+        family, second = "multilinear_CDF", ""
+        points = _distribution(curve)
+        first = '"' + "|".join(",".join(map(repr, values.tolist())) for values in points) + '"'
+    header = "ID,Incomplete,Demand-Type,Demand-Unit,Demand-Offset,Demand-Directional,LS1-Family,LS1-Theta_0,LS1-Theta_1"
+    row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},"
+    write_text(path, f"{header},LS1-DamageStateWeights\n{row}\n")
+    about = {
+        "Description": description or _told([curve]),
+        "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
+    }
+    write_text(pathlib.Path(path).with_suffix(".json"), json.dumps({name: about}, indent=2) + "\n")
+
+
+def to_csv(path: File, curve: IntensityCurve) -> None:
+    """Write the points of a curve with their limits, and its fit in lines that begin with ``#``.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File to write.
+    curve : IntensityCurve
+    """
+    unit = curve.unit.replace("/", "_per_")
+    lines = [f"# {_told([curve])}", f"{curve.measure}_{unit},probability,low,high,lognormal"]
+    fit = np.broadcast_to(math.nan if curve.fit.reason else curve.fit(curve.intensity), curve.intensity.shape)
+    for row in zip(curve.intensity, curve.probability, *curve.interval.T, fit, strict=True):
+        lines.append(",".join(repr(float(value)) for value in row))
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _same(curves):
+    """Return curves that one function can hold."""
+    curves = list(curves)
+    if not curves:
+        raise ValueError(checks.refusal("curves", curves, "at least one"))
+    for curve in curves[1:]:
+        if curve.measure != curves[0].measure or curve.intensity.tolist() != curves[0].intensity.tolist():
+            raise ValueError(checks.refusal("curves", curve.name, "curves of one measure at the same intensities"))
+    return curves
+
+
+def _distribution(curve):
+    """Return intensities and probabilities that rise strictly from 0 to 1, as pelicun wants them."""
+    if curve.probability[-1] < 1.0:
+        accepted = "1, which pelicun asks of a curve without a lognormal fit: go on to higher intensities"
+        raise ValueError(checks.refusal("probability[-1]", float(curve.probability[-1]), accepted))
+    # Without shaking no block overturns.
+    x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
+    rises = np.diff(y) > 0.0
+    kept = np.append(False, rises) | (np.append(rises, False) & (y == 0.0))
+    return x[kept], y[kept]
+
+
+def _check(name):
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ValueError(checks.refusal("name", name, "up to 75 letters, digits, _ and -"))
+
+
+def _identifier(name):
+    """Return the name of a limit state without blanks and signs."""
+    return "_".join(re.findall(r"[A-Za-z0-9.]+", name.replace("|Θ| ≥", "angle"))).replace(".", "p")
+
+
+def _numbers(values):
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _told(curves):
+    """Say what curves are, and how sure."""
+    curve = curves[-1]
+    of = f"{curve.records} records" if curve.records > 1 else "one scene"
+    text = f"Probability of '{curve.name}' of a rocking block against {curve.measure} ({curve.unit}), from {of}."
+    if curve.fit.reason:
+        return f"{text} No lognormal fit: {curve.fit.reason}."
+    text += f" Lognormal fit: median {curve.fit.median:.4g} {curve.unit}, dispersion {curve.fit.dispersion:.3g}"
+    if curve.records > 1 or curve.blocks:
+        text += f" ({', '.join(f'{name} {value:.3g}' for name, value in curve.sources.items())})"
+    return f"{text}{', rejected by the data' if curve.fit.rejected else ''}, largest misfit {curve.fit.misfit:.2g}."

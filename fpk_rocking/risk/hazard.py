@@ -1,0 +1,124 @@
+"""Seismic hazard: how often a year an intensity is exceeded."""
+
+import dataclasses
+import re
+from typing import Self
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, File, Number
+
+_MOST_POINTS = 10_000
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Hazard:
+    """Annual rate at which the ground motion exceeds an intensity, a power law between points and beyond the last ones.
+
+    Parameters
+    ----------
+    intensity : array_like, shape (n,)
+        Intensities in the unit of the curve they are used with (g or m/s), ascending, above 0, at least two.
+    rate : array_like, shape (n,)
+        Annual rate of exceedance at each, 1/year, above 0, descending.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The numbers are not such.
+    """
+
+    intensity: np.ndarray
+    rate: np.ndarray
+
+    def __post_init__(self):
+        for name in ("intensity", "rate"):
+            accepted = f"2 to {_MOST_POINTS:,} finite numbers above 0"
+            values = np.array(checks.sequence(f"hazard.{name}", getattr(self, name), accepted), float)
+            if not 2 <= values.size <= _MOST_POINTS or not np.all((values > 0.0) & np.isfinite(values)):
+                raise ValueError(checks.refusal(f"hazard.{name}", getattr(self, name), accepted))
+            object.__setattr__(self, name, values)
+        if self.intensity.size != self.rate.size:
+            raise ValueError(
+                checks.refusal("hazard.rate", f"{self.rate.size} rates", f"{self.intensity.size}, one each")
+            )
+        for name, sign in (("intensity", 1.0), ("rate", -1.0)):
+            steps = sign * np.diff(getattr(self, name))
+            if not np.all(steps > 0.0):
+                place = int(np.argmin(steps > 0.0)) + 1
+                accepted = f"values that {'rise' if sign > 0.0 else 'fall'} strictly"
+                raise ValueError(checks.refusal(f"hazard.{name}[{place}]", float(getattr(self, name)[place]), accepted))
+
+    @classmethod
+    def power_law(cls, rate: float, exponent: float) -> Self:
+        """Return the hazard k₀ im^(-k).
+
+        Parameters
+        ----------
+        rate : float
+            k₀: the annual rate at which the intensity 1 is exceeded, above 0.
+        exponent : float
+            k, above 0.
+
+        Returns
+        -------
+        Hazard
+        """
+        rate, exponent = checks.number("rate", rate, above=0.0), checks.number("exponent", exponent, above=0.0)
+        return cls(np.array([0.5, 2.0]), rate * np.array([0.5, 2.0]) ** -exponent)
+
+    @classmethod
+    def from_csv(cls, path: File) -> Self:
+        """Read a hazard curve from a file of two columns: intensity, and annual rate of exceedance.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            Columns parted by commas, semicolons, tabs or blanks. Empty lines, lines that begin with ``#`` and one line
+            of names are passed over.
+
+        Returns
+        -------
+        Hazard
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            A line has not two numbers, or they are no hazard curve; the message names the file and the line.
+        """
+        file = checks.path("hazard", path)
+        rows, begun = [], False
+        for number, line in enumerate(file.read_text(encoding="utf-8-sig").splitlines(), start=1):
+            if not line.strip() or line.lstrip().startswith("#"):
+                continue
+            try:
+                first, second = map(float, re.split(r"[,;\s]+", line.strip()))
+            except ValueError:
+                if begun:
+                    raise ValueError(
+                        f"{path}, line {number}: got {line!r}, accepted: an intensity and a rate"
+                    ) from None
+            else:
+                rows.append((first, second))
+            begun = True
+        if not rows:
+            raise ValueError(f"{path}: got no numbers, accepted: lines of an intensity and a rate")
+        try:
+            return cls(*np.array(rows).T)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+    @property
+    def exponents(self) -> Array:
+        """Exponents k (n - 1,) of the power laws between the points."""
+        return -np.diff(np.log(self.rate)) / np.diff(np.log(self.intensity))
+
+    def __call__(self, intensity: Number) -> Number:
+        """Return the annual rate at which intensities are exceeded."""
+        logs, slopes = np.log(self.intensity), self.exponents
+        y = np.log(intensity)
+        place = np.clip(np.searchsorted(logs, y) - 1, 0, slopes.size - 1)
+        return np.exp(np.log(self.rate)[place] - slopes[place] * (y - logs[place]))

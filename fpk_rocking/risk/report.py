@@ -1,0 +1,194 @@
+"""The report of a risk study to hand on: one HTML file with the block, the motions, the curve, the hazard, the risk."""
+
+import html
+import importlib.metadata
+import math
+from typing import Any
+
+import numpy as np
+
+from fpk_rocking.base.types import File
+from fpk_rocking.output.report import json_html, left_out, table_html, write_page
+from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results.remarks import noise_text
+from fpk_rocking.results.shown import picture_html, trust_html
+from fpk_rocking.risk.picture import draw_contributions, draw_curve, draw_motions
+from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.measures import intensities
+
+_DOTS = 150
+_MOST_DRAWN = 12
+_CITE = (
+    "fpk-rocking, version {version}: densities and ensembles of rocking blocks under noisy periodic excitation. The "
+    "model is that of H. Lin and S. C. S. Yim, Nonlinear rocking motions. I: Chaos under noisy periodic excitations, "
+    "J. Eng. Mech. 122(8), 719-727, 1996; the restitution of a block that gives none, G. W. Housner, Bull. Seism. Soc. "
+    "Am. 53(2), 403-417, 1963; the fit, J. W. Baker, Earthquake Spectra 31(1), 579-599, 2015."
+)
+_LEFT = (
+    "The dispersion contains the sources that are listed and no others: neither that of the hazard, nor of the model "
+    "of the block, nor of values of the block that were not declared uncertain."
+)
+
+
+def write_risk_report(path: File, study: Any) -> int:
+    """Write the report of a study of risk, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        By custom with the suffix .html.
+    study : Study
+
+    Returns
+    -------
+    int
+        Size of the file in bytes.
+    """
+    risk = study.risk
+    curve, scenes = risk.curve, study.motions
+    title = f"{study.name}: P({curve.name}) = {risk.rate:.2g} per year"
+    words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
+    parts = [
+        "".join(f"<p>{html.escape(text)}</p>" for text in risk.sentences),
+        trust_html(study.trust),
+        "<h2>Block</h2>",
+        _block(study.scene, study.draws),
+        "<h2>Motions</h2>",
+        f"<p>{_motions_text(study)}</p>",
+        _picture(lambda _, axes: draw_motions(axes, scenes[:_MOST_DRAWN]), "Accelerations of the motions"),
+        f"<p>The first {_MOST_DRAWN} of {len(scenes)} motions.</p>" * (len(scenes) > _MOST_DRAWN),
+        table_html(_motions(study)),
+        f"<h2>P({html.escape(curve.name)})</h2>",
+        _picture(lambda _, axes: draw_curve(axes, risk, study.records), "Probability against intensity"),
+        "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in risk.sentences),
+        _sources(curve),
+        table_html(_points(curve)),
+        "<h2>Hazard and risk</h2>",
+        _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the frequency, and the hazard"),
+        table_html(
+            {
+                f"{curve.measure}, {curve.unit}": _digits(risk.hazard.intensity),
+                "exceeded, 1/year": _digits(risk.hazard.rate),
+            }
+        ),
+        "<h2>What is left out</h2>",
+        f"<p>{html.escape(left_out(scenes, scatter=not _scatters(study.draws)))} {_LEFT}</p>",
+        "<h2>How to cite</h2>",
+        f"<p>{html.escape(_CITE.format(version=importlib.metadata.version('fpk-rocking')))}</p>",
+        f"<details><summary>Scene</summary><pre>{html.escape(_short(study.scene))}</pre></details>",
+        json_html("summary", study.summary()),
+    ]
+    return write_page(path, title, parts)
+
+
+def _scatters(draws):
+    """Whether the restitution was drawn from a distribution."""
+    return draws is not None and any(name.startswith("block.restitution") for name in draws.values)
+
+
+def _picture(panel, meaning):
+    return picture_html(figure_of(panel), meaning, dots=_DOTS)
+
+
+def _short(scene):
+    """Return the text of a scene without the samples of its record."""
+    lines = scene.to_toml().splitlines()
+    return "\n".join(line for line in lines if not line.startswith("samples"))
+
+
+def _block(scene, draws):
+    """Return the sketch of the block, its figures, and what of it is uncertain."""
+    size = scene.block.dimensions
+    own = math.isclose(scene.block.restitution, size.restitution, rel_tol=1e-12) if size.width <= size.height else False
+    rows = {
+        "width": f"{size.width:.4g} m",
+        "height": f"{size.height:.4g} m",
+        "critical angle α": f"{math.degrees(size.critical_angle):.4g}°",
+        "frequency parameter p": f"{size.frequency_parameter:.4g} rad/s",
+        "restitution": f"{scene.block.restitution:.4g}{', Housner' * own}",
+        "lifts off at": f"{scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY:.4g} g",
+        "overturned at": f"{math.degrees(scene.overturning.angle * size.critical_angle):.4g}°",
+        "slides before it rocks": f"friction below {scene.block.least_friction:.3g}",
+    }
+    for name, values in ({} if draws is None else draws.values).items():
+        rows[f"uncertain {name.replace('_', ' ')}"] = f"{min(values):.3g} to {max(values):.3g}"
+    table = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>" for name, text in rows.items())
+    return f"<div class='films'>{_sketch(size)}<table>{table}</table></div>"
+
+
+def _sketch(size):
+    """Return a drawing of the block on its base with its width, height and critical angle."""
+    factor = 150.0 / max(size.width, size.height)
+    w, h = factor * size.width, factor * size.height
+    x, y, line = 40.0, 15.0, "stroke='#222' stroke-width='1.5'"
+    text = "font-family='sans-serif' font-size='12' fill='#222'"
+    middle, centre = x + 0.5 * w, y + 0.5 * h
+    angle = f"α = {math.degrees(size.critical_angle):.3g}°"
+    return (
+        f"<svg width='{w + 150:.0f}' height='{h + 60:.0f}' role='img' aria-label='The block'>"
+        f"<rect x='{x:.1f}' y='{y:.1f}' width='{w:.1f}' height='{h:.1f}' fill='#dbe7f0' {line}/>"
+        f"<line x1='10' x2='{x + w + 90:.1f}' y1='{y + h:.1f}' y2='{y + h:.1f}' stroke='#222' stroke-width='3'/>"
+        f"<line x1='{x + w:.1f}' y1='{y + h:.1f}' x2='{middle:.1f}' y2='{centre:.1f}' {line} stroke-dasharray='4 3'/>"
+        f"<circle cx='{middle:.1f}' cy='{centre:.1f}' r='3' fill='#222'/>"
+        f"<text x='{middle:.1f}' y='{y + h + 20:.1f}' text-anchor='middle' {text}>{size.width:.3g} m</text>"
+        f"<text x='{x + w + 8:.1f}' y='{centre:.1f}' {text}>{size.height:.3g} m</text>"
+        f"<text x='{x + w + 8:.1f}' y='{y + h - 8:.1f}' {text}>{angle}</text></svg>"
+    )
+
+
+def _motions_text(study):
+    count, found = len(study.motions), study.fragility
+    shaken = "it is scaled with the motion" if found.noise_scaled else "it is not scaled with the motion"
+    first = study.motions[0]
+    text = f"{count} motion{'s' * (count > 1)}, each scaled to each intensity. "
+    text += (
+        f"Random acceleration added to motion 1 at intensity 1: {_noise(first)}; {shaken}. "
+        if first.noise.kind != "none"
+        else ""
+    )
+    text += "" if first.noise.kind == "none" else f"{found.realizations:,} paths of each motion at each intensity, "
+    return html.escape(f"{text}seed {found.options['seed']}.")
+
+
+def _noise(scene):
+    """Name a noise, that of a band in g and Hz."""
+    size, noise = scene.block.dimensions, scene.noise
+    if noise.kind != "band":
+        return f"{noise_text(noise)} (nondimensional)"
+    rms = math.sqrt(noise.variance) * size.gravity * size.critical_angle / STANDARD_GRAVITY
+    low, high = (one / size.frequency(1.0) for one in noise.band)
+    shape = "" if noise.envelope is None else f", envelope {noise.envelope} (nondimensional)"
+    return f"band noise, rms {rms:.3g} g, {low:.3g} to {high:.3g} Hz, {noise.harmonics} harmonics{shape}"
+
+
+def _motions(study):
+    """Table of the motions as they are at intensity 1."""
+    scenes, found = study.motions, [intensities(scene) for scene in study.motions]
+    names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
+    lasting = [scene.block.dimensions.seconds(scene.forcing.duration) for scene in scenes]
+    return {
+        "motion": np.arange(1, len(scenes) + 1),
+        "source": np.array(names),
+        "duration, s": _digits(lasting),
+        "PGA, g": _digits([one.pga / STANDARD_GRAVITY for one in found]),
+        "PGV, m/s": _digits([one.pgv for one in found]),
+    }
+
+
+def _sources(curve):
+    """Table of the dispersion of each source."""
+    found = curve.sources | {"all": curve.fit.dispersion}
+    return table_html({"source": np.array(list(found)), "dispersion": _digits(found.values())})
+
+
+def _points(curve):
+    """Table of the points of a curve."""
+    fit = np.broadcast_to(math.nan if curve.fit.reason else curve.fit(curve.intensity), curve.intensity.shape)
+    names = f"{curve.measure}, {curve.unit}", "probability", "low (95 %)", "high (95 %)", "lognormal"
+    columns = curve.intensity, curve.probability, *curve.interval.T, fit
+    return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
+
+
+def _digits(values):
+    """Return numbers as texts of four digits, nan as an empty one."""
+    return np.array([f"{value:.4g}" if math.isfinite(value) else "" for value in values])

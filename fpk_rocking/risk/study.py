@@ -1,0 +1,235 @@
+"""A whole study of risk: records at equal intensities, their curve, the hazard, and the files to hand on."""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, File, Progress
+from fpk_rocking.physics.forcing import Forcing, Record
+from fpk_rocking.results.layout import plain
+from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.trust import CAUTION, Doubt, Trust, trust_of
+from fpk_rocking.risk.curve import IntensityCurve, at_intensity
+from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
+from fpk_rocking.risk.frequency import Risk, annual_frequency
+from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.curves import fragility
+from fpk_rocking.studies.doubts import model_doubts
+from fpk_rocking.studies.drawing import Draws, drawn
+from fpk_rocking.studies.ranking import ranked
+from fpk_rocking.studies.result import Fragility
+
+_MANY = 30
+"""Motions from which on bootstrap limits cover about what they say: measured 93 % of 95."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Study:
+    """What `study` found.
+
+    Parameters
+    ----------
+    fragility : Fragility
+        Of each record at each intensity.
+    risk : Risk
+    name : str
+        Identifier of the block in exported files.
+    scene : Scene
+        Block and noise as they were given.
+    draws : Draws or None
+        Blocks that were drawn.
+    """
+
+    fragility: Fragility
+    risk: Risk
+    name: str
+    scene: Scene
+    draws: Draws | None = None
+
+    @property
+    def motions(self) -> list[Scene]:
+        """The scene of each record at the intensity 1, or the one scene; of drawn blocks the first."""
+        scenes = self.fragility.scenes
+        if self.draws is None:
+            return list(scenes)
+        return [scenes[self.draws.origin.index(one)] for one in sorted(set(self.draws.origin))]
+
+    @property
+    def records(self) -> Array:
+        """Probability of overturning by each record, (r, n), at the intensities of the curve, over its blocks."""
+        if self.draws is None:
+            return self.fragility.overturned
+        origin = np.array(self.draws.origin)
+        return np.array([self.fragility.overturned[origin == one].mean(axis=0) for one in np.unique(origin)])
+
+    @property
+    def trust(self) -> Trust:
+        """Verdict on the frequency: its relative standard error, and doubts of scenes, engine, hazard and records."""
+        doubts = model_doubts(self.fragility) + self.risk.doubts + self._of_records()
+        return trust_of({"relative_error": self.risk.relative_error}, doubts)
+
+    def _of_records(self):
+        """Doubts about the motions: how many there are, and whether they differ."""
+        found, count, motions = [], self.risk.curve.records, [scene.forcing for scene in self.motions]
+        if 1 < count < _MANY:
+            sentence = (
+                f"The limits rest on {count} motions, and over few they are too narrow: of 95 % limits of the "
+                "frequency 75 % contained the true one over 5 motions, 86 % over 12, 90 % over 20."
+            )
+            found.append(Doubt(CAUTION, sentence, "few records"))
+        same = len(motions) - len(dict.fromkeys(motions))
+        if same:
+            sentence = f"{same} of {len(motions)} motions are the same as another one."
+            found.append(Doubt(CAUTION, sentence, "equal records"))
+        return found
+
+    def text(self) -> str:
+        """Return the frequency, the verdict and the fit as lines of text."""
+        curve, told = self.risk.curve, [*self.risk.sentences, str(self.trust)]
+        fit = curve.fit
+        if fit.reason:
+            told.append(f"No lognormal fit: {fit.reason}.")
+        else:
+            low, high = fit.median_interval
+            text = (
+                f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], dispersion "
+            )
+            text += f"{fit.dispersion:.3g}"
+            sources = ", ".join(f"{name} {value:.3g}" for name, value in curve.sources.items())
+            text += f", of which {sources}" * bool(sources)
+            told.append(f"{text}; largest misfit {fit.misfit:.2g}{', refused' if fit.rejected else ''}.")
+        told += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
+        return "\n".join([*told, *self._ordered()])
+
+    def _ordered(self):
+        """Say which intensity measure orders the outcomes best, where motions differ."""
+        found = ranked(self.fragility)
+        if self.risk.curve.records == 1 or len(found) < 2:
+            return []
+        texts = (f"{one.measure} {one.deviance:.4g}" for one in found)
+        return [
+            f"Deviance of the outcomes from a curve over each intensity measure, least is best: {'; '.join(texts)}."
+        ]
+
+    def summary(self) -> dict[str, Any]:
+        """Return all figures as plain values, for JSON."""
+        curve = self.risk.curve
+        points = {"intensity": curve.intensity.tolist(), "probability": curve.probability.tolist()}
+        points |= {
+            "interval": plain(curve.interval),
+            "between": plain(curve.between),
+            "within": plain(curve.within),
+            "blocks": plain(curve.blocks),
+        }
+        more: dict[str, Any] = {"trust": self.trust.plain}
+        more |= {"ranking": [plain(one._asdict()) for one in ranked(self.fragility)]}
+        more["draws"] = None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values}
+        return {"risk": self.risk.summary(), "curve": points, **more, "fragility": self.fragility.summary()}
+
+    def write(self, folder: File) -> None:
+        """Write report.html, risk.png, risk.txt, risk.json, curve.csv, result.npz, NAME.xml, NAME.csv and NAME.json.
+
+        Parameters
+        ----------
+        folder : str or pathlib.Path
+            Created if missing. NAME.xml is OpenQuake's NRML, NAME.csv and NAME.json are pelicun's; pelicun's files are
+            left out where it could not take the curve, and why stands in risk.json.
+        """
+        from fpk_rocking.output.summary import write_summary
+        from fpk_rocking.risk.picture import risk_figure
+        from fpk_rocking.risk.report import write_risk_report
+
+        out, curve = pathlib.Path(folder), self.risk.curve
+        self.fragility.save(out / "result.npz")
+        to_csv(out / "curve.csv", curve)
+        to_nrml(out / f"{self.name}.xml", [curve], self.name)
+        refused = ""
+        try:
+            to_pelicun(out / f"{self.name}.csv", curve, self.name)
+        except ValueError as error:
+            refused = str(error)
+        write_summary(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv"})
+        write_text(out / "risk.txt", self.text() + "\n")
+        risk_figure(out / "risk.png", self.risk, self.records)
+        write_risk_report(out / "report.html", self)
+
+
+def study(
+    scene: Scene,
+    records: Sequence[Forcing | File],
+    hazard: Hazard | File,
+    intensities: ArrayLike,
+    *,
+    measure: str = "PGV",
+    units: str | None = None,
+    realizations: int = 10_000,
+    seed: int = 1,
+    scale_noise: bool = True,
+    uncertain: Mapping[str, Any] | None = None,
+    blocks: int = 1,
+    name: str = "rocking_block",
+    progress: Progress | None = None,
+) -> Study:
+    """Compute the annual frequency at which a block overturns.
+
+    Each record is scaled to each intensity; the probability of overturning is that over the records and the noise.
+
+    Parameters
+    ----------
+    scene : Scene
+        Block with dimensions, and noise of the shaking; its forcing is replaced by each record.
+    records : sequence of Record, str or pathlib.Path
+        At least five, or files that `Record.from_file` reads. Where there is none the forcing of the scene is taken.
+    hazard : Hazard, str or pathlib.Path
+        In the unit of the measure; or a file that `Hazard.from_csv` reads.
+    intensities : array_like
+        Intensities, ascending, in g or m/s.
+    measure : str
+        "PGV" (in m/s) or "PGA" (in g).
+    units : str, optional
+        Unit of the records where their files do not say it.
+    realizations : int
+        Paths of a record at each intensity.
+    seed : int
+    scale_noise : bool
+        Whether the noise is scaled with the records.
+    uncertain : dict of str, optional
+        Distributions of values of the block, see `fpk_rocking.studies.drawing.drawn`.
+    blocks : int
+        Blocks that are drawn for each record.
+    name : str
+        Identifier of the block in exported files.
+    progress : callable, optional
+        Called with the number of points done and the whole.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    TypeError, ValueError, OSError
+        A parameter or a file is refused, before anything is computed.
+    """
+    checks.instance("scene", scene, Scene)
+    known = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)
+    motions = [one if isinstance(one, Forcing) else Record.from_file(one, units=units) for one in records]
+    scenes = [dataclasses.replace(scene, forcing=motion) for motion in motions] or [scene]
+    at_one = [at_intensity(one, measure, noise=scale_noise) for one in scenes]
+    draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
+    at_one = at_one if draws is None else list(draws.scenes)
+    found = fragility(
+        at_one if len(at_one) > 1 else at_one[0],
+        scale=np.asarray(intensities, float),
+        realizations=realizations,
+        seed=seed,
+        scale_noise=scale_noise,
+        progress=progress,
+    )
+    curve = IntensityCurve.of(found, measure, draws=draws)
+    return Study(found, annual_frequency(curve, known), name, scene, draws)

@@ -1,0 +1,21 @@
+"""The case of FEMA P-58, coarse: medians rise with the size, and are drawn where they belong."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+def test_medians_rise_with_the_size(case, tmp_path, monkeypatch):
+    module = case("fema_p58")
+    monkeypatch.setattr(module, "SLENDER", (3.0,))
+    monkeypatch.setattr(module, "SCALES", tuple(np.geomspace(0.7, 7.0, 10).tolist()))
+    values = module.run(tmp_path, motions=5, radii=(0.4, 4.0), published=module.PUBLISHED[:1])
+    (same, small, large), published = values["blocks"], values["published"]
+    assert published == [0.724]
+    assert (same["width"], same["height"]) == pytest.approx((0.3207, 0.7366), abs=1e-4)
+    assert module.seconds_of(same, 0.724) == pytest.approx(0.1696, abs=1e-4)
+    assert small["height"] / small["width"] == pytest.approx(large["height"] / large["width"]) == pytest.approx(3.0)
+    assert large["median"] > 1.5 * small["median"]  # about 3 times, by 30 motions
+    assert json.loads((tmp_path / "fema_p58.json").read_text())["blocks"] == values["blocks"]
+    assert (tmp_path / "fema_p58.png").stat().st_size > 10_000

@@ -1,0 +1,196 @@
+"""The density of a block as it is: flight, the limit of a slender block, rest, and paths that share nothing with it."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from white_paths import survival
+
+from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start, WhiteNoise
+from fpk_rocking.density.memory.nodes import Nodes
+from fpk_rocking.density.memory.resolution import NodeGrid, may_rest
+from fpk_rocking.density.memory.start import Flight
+from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.run.filtered import FilteredRun
+from fpk_rocking.density.run.periodic import PeriodicRun
+from fpk_rocking.density.run.rest import Hold
+from fpk_rocking.density.space.density import Density
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.step.noise_paths import Noise, trace
+from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.physics.motion import TERMS
+from montecarlo import simulate
+
+FORCING = Harmonic(3.6, 2.7, math.pi)
+FILTERED = FilteredNoise("exponential", 0.05, 5.0)
+
+
+def plane_of(scene, number=0):
+    white, times = scene.white_equivalent(), scene.period * np.arange(3)
+    return RESOLUTIONS[number].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, times))
+
+
+def node_grid(plane, scene, steps, nodes=(5,), points=5):
+    legs = 2 if scene.forcing.half_antisymmetric else 1
+    return NodeGrid(plane, nodes, points, np.linspace(0.0, 1.0 / legs, steps // legs + 1))
+
+
+def with_angle(scene, angle):
+    return scene.varied(block=Block(scene.block.restitution, critical_angle=float(angle)))
+
+
+def flown(alpha, forcing, states, duration, diffusion=0.0):
+    """Mean (2, n) and covariance (3, n) after a flight from points on x > 0, to second order in the noise."""
+
+    def rates(time, flat):
+        x, v, xx, xv, vv = flat.reshape(5, -1)
+        phi, force = alpha * (1.0 - x), forcing.value(time)
+        stiff = np.cos(phi) + alpha * force * np.sin(phi)
+        bend = 0.5 * alpha * (np.sin(phi) - alpha * force * np.cos(phi)) * xx
+        pull = force * np.cos(phi) - np.sin(phi) / alpha + bend
+        spread = 2.0 * stiff * xv + 2.0 * diffusion * np.cos(phi) ** 2
+        return np.concatenate([v, pull, 2.0 * xv, vv + stiff * xx, spread])
+
+    begin = np.concatenate([states, np.zeros((3, len(states[0])))]).ravel()
+    found = solve_ivp(rates, (0.0, duration), begin, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1].reshape(5, -1)
+    return found[:2], found[2:]
+
+
+def spread_points(mean, covariance, count=12):
+    """Points (2, n) and weights (n,) of Gauss-Hermite quadrature of a Gaussian."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+    pairs = np.stack(np.meshgrid(nodes, nodes, indexing="ij")).reshape(2, -1)
+    weights = np.outer(weights, weights).ravel() / weights.sum() ** 2
+    return np.reshape(mean, (2, 1)) + np.linalg.cholesky(covariance) @ pairs, weights
+
+
+@pytest.mark.parametrize("diffusion", [0.0, 0.006])
+def test_flight_is_of_second_order(diffusion):
+    """Moments after a flight in few steps: what is not linear shifts lines, and blurs them where there is noise."""
+    alpha, forcing, duration, spread = 0.9, Harmonic(0.7, 3.0, math.pi + 0.4), 0.3, np.diag([0.0025, 0.0025])
+    lines = np.array([-2.5, 0.0, *np.arange(0.05, 1.6, 0.07), 2.5]), np.array([-4.0, *np.arange(-1.2, 1.21, 0.07), 4.0])
+    space = Space(*lines, 4)
+    dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
+    points, weights = spread_points([0.65, 0.1], spread)
+    ends, gathered = flown(alpha, forcing, points, duration, diffusion)
+    mean = ends @ weights
+    wanted = np.concatenate([mean, (ends - mean[:, None]) ** 2 @ weights + gathered[::2] @ weights])
+    errors = []
+    for steps in (2, 4):
+        now, span = space.project(Gaussian([0.65, 0.1], spread), 12), duration / steps
+        for k in range(steps):
+            quadrature = Quadrature(5, 5, 5, 2) if diffusion else Quadrature(5, 5, 1, 1, 1)
+            now, _ = Step(Trace(space, k * span, span, dynamics, quadrature), space).apply(now)
+        density = Density(space, now)
+        errors.append(np.abs(np.concatenate([density.mean, np.diag(density.covariance)]) - wanted).max())
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
+    """A path that leaves x = 0, without noise: what units and the rest of the acceleration leave out."""
+    alpha, forcing, errors = 0.6, Harmonic(1.5, 1.5, math.pi - 0.5), []
+    for duration in (0.05, 0.025):
+        dynamics = Dynamics(forcing, 1e-3, 0.5, 1.5, critical_angle=alpha)
+        noise = Noise(duration, dynamics.diffusion, np.zeros((1, 2)), np.zeros((1, 2)), 1.0)
+        states, codes = np.empty((1, 2)), np.empty(1, np.int32)
+        segment = dynamics.segment(0.0, duration)
+        trace(0.1, 0.4, 1, segment, dynamics.block, noise, np.empty((4, TERMS)), states, codes)
+        wanted, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
+        errors.append(np.abs(states[0] - wanted[:, 0]).max())
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    "noise", [WhiteNoise(0.02), pytest.param(FILTERED, marks=pytest.mark.slow)], ids=["white", "filtered"]
+)
+def test_a_block_becomes_slender_with_order_2(noise):
+    """Survival on one mesh, impacts, rest and overturning included."""
+    scene = Scene(Block(0.7), Harmonic(4.2, 2.7, math.pi), noise)
+    plane, found = plane_of(scene), []
+    for angle in (0.0, 0.1, 0.2):
+        one = with_angle(scene, angle)
+        if noise.kind == "white":
+            run = PeriodicRun(one, plane, 1e-9)
+        else:
+            run = FilteredRun(one, node_grid(plane, one, 16), 1e-9)
+        found.append(run.evolve(scene.period * np.arange(3)).inside[-1])
+    slender, *exact = found
+    assert abs(exact[1] - slender) > 1e-3
+    assert math.log2((exact[1] - slender) / (exact[0] - slender)) == pytest.approx(2.0, abs=0.15)
+
+
+def test_the_gaussian_of_a_start_is_of_second_order_in_its_spread():
+    """The mean of an undisturbed flight against paths: what is left is of the fourth order of the start's deviation."""
+    errors = []
+    for deviation in (0.05, 0.1):
+        spread = np.diag([deviation**2, deviation**2])
+        start = Start(0.8, 0.1, tuple(map(tuple, spread)))
+        noise = FilteredNoise("exponential", 1e-12, 3.0)
+        scene = Scene(Block(0.5, critical_angle=0.8), Harmonic(0.7, 3.0, 0.4), noise, start)
+        mean, _ = Flight(scene, Nodes(noise, (2,)), Dynamics.of(scene.white_equivalent())).at(1.0)
+        points, weights = spread_points([0.8, 0.1], spread)
+        errors.append(np.abs(mean - flown(0.8, scene.forcing, points, 1.0)[0] @ weights).max())
+    assert math.log2(errors[1] / errors[0]) == pytest.approx(4.0, abs=0.3)
+
+
+@pytest.mark.parametrize("noise", [FILTERED, FilteredNoise("low-pass", 0.05, 4.0, 0.7)], ids=["one", "two"])
+def test_the_gaussian_of_a_start_becomes_that_of_a_slender_block(noise):
+    scene, found = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), noise), []
+    for angle in (0.0, 0.01, 0.02):
+        one = with_angle(scene, angle)
+        mean, covariance = Flight(one, Nodes(noise, (3, 3)), Dynamics.of(one.white_equivalent())).at(0.5)
+        found.append(np.concatenate([mean, covariance.ravel()]))
+    slender, *exact = found
+    near, far = (np.abs(one - slender).max() for one in exact)
+    assert far < 1e-3
+    assert math.log2(far / near) == pytest.approx(2.0, abs=0.15)
+
+
+def test_a_block_rests_below_its_own_level():
+    """Under |f| up to 1.05 a slender block lifts off; one of tan α/α = 1.084 stays, and the atom holds all of it."""
+    scene = Scene(Block(0.5), Harmonic(1.05, 2.0), FilteredNoise("exponential", 1e-6, 4.0))
+    plane, rests = plane_of(scene), []
+    for angle in (0.0, 0.48):
+        one = with_angle(scene, angle)
+        rests.append(FilteredRun(one, node_grid(plane, one, 8), 1e-9).evolve(scene.period * np.arange(2)).at_rest[1])
+        assert may_rest(one) is (angle > 0.0)
+    assert rests[0] < 0.5
+    assert rests[1] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_hold_is_that_of_a_slender_block_in_units_of_the_level():
+    alpha, noise = 0.5, 1e-4
+    level, pull = math.tan(alpha) / alpha, math.sin(alpha) / alpha
+    forcing = Harmonic(1.2, 0.5, 0.3)
+    exact = Hold(Dynamics(forcing, noise, 0.6, 1.5, critical_angle=alpha), 12.0, 5.0)
+    slender = Hold(Dynamics(forcing.scaled(1.0 / level, 1.0), noise / level**2, 0.6, 1.5), 12.0, 5.0)
+    times = np.linspace(0.0, 12.0, 101)
+    assert [exact.lift_off(time) for time in times] == [slender.lift_off(time) for time in times]
+    held = np.array([[one.until(time) for time in times] for one in (exact, slender)])
+    assert 10 < (held[1] > times).sum() < 90
+    # The layer is as thick in units of the pull, and REST is not: where the two differ it is at its limit.
+    assert np.mean(held[0] == held[1]) > 0.9
+    assert pull < 1.0
+
+
+def test_white_noise_agrees_with_small_steps_of_another_scheme():
+    """20,000 paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
+    alpha, e, diffusion, paths, shaking = 0.45, 0.7, 0.02, 20_000, (4.2, 2.7, math.pi)
+    scene = Scene(Block(e, critical_angle=alpha), Harmonic(*shaking), WhiteNoise(diffusion), Start(0.3, 0.0))
+    found = PeriodicRun(scene, plane_of(scene, 2), 1e-8).evolve(scene.period * np.arange(3)).inside[1:]
+    fine, coarse = survival((alpha, e), scene.overturning.angle, shaking, diffusion, (0.3, 0.0), 2, paths, 400, 3)
+    wanted = 2.0 * fine - coarse
+    assert found == pytest.approx(wanted, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
+
+
+def test_filtered_noise_agrees_with_paths():
+    """20,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
+    scene = Scene(Block(0.7, critical_angle=0.29), Harmonic(4.2, 2.7, math.pi), FILTERED)
+    run = FilteredRun(scene, node_grid(plane_of(scene, 1), scene, 16, (7,), 8), 1e-8)
+    found = run.evolve(scene.period * np.arange(3)).inside[1:]
+    paths = simulate(scene, cycles=2, realizations=20_000, seed=4, method="filtered").survival[1:]
+    assert found == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 20_000))

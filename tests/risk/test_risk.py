@@ -1,0 +1,355 @@
+"""From a fragility to an annual frequency: curves over records, hazards, closed forms."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
+from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
+from fpk_rocking.risk.curve import intensity_of
+from fpk_rocking.studies import drawn, fragility, synthetic_records
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
+from fpk_rocking.studies.measures import intensities
+from fpk_rocking.studies.result import Fragility
+
+SIZE = Dimensions(0.6, 2.0)
+SCALES = np.geomspace(0.1, 3.0, 12)
+
+
+def curve_of(median=0.7, spread=0.4, records=1, replicates=None):
+    """Make a curve whose points lie on a lognormal one."""
+    fit = LognormalFit(median, spread, misfit=0.0)
+    share = fit(SCALES)
+    limits = np.stack([0.9 * share, np.minimum(1.0, 1.1 * share)], axis=-1)
+    own = np.empty((0, 2)) if replicates is None else np.asarray(replicates, float)
+    return IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, records, math.nan, math.nan)
+
+
+@pytest.mark.parametrize("median", [0.05, 0.7, 20.0])
+@pytest.mark.parametrize("spread", [0.05, 0.4, 1.2])
+@pytest.mark.parametrize("exponent", [0.5, 2.0, 6.0])
+def test_the_frequency_of_a_lognormal_curve_under_a_power_law_is_the_closed_form(median, spread, exponent):
+    risk = annual_frequency(curve_of(median, spread), Hazard.power_law(3e-4, exponent))
+    exact = 3e-4 * median**-exponent * math.exp(0.5 * (exponent * spread) ** 2)
+    assert risk.rate == pytest.approx(exact, rel=1e-10)
+    assert risk.return_period == pytest.approx(1.0 / exact, rel=1e-10)
+    assert risk.probability(10.0) == pytest.approx(1.0 - math.exp(-10.0 * exact), rel=1e-9)
+    assert risk.contribution.sum() == pytest.approx(0.999, abs=1e-3)
+
+
+def test_the_frequency_is_that_of_sampled_intensities():
+    """A bent hazard, by 200,000 intensities drawn from it: 4 standard errors, false alarm 6e-5."""
+    hazard = Hazard([0.1, 0.3, 1.0, 3.0], [1e-1, 2e-2, 1e-3, 1e-5])
+    curve, rng = curve_of(0.8, 0.5), np.random.default_rng(1)
+    rates = hazard(0.02) * (1.0 - rng.random(200_000))
+    # The inverse of the hazard, piecewise linear in logarithms and going on beyond its points.
+    grid = np.geomspace(0.02, 50.0, 40_001)
+    drawn = np.exp(np.interp(-np.log(rates), -np.log(hazard(grid)), np.log(grid)))
+    values = hazard(0.02) * curve(drawn)
+    risk = annual_frequency(curve, hazard)
+    assert abs(values.mean() - risk.rate) < 4.0 * values.std() / math.sqrt(values.size)
+    middle, lost = np.sqrt(grid[1:] * grid[:-1]), -np.diff(hazard(grid))
+    shares = np.histogram(middle, risk.edges, weights=lost * curve(middle))[0] / risk.rate
+    assert np.abs(shares - risk.contribution).max() < 1e-3  # the points of the hazard lie inside bins
+
+
+def test_a_curve_of_points_is_joined_by_lines_in_the_logarithm():
+    curve = curve_of()
+    points = IntensityCurve(**{**vars(curve), "fit": LognormalFit(reason="none")})
+    hazard = Hazard.power_law(1e-3, 2.0)
+    grid = np.linspace(math.log(SCALES[0]), math.log(SCALES[-1]) + 20.0, 2_000_001)
+    middle = 0.5 * (grid[1:] + grid[:-1])
+    rates = hazard(np.exp(grid))
+    for side, found in ((curve.probability, "rate"), (curve.interval[:, 0], 0), (curve.interval[:, 1], 1)):
+        direct = (np.interp(middle, np.log(SCALES), side) * -np.diff(rates)).sum()
+        risk = annual_frequency(points, hazard)
+        assert (risk.rate if found == "rate" else risk.interval[found]) == pytest.approx(direct, rel=1e-6)
+
+
+def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
+    replicates = [(0.7 * math.exp(0.1 * z), 0.4) for z in np.linspace(-1.0, 1.0, 41)]
+    risk = annual_frequency(curve_of(replicates=replicates), Hazard.power_law(1e-3, 2.0))
+    assert risk.interval == pytest.approx([risk.rate * math.exp(0.2 * z) for z in (-0.95, 0.95)], rel=1e-9)
+    assert risk.beyond_hazard > 0.2
+    assert any("beyond the points of the hazard curve" in one for one in risk.sentences)
+    assert [doubt.kind for doubt in risk.doubts][:1] == ["the hazard curve"]
+    assert risk.relative_error == pytest.approx((risk.interval[1] - risk.interval[0]) / (2 * 1.96 * risk.rate))
+    wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
+    assert wide.beyond_hazard < 1e-6
+    assert wide.beyond_curve < 0.05
+    assert len(wide.sentences) == 1
+    assert wide.rate == pytest.approx(risk.rate, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["im,rate\n0.1,1e-2\n1,1e-4\n", "# g\n0.1;1e-2\n\n1;1e-4", "0.1\t0.01\n1\t0.0001\n", "0.1 1e-2\n1 1e-4"],
+    ids=["comma", "semicolon", "tab", "blank"],
+)
+def test_hazards_are_read_from_two_columns(tmp_path, text):
+    file = tmp_path / "h.csv"
+    file.write_text(text)
+    assert Hazard.from_csv(file)(0.3) == pytest.approx(1e-2 * 3.0**-2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "got no numbers"),
+        ("0.1,1e-2\nx,1\n", "line 2: got 'x,1'"),
+        ("0.1,1e-2\n1\n", "line 2: got '1'"),
+        ("0.1,1e-2,3\n", "got no numbers"),
+        ("0.1,1e-2\n0.1,1e-3\n", r"hazard\.intensity\[1\]: got 0\.1, accepted: values that rise"),
+        ("0.1,1e-2\n0.2,1e-2\n", r"hazard\.rate\[1\]: got 0\.01, accepted: values that fall"),
+        ("0.1,1e-2\n0.2,-1\n", r"hazard\.rate: got"),
+        ("0.1,1e-2\n", r"hazard\.intensity: got"),
+    ],
+)
+def test_what_is_no_hazard_is_refused_by_name(tmp_path, text, said):
+    file = tmp_path / "h.csv"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        Hazard.from_csv(file)
+
+
+def record(seed):
+    """Make a noisy record of a strength of its own."""
+    time, rng = np.arange(0.0, 6.0, 0.02), np.random.default_rng(seed)
+    waves = np.sin(2.0 * np.pi * np.outer(time, rng.uniform(0.5, 4.0, 6)) + rng.uniform(0.0, 6.0, 6)).sum(axis=1)
+    return Record(0.02, rng.uniform(0.5, 2.0) * waves * np.exp(-(((time - 2.5) / 1.5) ** 2)), "m/s2", 1.0)
+
+
+def test_scenes_at_an_intensity_have_it():
+    scene = Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 10.0), 30))
+    for measure, field, unit in (("PGA", "pga", 9.80665), ("PGV", "pgv", 1.0)):
+        there = at_intensity(scene, measure, 0.4)
+        assert getattr(intensities(there), field) == pytest.approx(0.4 * unit, rel=1e-12)
+        assert intensity_of(there, measure) == pytest.approx(0.4, rel=1e-12)
+        factor = 0.4 / intensity_of(scene, measure)
+        assert there.noise.variance == pytest.approx(0.01 * factor**2, rel=1e-12)
+        assert at_intensity(scene, measure, 0.4, noise=False).noise == scene.noise
+    with pytest.raises(ValueError, match=r"^measure: got 'PGD', accepted: 'PGA', 'PGV'"):
+        at_intensity(scene, "PGD")
+    with pytest.raises(ValueError, match=r"^scene: got .* a block with dimensions"):
+        at_intensity(Scene(Block(0.9), Harmonic(1.0, 2.0), NoNoise()))
+
+
+def made(shares, scenes, realizations):
+    """Make the fragility of some scenes with given probabilities (m, n)."""
+    shares = np.asarray(shares, float)[:, None]
+    return Fragility(
+        tuple(scenes), "scene", np.arange(len(scenes)), np.empty(0), SCALES, shares, np.full(shares.shape, np.nan),
+        "exact", realizations, True, {}, "", {}, 0.0,
+    )  # fmt: skip
+
+
+def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():
+    """Medians of 60 records with β_R = .4, curves of β_N = .3: total .5; 4 standard errors of 60, false alarm 1e-4."""
+    medians = np.exp(0.4 * np.random.default_rng(3).standard_normal(60))
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9))) for n in range(60)]
+    shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
+    curve = IntensityCurve.of(made(shares, scenes, 1_000_000), "PGV", samples=400)
+    assert curve.within == pytest.approx(0.3, abs=0.003)
+    assert curve.between == pytest.approx(np.log(medians).std(), abs=0.02)
+    assert curve.fit.dispersion == pytest.approx(math.hypot(curve.within, curve.between), rel=1e-12)
+    assert curve.fit.median == pytest.approx(np.exp(np.log(medians).mean()), rel=0.03)
+    low, high = curve.fit.median_interval
+    assert math.log(high / low) == pytest.approx(2 * 1.96 * 0.4 / math.sqrt(60), rel=0.25)
+    assert np.all((curve.interval[:, 0] <= curve.probability) & (curve.probability <= curve.interval[:, 1]))
+
+
+def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
+    """80 records of β_R = .3 with 4 blocks each of β_j = .25, noise .2: 4 standard errors of 80, false alarm 1e-4.
+
+    The bootstrap draws records, and their blocks with them: its interval is wider than that of 320 motions.
+    """
+    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))
+    rng = np.random.default_rng(8)
+    draws = drawn([scene] * 80, {"block.restitution": "normal:0.9:0.01"}, 4)
+    scores = (np.array(draws.values["block.restitution"]) - 0.9) / 0.01
+    medians = 0.7 * np.exp(0.3 * np.repeat(rng.standard_normal(80), 4) - 0.25 * scores)
+    shares = [LognormalFit(m, 0.2)(SCALES) for m in medians]
+    curve = IntensityCurve.of(made(shares, draws.scenes, 1_000_000), "PGV", draws=draws, samples=400)
+    assert (curve.records, list(curve.blocks)) == (80, ["block.restitution"])
+    assert curve.within == pytest.approx(0.2, abs=0.01)
+    assert curve.blocks["block.restitution"] == pytest.approx(0.25, abs=0.07)
+    assert curve.between == pytest.approx(0.3, abs=0.1)
+    total = math.sqrt(sum(value**2 for value in curve.sources.values()))
+    assert total == pytest.approx(curve.fit.dispersion, rel=1e-12)
+    low, high = curve.fit.median_interval
+    assert math.log(high / low) == pytest.approx(2 * 1.96 * math.hypot(0.3, 0.125) / math.sqrt(80), rel=0.3)
+    one = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
+    alone = IntensityCurve.of(made(shares, one.scenes, 1_000_000), "PGV", draws=one, samples=200)
+    assert alone.records == 1
+    assert math.isnan(alone.between)
+    assert math.log(alone.fit.median_interval[1] / alone.fit.median_interval[0]) < 0.9 * math.log(high / low)
+
+
+def test_intervals_over_records_cover():
+    """200 suites of 30 records: the 95 % interval contains the median of the population .90 to .99 of the times.
+
+    Bootstrap over 30 records covers about .935; outside .90 to .99 by chance with 1 %.
+    """
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))] * 30
+    rng, hits = np.random.default_rng(5), 0
+    for _ in range(200):
+        medians = 0.7 * np.exp(0.4 * rng.standard_normal(30))
+        shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
+        low, high = IntensityCurve.of(made(shares, scenes, 10_000), "PGV", samples=100).fit.median_interval
+        hits += low <= 0.7 <= high
+    assert 180 <= hits <= 198
+
+
+def test_limits_over_records_that_agree_are_wilsons_and_those_of_points_are_drawn_with_the_records():
+    """Where no record overturns a block the bootstrap has no width; elsewhere it stands."""
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))] * 10
+    shares = np.clip((np.arange(12) - 2.0 - np.linspace(0.0, 4.0, 10)[:, None]) / 3.0, 0.0, 1.0)
+    curve = IntensityCurve.of(made(shares, scenes, 1000), "PGV", samples=500)
+    few = np.minimum(curve.probability, 1.0 - curve.probability) < 0.1
+    wilson = wilson_interval(10 * curve.probability, 10)
+    assert few.any()
+    assert curve.interval[few] == pytest.approx(wilson[few])
+    assert curve.interval[0, 1] > 0.2
+    drawn_again = np.quantile(curve.redrawn, [0.025, 0.975], axis=0).T
+    assert curve.interval[~few] == pytest.approx(drawn_again[~few])
+    points = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
+    risk = annual_frequency(points, Hazard.power_law(1e-3, 2.0))
+    rates = [
+        annual_frequency(dataclasses.replace(points, probability=one), risk.hazard).rate for one in curve.redrawn[:100]
+    ]
+    low, high = risk.interval
+    assert 85 <= sum(low <= rate <= high for rate in rates) <= 100  # 95 of 100, a false alarm of 1e-4
+    assert (
+        high - low
+        < 0.7 * (annual_frequency(dataclasses.replace(points, redrawn=np.empty((0, 0))), risk.hazard).interval[1])
+    )
+
+
+def test_one_scene_has_the_limits_of_its_sample():
+    scene = at_intensity(Scene(Block(0.9, SIZE), Pulse("one-sine", 2.0, 4.0), BandNoise(0.05, (0.0, 10.0), 30)), "PGV")
+    found = fragility(scene, scale=np.geomspace(0.4, 2.5, 8), realizations=300)
+    curve = IntensityCurve.of(found, "PGV")
+    assert np.array_equal(curve.probability, found.overturned[0])
+    assert np.array_equal(curve.intensity, found.scale * intensity_of(scene, "PGV"))
+    direct = fit_lognormal(curve.intensity, curve.probability, 300)
+    assert curve.fit.median == pytest.approx(direct.median, rel=1e-9)
+    # Two ways to the same interval: information, and counts drawn from the curve.
+    for mine, other in zip(curve.fit.median_interval, direct.median_interval, strict=True):
+        assert math.log(mine / direct.median) == pytest.approx(math.log(other / direct.median), rel=0.15)
+    assert curve.records == 1
+    assert math.isnan(curve.between)
+
+
+def test_what_is_no_suite_is_refused_by_name():
+    scenes = [Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9)) for n in range(6)]
+    shares = [curve_of().probability] * 6
+    with pytest.raises(ValueError, match=r"PGV of the scenes at scale 1: got .*at_intensity"):
+        IntensityCurve.of(made(shares, scenes, 100), "PGV")
+    equal = [at_intensity(scene) for scene in scenes]
+    with pytest.raises(ValueError, match=r"records: got 3, accepted: at least 5, or one scene"):
+        IntensityCurve.of(made(shares[:3], equal[:3], 100), "PGV")
+    with pytest.raises(ValueError, match=r"fragility: got .*before `pooled`"):
+        IntensityCurve.of(made(shares, equal, 100).pooled, "PGV")
+    shares = np.array(shares)
+    shares[2, 3] = np.nan
+    with pytest.raises(ValueError, match="no probability at 1 points"):
+        IntensityCurve.of(made(shares, equal, 100), "PGV")
+
+
+def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
+    """Six records from files by the command line; the figures of its JSON are those of the parts, one by one."""
+    scene = Scene(Block(0.9, SIZE), Harmonic(1.0, 2.0), BandNoise(0.02, (0.0, 8.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    (tmp_path / "h.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
+    files = [tmp_path / f"{n}.txt" for n in range(6)]
+    for n, file in enumerate(files):
+        file.write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(record(n).samples)))
+    arguments = [
+        "risk",
+        str(tmp_path / "rack.toml"),
+        "--records",
+        *map(str, files),
+        "--hazard",
+        str(tmp_path / "h.csv"),
+    ]
+    arguments += ["--intensities", "0.2:3:7", "--units", "m/s2", "--realizations", "200", "--name", "rack"]
+    assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 0
+    assert "return period" in capsys.readouterr().out
+    names = {file.name for file in (tmp_path / "out").iterdir()}
+    assert names >= {"result.npz", "risk.json", "risk.txt", "curve.csv", "rack.xml", "risk.png", "report.html"}
+    values = json.loads((tmp_path / "out" / "risk.json").read_text())
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), scene.noise)) for n in range(6)]
+    found = fragility(scenes, scale=np.geomspace(0.2, 3.0, 7), realizations=200)
+    assert values["fragility"]["overturned"] == found.overturned.tolist()
+    risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
+    assert values["risk"]["rate"] == pytest.approx(risk.rate, rel=1e-12)
+    page = (tmp_path / "out" / "report.html").read_text()
+    for said in ("rack: P(overturned) = ", "0.6 m", "16.7°", "default-src 'none'", "What is left out", "How to cite"):
+        assert said in page
+    for file, one in zip(files, scenes, strict=True):
+        strength = intensities(one)
+        row = f"<td>{file.name}</td><td>5.98</td><td>{strength.pga / 9.80665:.4g}</td><td>1</td>"
+        assert row in page
+    rms = math.sqrt(scenes[0].noise.variance) * SIZE.critical_angle
+    assert f"rms {rms:.3g} g, 0 to {8.0 / SIZE.frequency(1.0):.3g} Hz" in page
+    low, high = values["risk"]["interval"]
+    half = max(high - risk.rate, risk.rate - low)
+    assert f"P(overturned) = {risk.rate:.4g} ± {half:.2g} (95 %) per year" in page
+    for (low, high), share in zip(values["curve"]["interval"], values["curve"]["probability"], strict=True):
+        assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
+    assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
+    assert cli.main([*arguments, "--measure", "PGD"]) == 2
+    assert "measure: got 'PGD', accepted: 'PGA', 'PGV'" in capsys.readouterr().err
+
+
+def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    (tmp_path / "h.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", str(tmp_path / "h.csv"), "--intensities", "0.2:3:5"]
+    arguments[3] = "1e-3:2.5"
+    arguments += ["--synthetic", "5", "--realizations", "30"]
+    drawing = ["--uncertain", "size_factor=lognormal:1:0.1", "--blocks", "2"]
+    assert cli.main([*arguments, *drawing, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["draws"]["origin"] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert list(values["curve"]["blocks"]) == ["size_factor"]
+    assert len(values["fragility"]["overturned"]) == 10
+    assert values["risk"]["rate"] == pytest.approx(
+        1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2), rel=1e-9
+    )
+    assert {one["measure"] for one in values["ranking"]} >= {"PGA, g", "PGV, m/s"}
+    arguments[3] = "1e-3:-1"
+    assert cli.main(arguments) == 2
+    assert "--hazard: got '1e-3:-1', accepted: a file, or K0:K (exponent: got -1.0" in capsys.readouterr().err
+    arguments[3] = str(tmp_path / "h.csv")
+    assert cli.main([*arguments, "--records", "x.AT2"]) == 2
+    assert "--synthetic: got 5, accepted: nothing beside --records" in capsys.readouterr().err
+
+
+def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.8,1.6", "--json"]
+    arguments += ["--synthetic", "5", "--realizations", "20", "--seed", "7", "--measure", "PGA", "--keep-noise"]
+    assert cli.main([*arguments, "--set", "block.restitution=0.8"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    changed = scene.varied(block={"restitution": 0.8})
+    options = {"measure": "PGA", "scale_noise": False, "realizations": 20, "seed": 7}
+    found = study(changed, synthetic_records(5, seed=7), Hazard.power_law(1e-3, 2.0), (0.4, 0.8, 1.6), **options)
+    assert values["fragility"]["overturned"] == found.fragility.overturned.tolist()
+    assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
+    assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
+    assert values["trust"]["verdict"] in {"caution", "do not use"}
+    assert any("limits rest on 5 motions" in reason for reason in values["trust"]["reasons"])
+    twice = study(
+        changed, [record(1), *map(record, range(1, 5))], Hazard.power_law(1e-3, 2.0), (0.4, 1.6), realizations=5
+    )
+    assert "1 of 5 motions are the same as another one." in twice.trust.reasons
+    assert not any("are the same" in reason for reason in found.trust.reasons)
+    assert cli.main([*arguments, "--set", "block.restitution"]) == 2
+    assert "--set: got 'block.restitution', accepted: KEY=VALUE" in capsys.readouterr().err
