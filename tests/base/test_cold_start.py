@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+import types
 
 import pytest
 
 from fpk_rocking.base import ahead, jit
-from fpk_rocking.density.ahead import tasks_of_density
+from fpk_rocking.density import ahead as density_tasks
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
 from montecarlo.engines import filtered, nonlinear, rk4, white
 from montecarlo.engines.choice import ENGINES, task_of
@@ -111,7 +113,7 @@ def test_every_engine_and_every_call_has_its_task():
     scenes = [Scene(Block(0.5, critical_angle=angle), Harmonic(1.0, 2.0), NoNoise()) for angle in (0.0, 0.3)]
     named = {task_of(engine, scenes[engine is nonlinear]) for engine in ENGINES}
     named |= {task_of(engine, scenes[1]) for engine in (rk4, white, filtered)}
-    named.update(task for one in scenes for task in tasks_of_density(one, "filtered"))
+    named.update(task for one in scenes for task in density_tasks.tasks_of_density(one, "filtered"))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
         named.update(re.findall(r'ahead\.(?:before|of_block)\("([\w.:]+)"', path.read_text(encoding="utf-8")))
     assert named <= set(ahead.TASKS)
@@ -149,6 +151,18 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     assert "deposit" in compiled
     for name in ("shear_angle", "shear_velocity", "finish_rows", "fill_blocks", "to_values", "landing_range"):
         assert repr(name) not in compiled
+
+
+def test_free_flight_is_compiled_for_the_degree_that_the_solver_ends_at(monkeypatch):
+    seen = []
+
+    def free_flight(space, *_):
+        seen.append(space.degree)
+        return types.SimpleNamespace(apply=lambda *_: None)
+
+    monkeypatch.setattr(density_tasks, "FreeFlight", free_flight)
+    density_tasks.flight()
+    assert seen == [RESOLUTIONS[USUAL[1e-3]].degree]
 
 
 def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):

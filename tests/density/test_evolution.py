@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
+from fpk_rocking.density.refinement import LEAST, Count
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
@@ -15,6 +16,17 @@ from fpk_rocking.studies import checked
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
+
+
+def test_the_total_of_the_progress_grows_with_every_solution_beyond_those_known():
+    told = []
+    count = Count(lambda *pair: told.append(pair), cycles=2)
+    for _ in range(LEAST + 1):
+        done = count.next()
+        done()
+        done()
+    known, more = 2 * LEAST, 2 * LEAST + 2
+    assert told == [(k, known if k <= known else more) for k in range(1, more + 1)]
 
 
 def test_a_density_is_shown_where_it_is_resolved():

@@ -15,6 +15,7 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.equation import flight
 from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
+from fpk_rocking.physics.motion.exact import WORK, _expand
 from fpk_rocking.physics.motion.gaussian import flight_covariance
 from fpk_rocking.physics.motion.polynomial import safe_time
 from fpk_rocking.physics.motion.slender import segment_of
@@ -46,6 +47,21 @@ def test_how_long_a_gap_stays_open():
     safe = safe_time.py_func
     assert [safe(1.0, 0.0, 2.0), safe(1.0, -1.0, 0.0), safe(1.0, 1.0, 4.0)] == [1.0, 1.0, 1.0]
     assert safe(0.0, 0.0, 0.0) == safe(1.0, 0.0, 0.0) == safe(1.0, 1.0, 0.0) == safe(1.0, -1.0, -1.0) == math.inf
+
+
+def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle():
+    """(sin φ)² + (cos φ)² = 1, (sin φ)' = φ' cos φ and u'' = s f cos φ - sin φ/α, by products of series."""
+    work, alpha, orders = np.zeros(WORK), 0.7, np.arange(TERMS)
+    force = np.random.default_rng(6).normal(size=TERMS) / 2.0**orders
+    assert _expand.py_func(0.4, 0.9, -1, force, 0.1, 9.0, Body(0.8, 1.5, alpha), work) > 0.1
+    angle, sine, cosine, push = (Polynomial(row) for row in work)
+
+    def low(series):
+        return np.resize(np.pad(series.coef, (0, TERMS)), TERMS - 3)
+
+    assert low(sine * sine + cosine * cosine) == pytest.approx(np.eye(1, TERMS - 3)[0], abs=1e-14)
+    assert low(sine.deriv()) == pytest.approx(low(-alpha * angle.deriv() * cosine), abs=1e-14)
+    assert low(angle.deriv(2)) == pytest.approx(low(-push * cosine - sine / alpha), abs=1e-13)
 
 
 @pytest.mark.parametrize("rounds", [25, pytest.param(100, marks=pytest.mark.slow)])

@@ -177,6 +177,7 @@ def test_a_mixture_states_what_its_scenes_have_in_common(tmp_path, outcomes):
     assert json.dumps(pooled.summary(), allow_nan=False)
     assert pooled.plot().get_suptitle() == ""
     assert "mean of 5 scenes" in pooled.headline
+    assert pooled.describe(0) == pooled.describe(0, 0)
     assert fragility_table(pooled)[0] == "Fragility by exact, mean of 5 scenes, one path a point"
 
 
