@@ -169,7 +169,7 @@ def main():
         kept = [list(line.values()) for line in load() if line["scene"] != name]
         order = list(known)
         text = io.StringIO()
-        writer = csv.writer(text, lineterm="\n")
+        writer = csv.writer(text, lineterminator="\n")
         writer.writerows([HEAD, *sorted(kept + lines, key=lambda line: order.index(line[0]))])
         write_text(FOLDER / "values.csv", text.getvalue())
         write_text(FOLDER / f"{name}.toml", known[name].scene.to_toml())
