@@ -7,11 +7,22 @@ import pathlib
 import numpy as np
 import pytest
 
+from fpk_rocking.envelopes import Table
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import body_of
 from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import Impacts, advance
-from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
+from fpk_rocking.scene import (
+    BandNoise,
+    Block,
+    FilteredNoise,
+    Harmonic,
+    NoNoise,
+    Overturning,
+    Scene,
+    Start,
+    load_scene,
+)
 from montecarlo import Histories, histories, history, simulate
 from montecarlo.engines import running
 
@@ -68,7 +79,20 @@ def test_realizations_are_those_of_an_ensemble(scene, method, samples):
     assert (run.realizations, run.cycles) == (80, 6)
 
 
-@pytest.mark.parametrize(("scene", "method"), [(MAIN, "rk4"), (MAIN, "exact"), (WHITE, "white")])
+PIECES = Table((0.0, 0.31, 0.32, 1.7, 3.1), (1.0, 1.5, 0.3, 1.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("scene", "method"),
+    [
+        (MAIN, "rk4"),
+        (MAIN, "exact"),
+        (WHITE, "white"),
+        (MAIN.varied(noise=BandNoise(0.04, (0.0, 10.0), 20, envelope=PIECES)), "exact"),
+        (MAIN.varied(noise=FilteredNoise("low-pass", 0.04, 6.0, 0.7, PIECES)), "filtered"),
+    ],
+    ids=["rk4", "exact", "white", "enveloped", "filtered"],
+)
 def test_every_impact_turns_the_side(scene, method):
     """Between two samples the side has changed as often as there were impacts, and each impact is from its side."""
     run = histories(scene, cycles=3, realizations=50, method=method, samples_per_cycle=64)
