@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
+from fpk_rocking.density.evolution import near_rest
 from fpk_rocking.density.refinement import LEAST, Count
 from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
 from fpk_rocking.studies import checked
@@ -27,6 +29,17 @@ def test_the_total_of_the_progress_grows_with_every_solution_beyond_those_known(
         done()
     known, more = 2 * LEAST, 2 * LEAST + 2
     assert told == [(k, known if k <= known else more) for k in range(1, more + 1)]
+
+
+@pytest.mark.parametrize(
+    ("start", "first"), [(Start(0.004, -0.09), 1.0), (Start(0.006), 0.0), (Start(0.0, 0.11), 0.0), (None, 0.25)]
+)
+def test_a_density_near_rest_is_within_small_angles_and_velocities(start, first):
+    """A uniform one on a rectangle four times as large as that of rest."""
+    space = Space(np.array([-0.01, 0.01]), np.array([-0.2, 0.2]), 0)
+    coefficients = np.full((2, 1, 1, 1, 1), 1.0 / (0.02 * 0.4))
+    spread = Start(0.0, 0.0, ((1e-4, 0.0), (0.0, 1e-4)))
+    assert near_rest(space, coefficients, start or spread) == pytest.approx([first, 0.25])
 
 
 def test_a_density_is_shown_where_it_is_resolved():

@@ -376,4 +376,3 @@ def test_a_case_looks_into_a_density():
     # At the end of the second cycle the force is -A: under these values of the noise nothing rests.
     assert resting[-1][noise < -0.3] == pytest.approx(0.0, abs=1e-12)
     assert resting[-1][(noise > 0.3) & (noise < 0.9)].min() > 0.3  # nodes beyond hold next to nothing
-    assert np.array(found["angles"]).shape == (len(noise), len(module.ANGLE_EDGES) - 1)

@@ -114,6 +114,23 @@ def test_nodes_lie_along_the_axes_of_the_noise_that_went_through_an_impact(side,
     assert codes.tolist() == [-side] * 6
 
 
+def test_noise_has_one_diffusion_before_an_impact_and_another_after_it():
+    """An exact block is moved by the noise as cos φ says where it is."""
+    rest, before, after = DURATION - TIME, 2e-3, 5e-3
+    met = saltation.encounter(-0.7, 1, *forcing(START + TIME), DYNAMICS.block)
+    parts = [
+        saltation.through_impact(one, TIME, rest, met, DYNAMICS.restitution)
+        for one in ((before, after), (before, 0.0), (0.0, after))
+    ]
+    (final, early, _), (first, alone, _), (last, none, _) = parts
+    assert final == pytest.approx(np.add(first, last))
+    xx, xv, _, vv = flight_noise(dataclasses.replace(DYNAMICS, diffusion=after), rest).ravel()
+    assert last == pytest.approx((xx, xv, vv))
+    xx, xv, _, vv = flight_noise(dataclasses.replace(DYNAMICS, diffusion=before), TIME).ravel()
+    assert early == alone == pytest.approx((xx, xv, vv))
+    assert none == (0.0, 0.0, 0.0)
+
+
 def test_nodes_carried_by_an_expansion_and_one_by_one_are_the_same_but_for_its_third_order():
     """On either side of the speed at which the one takes over from the other, 5 sqrt(2 D h)."""
     point, speed = before_impact(-0.7, 1), 0.7

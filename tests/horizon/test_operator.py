@@ -250,6 +250,46 @@ def test_another_leading_eigenvalue_of_the_adjoint_is_refused(monkeypatch):
         level.Level.left_modes.func(one)
 
 
+@pytest.mark.parametrize(
+    ("negative", "error", "refused"),
+    [
+        (level.UNRESOLVED, 0.99, None),
+        (level.UNRESOLVED * 1.0001, 0.1, "does not resolve"),
+        (0.0, 1.0, "one above the error of the finest"),
+        (0.0, math.nan, "one above the error of the finest"),
+    ],
+)
+def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative, error, refused):
+    warned = []
+    monkeypatch.setattr(level, "warn_beyond", lambda *given, **_: warned.append(given))
+    found = types.SimpleNamespace(fine=types.SimpleNamespace(negative_mass=negative, rate=1e-3), error=error)
+    if refused:
+        with pytest.raises(ValueError, match=refused):
+            level._judge(found, 1e-3)
+    else:
+        level._judge(found, 1e-3)
+    assert len(warned) == (refused is None)
+
+
+@pytest.mark.parametrize(
+    ("rates", "negative", "hopeless"),
+    [
+        ((0.0, 9e-16), (0.0, 0.0), True),
+        ((0.0, 2e-15), (0.0, 0.0), False),
+        ((1e-3, 1e-3), (1.9, 0.0), False),
+        ((1e-3, 1e-3), (2.1, 0.0), True),
+        ((1e-3, 1e-3), (3.0, 4.0), True),
+        ((1e-3, 1e-3), (3.0, 4.5), False),
+    ],
+)
+def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negative, hopeless):
+    fine, coarse = (
+        types.SimpleNamespace(rate=rate, negative_mass=level.UNRESOLVED * part)
+        for rate, part in zip(rates, negative, strict=True)
+    )
+    assert level._hopeless(fine, coarse) == hopeless
+
+
 def test_half_a_turn_of_the_phase_turns_the_map(operator):
     """(x, v, Psi) -> (-x, -v, Psi + pi)."""
     there, here = operator.survival_map(2, phase=MAIN.forcing.phase + np.pi), operator.survival_map(2)

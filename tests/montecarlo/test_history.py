@@ -7,12 +7,23 @@ import pathlib
 import numpy as np
 import pytest
 
+from fpk_rocking.envelopes import Table
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.body import body_of
 from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.motion.transition import Impacts, advance
-from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
-from montecarlo import Histories, histories, simulate
+from fpk_rocking.scene import (
+    BandNoise,
+    Block,
+    FilteredNoise,
+    Harmonic,
+    NoNoise,
+    Overturning,
+    Scene,
+    Start,
+    load_scene,
+)
+from montecarlo import Histories, histories, history, simulate
 from montecarlo.engines import running
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
@@ -68,7 +79,20 @@ def test_realizations_are_those_of_an_ensemble(scene, method, samples):
     assert (run.realizations, run.cycles) == (80, 6)
 
 
-@pytest.mark.parametrize(("scene", "method"), [(MAIN, "rk4"), (MAIN, "exact"), (WHITE, "white")])
+PIECES = Table((0.0, 0.31, 0.32, 1.7, 3.1), (1.0, 1.5, 0.3, 1.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("scene", "method"),
+    [
+        (MAIN, "rk4"),
+        (MAIN, "exact"),
+        (WHITE, "white"),
+        (MAIN.varied(noise=BandNoise(0.04, (0.0, 10.0), 20, envelope=PIECES)), "exact"),
+        (MAIN.varied(noise=FilteredNoise("low-pass", 0.04, 6.0, 0.7, PIECES)), "filtered"),
+    ],
+    ids=["rk4", "exact", "white", "enveloped", "filtered"],
+)
 def test_every_impact_turns_the_side(scene, method):
     """Between two samples the side has changed as often as there were impacts, and each impact is from its side."""
     run = histories(scene, cycles=3, realizations=50, method=method, samples_per_cycle=64)
@@ -96,6 +120,17 @@ def test_no_impact_is_dropped_where_there_are_many():
     # Two flights of one speed under the force 1 take 2 w each: the second impact comes at 3 sqrt(2 x0).
     assert run.impact_time[:2] == pytest.approx([math.sqrt(2e-4), 3.0 * math.sqrt(2e-4)], rel=2e-3)
     assert np.abs(run.impact_velocity[0]) == pytest.approx(math.sqrt(2e-4), rel=1e-3)
+
+
+def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_for(monkeypatch):
+    scene = Scene(Block(0.9), Harmonic(1.2, 2.0), BandNoise(0.1, (0.0, 6.0), 20))
+    whole = histories(scene, cycles=1, realizations=20)
+    room = 10
+    assert whole.impacts.min() < room < whole.impacts.max()
+    monkeypatch.setattr(history, "_ROOM_PER_CYCLE", room)
+    again = histories(scene, cycles=1, realizations=20)
+    for name in ("angle", "impact_realization", "impact_time", "impact_velocity"):
+        assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
 
 
 @pytest.mark.parametrize("method", ["rk4", "exact"])

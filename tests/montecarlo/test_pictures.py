@@ -14,6 +14,7 @@ from montecarlo import (
     histories,
     impact_speeds,
     mean_poincare_map,
+    poincare,
     restarted_poincare_map,
     simulate,
 )
@@ -94,6 +95,23 @@ def test_noise_goes_on_through_a_restart(scene):
         means.append(np.nanmean(np.concatenate([batch.angle[:, 1] for batch in batches])))
     assert restarted.points[3, 0] == pytest.approx(means[1], abs=1e-12)
     assert abs(means[0] - means[1]) > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("angles", "rule", "mean", "error", "counted"),
+    [
+        ((0.1, 0.3), "left out", (0.2, 0.5), (0.1, 0.5), 2),
+        ((0.1, np.nan), "left out", (0.1, 0.0), (np.nan, np.nan), 1),
+        ((np.nan, np.nan), "left out", (np.nan, np.nan), (np.nan, np.nan), 0),
+        ((0.1, np.nan), "clamped", (-0.7, 0.0), (0.8, 0.0), 2),
+    ],
+)
+def test_the_mean_of_few_states_and_its_standard_error(angles, rule, mean, error, counted):
+    angle, velocity, side = np.array(angles), np.array([0.0, 1.0]), np.array([0, -1])
+    found = poincare._mean(angle, velocity, side, 1.5, rule)
+    assert found[0] == pytest.approx(mean, nan_ok=True)
+    assert found[1] == pytest.approx(error, nan_ok=True)
+    assert found[2] == counted
 
 
 def test_restart_ends_where_all_have_overturned():

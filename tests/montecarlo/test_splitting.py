@@ -12,7 +12,7 @@ from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start,
 from montecarlo import Splitting, simulate, split
 from montecarlo.engines.random import open_stream, stream_keys, uniform
 from montecarlo.rare.levels import climb, populate, raise_level
-from montecarlo.rare.prospects import AHEAD, prospect, prospects_of
+from montecarlo.rare.prospects import AHEAD, Prospects, prospect, prospects_of
 
 REST = Start()
 UP = 0.3
@@ -192,6 +192,20 @@ def test_prospect_is_the_nearest_approach_of_an_independent_block():
         found.append(best)
         assert prospect(u, w, side, j, prospects) == pytest.approx(best, rel=0.01, abs=1e-3)
     assert max(found) > 0.0 > min(found)
+
+
+def test_prospects_are_bilinear_between_the_nodes_and_those_of_the_edge_beyond():
+    def plane(u, w):
+        return 0.3 + 2.0 * u - 0.7 * w + 0.4 * u * w
+
+    angles, velocities = np.linspace(0.0, 1.5, 4), np.linspace(-2.0, 2.0, 6)
+    table = np.zeros((3, 2, 4, 6))
+    table[1, 1] = plane(angles[:, None], velocities)
+    prospects = Prospects(table, 2.0, 2.0, 1.25)
+    for u, w in ((0.0, -2.0), (0.2, 0.1), (0.75, -1.3), (1.3, 1.9), (1.5, 2.0), (1.1, -2.5), (0.4, 3.0), (1.8, 0.5)):
+        inside = min(u, 1.5), min(max(w, -2.0), 2.0)
+        assert prospect.py_func(u, w, 1, 1, prospects) == pytest.approx(plane(*inside), rel=1e-12)
+        assert prospect.py_func(u, w, -1, 1, prospects) == prospect.py_func(u, w, 1, 2, prospects) == 0.0
 
 
 def test_estimates_and_errors_follow_from_the_repeats():

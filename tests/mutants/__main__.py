@@ -81,7 +81,7 @@ def main():
     def tried(number):
         mutant = mutants[number]
         tests = covering.tests_for(mutant, known, kernels, options.budget)
-        return noticed(mutant, not mutant.function or f"{mutant.file}:{mutant.function}" in kernels, tests)
+        return noticed(mutant, covering.compiled(mutant, kernels), tests)
 
     def survives(mutant):
         run, known_ones = (len(covering.tests_for(mutant, known, kernels, one)) for one in (options.budget, math.inf))

@@ -4,6 +4,7 @@ Compiled kernels are not seen there. Those that a Python function can reach by t
 Python has called the first of them in the same test file.
 """
 
+import ast
 import cProfile
 import hashlib
 import json
@@ -114,6 +115,14 @@ def _name(code):
     """Name "file:function" of a code of the packages; else empty."""
     file = code.co_filename.removeprefix(f"{TREE}/")
     return f"{file}:{code.co_qualname}" if file.startswith(PACKAGES) else ""
+
+
+def compiled(mutant, kernels):
+    """Whether machine code depends on a mutant: on a kernel, a value made as a module is loaded, or a compiler."""
+    outside = [one for one in ast.parse(mutant.source).body if not isinstance(one, ast.FunctionDef | ast.ClassDef)]
+    names = {node.id for one in outside for node in ast.walk(one) if isinstance(node, ast.Name)}
+    within = mutant.function.partition(".")[0]
+    return f"{mutant.file}:{mutant.function}" in kernels or within in {"", *names} or "numba.extending" in mutant.source
 
 
 def tests_for(mutant, known, kernels, budget):

@@ -81,7 +81,7 @@ def changes(node):
     yield from _in_operators(node)
     if isinstance(node, ast.Constant) and type(node.value) in {bool, int, float}:
         yield lambda one: setattr(one, "value", _other(one.value))
-    if isinstance(node, ast.Tuple) and len(node.elts) == 2:
+    if isinstance(node, ast.Tuple) and len(node.elts) == 2 and not any(isinstance(one, ast.Slice) for one in node.elts):
         yield lambda one: one.elts.reverse()
     if isinstance(node, ast.Call) and len(node.args) == 2 and not isinstance(node.args[0], ast.Constant):
         yield lambda one: one.args.reverse()

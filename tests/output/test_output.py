@@ -61,6 +61,13 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     told = [text.get_text() for text in figure.texts]
     assert [one.endswith("noise replaced") for one in told[1:5]] == [True, False, True, False]
     assert any("Replaced, not checked" in one for one in told)
+    width, height = figure.get_size_inches()
+    assert width == pytest.approx(3 * surfaces._PANEL[0], abs=0.5)
+    for axes in panels:
+        assert axes.get_position().height * height == pytest.approx(surfaces._PANEL[1], rel=0.05)
+    middles = {round(axes.get_position().intervaly.mean(), 6) for axes in panels}
+    names = [text.get_position()[1] for text in figure.texts if text.get_position()[0] == 0.025]
+    assert sorted(names) == pytest.approx(sorted(middles), abs=1e-5)
 
 
 def test_surface_is_the_mean_over_a_bin():

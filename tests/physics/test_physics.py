@@ -49,6 +49,17 @@ def test_how_long_a_gap_stays_open():
     assert safe(0.0, 0.0, 0.0) == safe(1.0, 0.0, 0.0) == safe(1.0, 1.0, 0.0) == safe(1.0, -1.0, -1.0) == math.inf
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_block_in_contact_that_is_pressed_down_has_an_impact_at_once_and_no_speed(side):
+    """A little faster it flies: for 2 w under the pull 1."""
+    segment, block = harmonic(0.0, 0.0, 2.0, 0.0, 0.25), Body(0.9, CUTOFF)
+    for speed in (0.0, 0.9e-9):
+        assert next_event(0.0, side * speed, side, segment, 0.1, 0.25, block) == (IMPACT, 0.1, 0.0, 0.0)
+    found, time, x, v = next_event(0.0, side * 1e-5, side, segment, 0.1, 0.25, block)
+    assert (found, x) == (IMPACT, 0.0)
+    assert (time - 0.1, v) == (pytest.approx(2e-5, rel=1e-6), pytest.approx(-side * 1e-5, rel=1e-6))
+
+
 def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle():
     """(sin φ)² + (cos φ)² = 1, (sin φ)' = φ' cos φ and u'' = s f cos φ - sin φ/α, by products of series."""
     work, alpha, orders = np.zeros(WORK), 0.7, np.arange(TERMS)
