@@ -43,7 +43,10 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
         value = gap + h * (slope + 0.5 * bend * h - noise)
         if value >= -0.1 * h * noise:
             return h
-        h -= value / (slope + bend * h - 1.5 * noise)
+        less = h - value / (slope + bend * h - 1.5 * noise)
+        if not less < h:  # to rounding at the root, where no noise leaves anything to keep
+            return h
+        h = less
     return h
 
 

@@ -41,6 +41,12 @@ def test_a_step_is_as_long_as_a_gap_surely_stays_open():
     assert 0.1 < np.mean(np.array(lengths) == 0.5) < 0.9
 
 
+def test_a_step_without_noise_ends_where_the_gap_closes():
+    for gap, slope, bend in np.random.default_rng(4).uniform((0.0, -2.0, -3.0), (0.2, 2.0, 0.0), (300, 3)):
+        closes = max(np.roots([0.5 * bend, slope, gap]).real)
+        assert approach.safe_step(gap, slope, bend, 0.0, 0.5, 1e-9) == pytest.approx(min(closes, 0.5), rel=1e-9)
+
+
 def near(u, w, side, force, diffusion=0.0):
     coefficients = np.zeros(16)
     coefficients[0] = force
