@@ -145,6 +145,8 @@ def message(result: Any) -> str:
     halves = np.array([_half(result.scale, one) for one in result.overturned])
     halves = halves[np.isfinite(halves)]
     if halves.size == 0:
+        if np.isnan(result.overturned).all():
+            return "No probability is known"
         low, high = np.nanmin(result.overturned), np.nanmax(result.overturned)
         return f"From {100.0 * low:.3g} to {100.0 * high:.3g} % of the blocks overturn"
     low, high = halves.min(), halves.max()
