@@ -50,7 +50,7 @@ def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], t
     area = np.multiply.outer(*map(np.diff, edges))
     maps = [[np.asarray(result.bin_probabilities(cycle, *edges)) for cycle in cycles] for result in results]
     shown = _range(edges[1], sum(np.abs(bins) for row in maps for bins in row).sum(axis=0))
-    size = _PANEL[0] * len(cycles) + _BESIDE[0], _PANEL[1] * len(results) + _BESIDE[1]
+    size = _PANEL[0] * max(len(cycles), 2) + _BESIDE[0], _PANEL[1] * len(results) + _BESIDE[1]
     with style.page(path, size, title, _notes(results)) as figure:
         panels = figure.subplots(len(results), len(cycles), sharex=True, sharey=True, squeeze=False)
         for column, cycle in enumerate(cycles):

@@ -59,7 +59,9 @@ def test_no_noise_has_none():
 
 
 def test_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match=r"noise\.kind: got 'pink', accepted: 'band', 'white', 'filtered', 'none'"):
+    with pytest.raises(
+        TypeError, match=r"noise: got .*'pink'.*, accepted: BandNoise, WhiteNoise, FilteredNoise or NoNoise"
+    ):
         melnikov.noise_variance(types.SimpleNamespace(kind="pink"))
 
 

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.motion import separatrix
 from fpk_rocking.physics.noise.kinds import Band, Noise
@@ -40,7 +41,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     Raises
     ------
     TypeError, ValueError
-        The kind of the noise is unknown, or α is out of bounds.
+        The noise is not one of these, or α is out of bounds.
 
     Examples
     --------
@@ -50,6 +51,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     >>> print(melnikov.noise_variance(WhiteNoise(diffusion=0.005)))
     0.01
     """
+    _check(noise)
     if noise.kind == "none":
         return 0.0
     if noise.kind == "white":
@@ -65,9 +67,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
         arcs = math.atan2(width, 1.0 + low * high) / width
         ratios = (1.0 - low * high) / ((1.0 + low * low) * (1.0 + high * high))
         return 2.0 * noise.variance * (arcs + ratios)
-    if noise.kind == "filtered":
-        return noise.variance * noise.space.variance_along(*separatrix.kernel(critical_angle))
-    raise ValueError(f"noise.kind: got {noise.kind!r}, accepted: 'band', 'white', 'filtered', 'none'")
+    return noise.variance * noise.space.variance_along(*separatrix.kernel(critical_angle))
 
 
 def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
@@ -100,6 +100,7 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     >>> print(f"{melnikov.equivalent_diffusion(BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=100)):.5f}")
     0.00628
     """
+    _check(noise)
     if noise.kind == "white":
         return noise.diffusion
     return 0.5 * noise_variance(noise, critical_angle) / separatrix.white_gain(critical_angle)
@@ -135,6 +136,7 @@ def cover(noise: Noise, critical_angle: float = 0.0) -> float:
     >>> print([round(melnikov.cover(BandNoise(0.04, band, harmonics=100)), 3) for band in bands])
     [1.0, 0.18, 0.006]
     """
+    _check(noise)
     white = math.pi * separatrix.white_gain(critical_angle)
     if noise.kind == "filtered" and noise.variance > 0.0:
         along = noise.space.variance_along(*separatrix.kernel(critical_angle))
@@ -256,6 +258,11 @@ def _quadrature(noise: Band) -> tuple[Array, Array]:
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
     frequency = np.tan(math.atan(low) + half * (1.0 + _NODES))
     return half * _WEIGHTS * (1.0 + frequency**2) / (high - low), frequency
+
+
+def _check(noise: Noise) -> None:
+    if getattr(noise, "kind", None) not in ("band", "white", "filtered", "none"):
+        raise TypeError(checks.refusal("noise", noise, "BandNoise, WhiteNoise, FilteredNoise or NoNoise"))
 
 
 def _band(noise: Noise) -> Band:
