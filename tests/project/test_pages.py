@@ -130,6 +130,17 @@ def test_commands_run(page, capsys):
                 assert cli.main(arguments + OPTIONS.get(arguments[0], [])) == 0, capsys.readouterr().err
 
 
+def test_no_line_of_a_paragraph_begins_a_list():
+    """A line that begins with "1." or a dash amid a paragraph is a list to a reader of the page."""
+    begins = re.compile(r"(1[.)]|[-+*]) ")
+    for page in [*PAGES, ROOT / "CHANGELOG.md"]:
+        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        for paragraph in re.split(r"\n\s*\n", text):
+            first, *lines = paragraph.strip().split("\n")
+            if not re.match(r"(\d+[.)]|[-+*#|>]) ", first):
+                assert not [line for line in lines if begins.match(line)], f"{page.name}: {paragraph}"
+
+
 def test_links_between_files_lead_somewhere():
     """Those of the pages are also checked where the site is built, README's are not."""
     for page in PAGES:
