@@ -92,7 +92,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     >>> from fpk_rocking.results.remarks import remarks
     >>> from montecarlo import simulate
     >>> print(*remarks(simulate(Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz"), cycles=2)))
-    A block with a friction coefficient below 0.278 slides before it rocks.
+    A block with a friction coefficient below 0.278 slides before it rocks; rocking needs more still (contact_forces).
     """
     sentences: list[str] = []
     for result in results:
@@ -138,7 +138,12 @@ def scene_doubts(
 
 def _sliding(block):
     least = block.least_friction
-    return "" if least is None else f"A block with a friction coefficient below {least:.3g} slides before it rocks."
+    if least is None:
+        return ""
+    return (
+        f"A block with a friction coefficient below {least:.3g} slides before it rocks; rocking needs more still "
+        "(contact_forces)."
+    )
 
 
 def _slender(block):

@@ -355,7 +355,7 @@ class DensityResult(SurvivalResult, _Errors):
         if self.replacement is None or self.total_error is None:
             return f"{text}, replacement of the noise: not checked"
         found, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]
-        return f"{text}, replacement of the noise: {found:+.4f} ± {error:#.2g}, total ± {self.total_error[-1, 0]:#.2g}"
+        return f"{text}, replacement of the noise: {found:+z.4f} ± {error:#.2g}, total ± {self.total_error[-1, 0]:#.2g}"
 
     @property
     def check(self) -> str:

@@ -141,7 +141,7 @@ def _limits(tol, facts):
     below = "integral of the density where it is below 0" + ", blocks at rest left out" * (negative != "negative_mass")
     return {
         "total_error": (
-            "largest total error, with the replacement of the noise,",
+            "largest total error of all times, with the replacement of the noise,",
             max(REPLACED, tol),
             useless,
         ),

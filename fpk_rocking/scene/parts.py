@@ -95,6 +95,10 @@ def _scaled(noise, rate, **changed):
     return dataclasses.replace(noise, **changed)
 
 
+HARMONICS = 100
+"""Harmonics of band noise, unless given."""
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class BandNoise:
     """Shinozuka noise: harmonics with random frequencies in a band and random phases (paper eq. 4).
@@ -124,7 +128,7 @@ class BandNoise:
     kind: ClassVar[Literal["band"]] = "band"
     variance: float
     band: tuple[float, float]
-    harmonics: int
+    harmonics: int = HARMONICS
     remark: str = dataclasses.field(default="", compare=False)
     envelope: Trapezoid | Exponential | Table | None = None
 

@@ -16,7 +16,17 @@ from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.scene.parts import NOISES, BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
+from fpk_rocking.scene.parts import (
+    HARMONICS,
+    NOISES,
+    BandNoise,
+    Block,
+    FilteredNoise,
+    NoNoise,
+    Overturning,
+    Start,
+    WhiteNoise,
+)
 from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
 
@@ -190,7 +200,7 @@ class Scene:
         phase: float = 0.0,
         noise_rms_acceleration: float | str = 0.0,
         noise_band_hz: Sequence[float | str] | None = None,
-        harmonics: int = 100,
+        harmonics: int = HARMONICS,
         gravity: float = STANDARD_GRAVITY,
         start: Start = Start(),
         overturning: Overturning = Overturning(),

@@ -12,10 +12,15 @@ from montecarlo.results.sample import path_doubts
 
 __all__ = ["doubts_of", "model_doubts"]
 
+_SURE = 0.9999
+"""Confidence of the limits by which a probability is seen to fall: chance alone seldom makes it of any curve."""
+
 
 def doubts_of(result: Any) -> list[Doubt]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
-    return model_doubts(result) + _rejected(result) + (_few_motions(result) if result.mixture else [])
+    return (
+        model_doubts(result) + _rejected(result) + _falling(result) + (_few_motions(result) if result.mixture else [])
+    )
 
 
 def model_doubts(result: Any) -> list[Doubt]:
@@ -59,6 +64,25 @@ def _rejected(result):
         "themselves."
     )
     return [Doubt(CAUTION, sentence, "fit")]
+
+
+def _falling(result):
+    """Curves that fall where the shaking grows: nothing says then that less is safer."""
+    low, high = np.moveaxis(result.interval(_SURE), -1, 0)
+    most = np.fmax.accumulate(low, axis=-1)
+    fall = np.nan_to_num(most - high, nan=-1.0)
+    fall[result.deterministic & (not result.mixture)] = -1.0
+    if fall.max() <= 0.0:
+        return []
+    m, which, last = np.unravel_index(fall.argmax(), fall.shape)
+    curve, scale = result.probability[m, which], result.scale
+    first = int(np.nanargmax(low[m, which, : last + 1]))
+    repeats = "Harmonic shaking may do so by its phase: try others." if result.scenes[0].repeats else ""
+    sentence = (
+        f"The probability falls as the shaking grows: {curve[first]:.3g} at scale {scale[first]:.4g}, "
+        f"{curve[last]:.3g} at {scale[last]:.4g}. {repeats}"
+    )
+    return [Doubt(CAUTION, sentence.strip(), "falls")]
 
 
 def _few_motions(result):

@@ -277,9 +277,13 @@ class Fragility(Saved, Shown):
         """Engine, scales and the median of the fit, as a line of text."""
         count, (low, high) = len(self.place), self.scale[[0, -1]]
         fit = self.fits[0][0]
-        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if count == 1 and not fit.reason else ""
+        told = count == 1 and not fit.reason and not (fit.rejected and self._beyond(fit))
+        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if told else ""
         scenes = self.label(0) if self.mixture else f"{count} scene{'s' * (count > 1)}"
         return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
+
+    def _beyond(self, fit: LognormalFit) -> bool:
+        return not self.scale[0] <= fit.median <= self.scale[-1]
 
     def describe(self, scene: int, which: int = 0) -> str:
         """Return the lognormal fit of a curve as a sentence.
@@ -295,13 +299,18 @@ class Fragility(Saved, Shown):
         -------
         str
         """
-        fit, name = self.fits[scene][which], self.names[which]
+        fit, name, curve = self.fits[scene][which], self.names[which], self.probability[scene, which]
         where = f"{name}, {self.label(scene)}" if len(self.place) > 1 else name
         if fit.reason:
             return f"Lognormal ({where}): no fit, {fit.reason}."
+        reached = f"the probability is {np.nanmin(curve):.3g} to {np.nanmax(curve):.3g} at these scales"
+        beyond = self._beyond(fit)
+        if beyond and fit.rejected:
+            return f"Lognormal ({where}): no median, {reached}, and the fit is rejected."
         text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
         text += f", p = {fit.p_value:.2g}" if np.isfinite(fit.p_value) else ""
+        text += f"; the median is extrapolated, {reached}" * beyond
         known = self.intensities[scene].at(fit.median)
         return text + f". At the median: {known}" * bool(known) + "."
 

@@ -61,7 +61,10 @@ def test_a_block_with_dimensions_that_is_taken_as_slender_is_remarked_on(block, 
     assert [doubt.code for doubt in doubts(result)] == ["slender"] * said
     assert [doubt.code for doubt in scene_doubts(result.scene, "")] == ["slender"] * said
     assert result.trust.verdict == ("caution" if said else "ok")
-    sliding = f"A block with a friction coefficient below {friction} slides before it rocks."
+    sliding = (
+        f"A block with a friction coefficient below {friction} slides before it rocks; rocking needs more still "
+        "(contact_forces)."
+    )
     first, rest = remarks(result)[: bool(friction)], remarks(result)[bool(friction) :]
     assert first == (sliding,) * bool(friction)
     assert [text.startswith("Slender block: 0.5 m by 1.8 m") for text in rest] == [True] * said
@@ -163,8 +166,10 @@ def fit(misfit=0.0, p_value=math.nan):
 
 def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=False):
     """What `doubts_of` reads of fragility curves."""
+    array = np.array(probability)[None, None]
     return types.SimpleNamespace(
-        probability=np.array(probability),
+        probability=array,
+        interval=lambda level: np.stack([array - 0.1, array + 0.1], axis=-1),
         reasons=dict.fromkeys(reasons, "refused."),
         fits=[[one] for one in fits],
         scenes=scenes,

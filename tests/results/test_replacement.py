@@ -90,7 +90,9 @@ def test_the_verdict_is_by_the_total_error(tol, standing, verdict):
     assert left.trust.reasons[0].startswith("Replaced, not checked")
     found = left.checked(even(standing))
     assert found.trust.verdict == verdict
-    assert found.trust.reasons[0].startswith("The largest total error, with the replacement of the noise, is ")
+    assert found.trust.reasons[0].startswith(
+        "The largest total error of all times, with the replacement of the noise, is "
+    )
 
 
 def test_a_failure_to_one_side_is_seen():

@@ -312,3 +312,31 @@ def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):
     assert reason == '2 of 3 scenes have no verdict: their function returned none as "trust".'
     assert Sweep(tuple(rows("ok", "do not use")), {}, 1.0).trust.verdict == "do not use"
     assert Sweep(tuple(rows("ok")), {}, 1.0).trust.verdict == "ok"
+
+
+def test_a_fragility_that_falls_or_never_reaches_a_half_says_so(kinds):
+    whole = kinds["fragility"]
+    scale = whole.scale
+    assert "extrapolated" not in whole.describe(0)
+    low = dataclasses.replace(whole, probability=np.round(0.1 * whole.probability, 3))
+    first = low.probability[0, 0]
+    reached = f"the probability is {first.min():.3g} to {first.max():.3g} at these scales"
+    assert low.describe(0) == f"Lognormal (overturned): no median, {reached}, and the fit is rejected."
+    assert "median" not in low.headline
+    assert "median" in whole.headline
+    some = scale[:3]
+    rising = special.ndtr(np.log(some / (1.2 * some[-1])) / 0.4)
+    options = {"scale": some, "probability": np.round([[rising, rising]], 3), "error_estimate": np.zeros((1, 2, 3))}
+    beyond = dataclasses.replace(whole, **options)
+    assert not beyond.fits[0][0].rejected
+    assert "; the median is extrapolated, the probability is " in beyond.describe(0)
+    falls = whole.probability.copy()
+    falls[0, 0, -1] = falls[0, 0, -2] - 0.2
+    (reason,) = [one for one in dataclasses.replace(whole, probability=falls).trust.reasons if "falls" in one]
+    assert reason == (
+        f"The probability falls as the shaking grows: {falls[0, 0, -2]:.3g} at scale {scale[-2]:.4g}, "
+        f"{falls[0, 0, -1]:.3g} at {scale[-1]:.4g}. Harmonic shaking may do so by its phase: try others."
+    )
+    falls = falls.copy()
+    falls[0, 0, -1] = falls[0, 0, -2] - 0.001
+    assert not [one for one in dataclasses.replace(whole, probability=falls).trust.reasons if "falls" in one]
