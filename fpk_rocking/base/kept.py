@@ -1,11 +1,11 @@
 """Machine code on the disk, loaded without the compiler.
 
 Before numba looks for a kernel on the disk it makes itself ready to compile: it imports all that it can compile, and
-scipy's linear algebra to see whether that is there. That takes longer than to load all kernels of a run. Here it is done
-only where a kernel has to be compiled.
+scipy's linear algebra to see whether that is there. That takes longer than to load all kernels of a run. Here it is
+done only where a kernel has to be compiled.
 
-The names used here are numba's own, without a promise to stay. Where they are missing kernels are loaded as numba
-does it.
+The names used here are numba's own, without a promise to stay. Where they are missing kernels are loaded as numba does
+it.
 """
 
 from numba.core.caching import FunctionCache
