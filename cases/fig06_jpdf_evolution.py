@@ -27,6 +27,7 @@ from command import command
 from opengl import probe_rendering
 
 from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking.base import ahead
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, maps, summary, surfaces, tables, vtk
 from fpk_rocking.output.progress import reporting
@@ -58,6 +59,8 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
         What ``summary.json`` holds.
     """
     scene, last = load_scene("main"), max(cycles)
+    for method in ("rk4", "white"):
+        ahead.expect(f"montecarlo.ahead:{method}")
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)

@@ -468,6 +468,10 @@ def _solved(options, scene):
     from fpk_rocking.output.progress import reporting
 
     own = _rows(options, scene) | _given(options, "tol", "bins_tol", "closure")
+    if not options.no_check:
+        from fpk_rocking.studies import checking
+
+        checking.expect(scene)
     with reporting("density") as progress:
         return solve_fpk(scene, progress=progress, **own)
 

@@ -40,11 +40,13 @@ signal.signal(signal.SIGINT, signal.SIG_DFL)
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()
 sys.path[:] = {path!r}
 from fpk_rocking.base import ahead
-ahead.perform({task!r})
+for task in {tasks!r}:
+    ahead.perform(task)
 os._exit(0)
 """
 
 _helpers = []
+_expected = []
 
 
 def of_block(task, scene):
@@ -62,6 +64,11 @@ def perform(task):
     _note(task)
 
 
+def expect(task):
+    """Say that a call needs a task, but not first: helpers take it on after those of that which it needs first."""
+    _expected.append(task)
+
+
 def before(task, *helping):
     """Say that a first call is about to compile, if it is, and let other processes compile a part of it.
 
@@ -72,13 +79,14 @@ def before(task, *helping):
     task : str
         One of `TASKS`: what the caller is about to need.
     *helping : str
-        Tasks that helpers take on meanwhile, where there is more than one processor.
+        Tasks that helpers take on meanwhile, where there is more than one processor; first those that are needed first.
     """
     if _helpers or multiprocessing.parent_process() is not None or _done(task):
         return
     sys.stderr.write(f"compiling machine code for this machine, once: about {TASKS[task]} s\n")
-    helping = helping[: processors() - 1]
-    _helpers.extend([start(name) for name in helping] or [None])
+    helping = [name for name in (*helping, *_expected) if not _done(name)]
+    count = min(len(helping), processors() - 1)
+    _helpers.extend([start(*helping[k::count]) for k in range(count)] or [None])
     _note(task)
 
 
@@ -89,9 +97,9 @@ def ready(task):
         perform(task)
 
 
-def start(task):
-    """Start a process that runs a task; it ends when its standard input is closed."""
-    code = _RUN.format(path=sys.path, task=task)
+def start(*tasks):
+    """Start a process that runs tasks one after the other; it ends when its standard input is closed."""
+    code = _RUN.format(path=sys.path, tasks=tasks)
     silent = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return subprocess.Popen([sys.executable, "-c", code], **silent)  # noqa: S603  (this interpreter, our own text)
 

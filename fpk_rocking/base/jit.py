@@ -24,6 +24,7 @@ try:
 except ImportError:  # not a POSIX system: processes that compile at the same time are on their own
     fcntl = None
 
+from fpk_rocking.base.kept import Kept
 from fpk_rocking.base.whole import Tuned, Whole, available
 
 
@@ -120,27 +121,33 @@ def kernel(function=None, *, borrows=False, tuned=False, file=None, **options):
     # What is not set here numba takes from whichever kernel happens to call this one first in a process.
     options = {"error_model": "numpy", "fastmath": False} | options
     file = pathlib.Path(file or function.__code__.co_filename).resolve()
-    pipeline = {"pipeline_class": Whole} if WHOLE else {}
-    folder = cache_folder(file)
-    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
-    try:
-        called = numba.njit(cache=True, **pipeline, **options)(function)
-    finally:
-        numba.config.CACHE_DIR = previous
+    called = numba.njit(**({"pipeline_class": Whole, "no_cfunc_wrapper": True} if WHOLE else {}), **options)(function)
     if WHOLE:
         # What other kernels call is a function of its own: nothing of it is loaded, or kept on disk.
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} | ({"pipeline_class": Tuned} if tuned else {})
-        part = numba.njit(**options)(function)
-        called.get_call_template, called.get_overload = part.get_call_template, part.get_overload
-    called.compile = _in_turn(called.compile, folder / f"{function.__qualname__}.lock")
+        part = functools.cache(lambda: numba.njit(**options)(function))
+        called.get_call_template = lambda *types: part().get_call_template(*types)
+        called.get_overload = lambda signature: part().get_overload(signature)
+    called.compile = _in_turn(called, cache_folder(file))
     return called
 
 
-def _in_turn(compile_for, lock):
+def _kept(function, folder):
+    """Return the disk cache of a function in a folder."""
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    try:
+        return Kept(function)
+    finally:
+        numba.config.CACHE_DIR = previous
+
+
+def _in_turn(called, folder):
     """Let one process at a time compile a kernel or load it, so that the second finds what the first has made.
 
     Numba's cache does not survive two processes that write to it at once (its issue 4807).
     """
+    compile_for, function = called.compile, called.py_func
+    lock = folder / f"{function.__qualname__}.lock"
 
     def compile_in_turn(signature):
         with contextlib.ExitStack() as stack:
@@ -150,6 +157,8 @@ def _in_turn(compile_for, lock):
                 file = stack.enter_context(lock.open("a"))
                 if fcntl:
                     fcntl.flock(file, fcntl.LOCK_EX)
+            if not isinstance(called._cache, Kept):
+                called._cache = _kept(function, folder)
             # The collector goes through all that the compiler holds, again and again, and finds little.
             if gc.isenabled():
                 stack.callback(gc.enable)

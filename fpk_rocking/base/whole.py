@@ -10,9 +10,13 @@ stay. Where they are missing, or with FPK_ROCKING_COMPILE_APART set, kernels are
 times the time.
 """
 
+import contextlib
 import os
 
+from fpk_rocking.base.calls import BaseFunction, remembered
+
 try:
+    from llvmlite.binding import Linkage
     from numba.core.codegen import JITCodeLibrary
     from numba.core.compiler import Compiler
 except ImportError:
@@ -27,7 +31,7 @@ _NEEDED = {
 def available():
     """Whether kernels can be compiled as a whole, and shall be."""
     known = all(hasattr(owner, name) for owner, names in _NEEDED.items() for name in names)
-    return known and "FPK_ROCKING_COMPILE_APART" not in os.environ
+    return known and BaseFunction is not None and "FPK_ROCKING_COMPILE_APART" not in os.environ
 
 
 class _Unbound:
@@ -64,6 +68,13 @@ class Part(JITCodeLibrary):
         self._finalize_dynamic_globals()
         self._finalized = True
 
+    def _get_module_for_linking(self):
+        """Return the code for what calls it, which may leave out what it has inlined."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = Linkage.linkonce_odr
+        return self._final_module
+
     def get_pointer_to_function(self, name):  # noqa: ARG002
         """Return 0, as for a function that is not loaded."""
         self._ensure_finalized()
@@ -80,14 +91,40 @@ class Whole(Compiler):
     """Pipeline of a kernel that Python calls: whatever is compiled on the way becomes a part of it."""
 
     def _compile_core(self):
-        state, codegen = self.state, self.state.targetctx.codegen()
+        state, context = self.state, self.state.targetctx
+        codegen = context.codegen()
         state.library = codegen.create_library(state.func_id.func_qualname)
         state.library.enable_object_caching()
-        previous, codegen._library_class = codegen._library_class, Part
-        try:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(_replaced(codegen, "_library_class", Part))
+            stack.enter_context(_replaced(BaseFunction, "get_call_type", remembered))
+            for name in ("create_cpython_wrapper", "create_cfunc_wrapper"):
+                stack.enter_context(_replaced(context, name, _unless_part(getattr(context, name))))
             return super()._compile_core()
-        finally:
-            codegen._library_class = previous
+
+
+@contextlib.contextmanager
+def _replaced(owner, name, value):
+    """Give an attribute another value for a while."""
+    own = vars(owner)
+    before = own.get(name, own)
+    setattr(owner, name, value)
+    try:
+        yield
+    finally:
+        if before is own:
+            delattr(owner, name)
+        else:
+            setattr(owner, name, before)
+
+
+def _unless_part(wrap):
+    """Return a function that makes a wrapper for Python, but none for a part, which Python never calls."""
+
+    def wrapped(library, *given, **named):
+        return None if isinstance(library, Part) else wrap(library, *given, **named)
+
+    return wrapped
 
 
 class Tuned(Compiler):

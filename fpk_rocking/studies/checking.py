@@ -2,11 +2,12 @@
 
 from typing import Any
 
-from fpk_rocking.base import checks
+from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import Progress
 from fpk_rocking.density import Evolution, solve_fpk
 from fpk_rocking.scene.scene import Scene
 from montecarlo import simulate
+from montecarlo.engines.choice import engine_of, task_of
 
 PATHS, PATHS_OF_RECORDS = 40_000, 10_000
 """Paths of a check: over ten cycles of 100 harmonics .1 to .7 s on two cores, longest where blocks rest. In records
@@ -53,6 +54,7 @@ def solve_checked(scene: Scene, *, realizations: int | None = None, seed: int = 
     0.86 ± 0.03
     """
     realizations, seed = _asked(scene, realizations, seed)
+    expect(scene)
     return checked(solve_fpk(scene, **options), realizations=realizations, seed=seed)
 
 
@@ -97,6 +99,12 @@ def checked(
         return density
     rows = {"cycles": density.cycles} if scene.period else {"times": density.times[1:]}
     return density.checked(simulate(scene, **rows, realizations=realizations, seed=seed, progress=progress))
+
+
+def expect(scene: Scene) -> None:
+    """Say that the density of a scene will be checked: what that needs is compiled beside what solves for it."""
+    if scene.noise.kind == "band":
+        ahead.expect(task_of(engine_of(scene), scene))
 
 
 def _asked(scene, realizations, seed):

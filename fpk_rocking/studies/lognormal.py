@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
+import scipy
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
@@ -88,7 +88,7 @@ class LognormalFit(NamedTuple):
         float or ndarray
             Probability at the scale.
         """
-        return special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
+        return scipy.special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
 
 
 def fit_lognormal(
@@ -143,7 +143,7 @@ def fit_lognormal(
     if not 0.0 < curve[0, 1] < _STEEPEST:
         return LognormalFit(level=level, reason="the probability does not rise with the scale")
     intercept, slope = curve[0]
-    fitted = special.ndtr(intercept + slope * logs)
+    fitted = scipy.special.ndtr(intercept + slope * logs)
     median, dispersion = math.exp(-intercept / slope), 1.0 / float(slope)
     fit = LognormalFit(median, dispersion, misfit=float(np.abs(fitted - share).max()), level=level)
     if realizations is None:
@@ -151,7 +151,7 @@ def fit_lognormal(
     # Errors of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
     change = np.array([[-1.0 / slope, intercept / slope**2], [0.0, -1.0 / slope]])
     errors = np.sqrt(np.diag(change @ np.linalg.inv(information[0]) @ change.T))
-    reach = np.exp(special.ndtri(0.5 + 0.5 * level) * errors)
+    reach = np.exp(scipy.special.ndtri(0.5 + 0.5 * level) * errors)
     deviance = float(_deviance(logs, count[None], trials, curve)[0])
     drawn = np.random.default_rng(seed).binomial(trials.astype(int), fitted, (samples, logs.size)).astype(float)
     lost = _deviance(logs, drawn, trials, maximize(design, drawn, trials, curve)[0])
@@ -220,7 +220,7 @@ def _undetermined(logs, count, trials):
 
 def _likelihood(z, count, trials):
     """Log-likelihood (r,) of counts (r, n) under probits z (r, n)."""
-    return (count * special.log_ndtr(z) + (trials - count) * special.log_ndtr(-z)).sum(axis=-1)
+    return (count * scipy.special.log_ndtr(z) + (trials - count) * scipy.special.log_ndtr(-z)).sum(axis=-1)
 
 
 def maximize(design: Array, count: Array, trials: Array, start: Array | None = None) -> tuple[Array, Array]:
@@ -271,7 +271,7 @@ def maximize(design: Array, count: Array, trials: Array, start: Array | None = N
 def _derivatives(z, count, trials, design):
     """Gradient (r, k) of the log-likelihood, and its observed information (r, k, k)."""
     density = -0.5 * z * z - _LOG_ROOT
-    rise, fall = np.exp(density - special.log_ndtr(z)), np.exp(density - special.log_ndtr(-z))
+    rise, fall = np.exp(density - scipy.special.log_ndtr(z)), np.exp(density - scipy.special.log_ndtr(-z))
     gradient = (count * rise - (trials - count) * fall) @ design.T
     weight = count * rise * (rise + z) + (trials - count) * fall * (fall - z)
     return gradient, np.einsum("rn,in,jn->rij", weight, design, design)
@@ -280,6 +280,6 @@ def _derivatives(z, count, trials, design):
 def _deviance(logs, count, trials, curve):
     """Twice the log-likelihood (r,) that counts (r, n) lose by curves (r, 2)."""
     missed = trials - count
-    best = special.xlogy(count, count / trials) + special.xlogy(missed, missed / trials)
+    best = scipy.special.xlogy(count, count / trials) + scipy.special.xlogy(missed, missed / trials)
     z = curve[:, :1] + curve[:, 1:] * logs
     return 2.0 * (best.sum(axis=-1) - _likelihood(z, count, trials))

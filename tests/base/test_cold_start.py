@@ -96,7 +96,8 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
 
 
 def test_a_density_loads_no_library_that_it_does_not_use(scene):
-    heavy = ("scipy.integrate", "scipy.ndimage", "scipy.stats", "matplotlib", "skfem", "rich", "meshio")
+    heavy = ("scipy.integrate", "scipy.linalg", "scipy.ndimage", "scipy.special", "scipy.stats", "matplotlib", "skfem")
+    heavy += ("rich", "meshio")
     code = f"""
 import sys
 from fpk_rocking import load_scene, solve_fpk
@@ -274,3 +275,20 @@ def test_a_kernel_that_another_calls_can_be_called_from_python_too():
     assert outer(3.0) == 7.0
     assert inner(3.0) == 6.0
     assert outer(3) == 7.0
+
+
+@pytest.mark.parametrize(("processors", "started"), [(1, []), (2, [("b", "c")]), (3, [("b",), ("c",)])])
+def test_helpers_take_on_what_a_call_will_need_and_what_is_not_done(monkeypatch, capsys, processors, started):
+    seen = []
+    monkeypatch.setattr(ahead, "_helpers", [])
+    monkeypatch.setattr(ahead, "_expected", [])
+    monkeypatch.setattr(ahead, "TASKS", {"a": 3})
+    monkeypatch.setattr(ahead, "_done", lambda task: task == "d")
+    monkeypatch.setattr(ahead, "_note", lambda task: None)  # noqa: ARG005
+    monkeypatch.setattr(ahead, "processors", lambda: processors)
+    monkeypatch.setattr(ahead, "start", lambda *tasks: seen.append(tasks))
+    ahead.expect("c")
+    ahead.expect("d")
+    ahead.before("a", "b")
+    assert seen == started
+    assert capsys.readouterr().err == "compiling machine code for this machine, once: about 3 s\n"

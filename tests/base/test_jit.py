@@ -1,5 +1,7 @@
 """The disk cache of compiled kernels: kept between runs, and never older than the text that it was made from."""
 
+import itertools
+import operator
 import os
 import pathlib
 import shutil
@@ -7,9 +9,11 @@ import subprocess
 import sys
 
 import pytest
+from numba.core import errors, types
+from numba.core.registry import cpu_target
 
 import fpk_rocking
-from fpk_rocking.base import jit
+from fpk_rocking.base import calls, jit
 
 PROBE = """
 from fpk_rocking.base.jit import kernel
@@ -55,7 +59,7 @@ def test_an_edited_kernel_is_compiled_anew_also_where_another_file_calls_it(pack
     contact = package / "physics" / "motion" / "contact.py"
     contact.write_text(contact.read_text().replace("return 2.0 * speed *", "return 6.0 * speed *"))
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (1.5, 0)
-    assert len(list(cache.iterdir())) == len(before) + 2  # those of the edited file and of the one that calls it
+    assert len(list(cache.iterdir())) == len(before) + 1  # that of the file whose kernel is called
     assert len({path.relative_to(cache).parts[0] for path in cache.rglob("*.nbc")}) == 2
 
 
@@ -132,3 +136,22 @@ def test_a_kernel_does_not_depend_on_which_kernel_called_it_first(tmp_path):
         [sys.executable, tmp_path / "borrowed.py"], env=environment, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stdout) == (0, "0.368\n"), run.stderr
+
+
+def test_a_call_has_the_type_that_numba_finds_for_it():
+    """Twice: as it is found the first time, and as it is remembered. And what numba refuses is refused."""
+    context, refused = cpu_target.typing_context, 0
+    cpu_target.target_context.refresh()
+    values = types.float64, types.int64, types.literal(2), types.float64[::1], types.UniTuple(types.intp, 2)
+    for called in (operator.add, operator.truediv, operator.eq, operator.getitem, operator.lt, max):
+        function = context.resolve_value_type(called)
+        for args in itertools.product(values, repeat=2):
+            try:
+                expected = calls._search(function, context, args, {})
+            except errors.NumbaError:
+                refused += 1
+                with pytest.raises(errors.NumbaError):
+                    calls.remembered(function, context, args, {})
+            else:
+                assert [calls.remembered(function, context, args, {}) for _ in range(2)] == [expected] * 2
+    assert 0 < refused < 6 * 25
