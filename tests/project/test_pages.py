@@ -37,13 +37,13 @@ def blocks(page):
     return [(language, re.sub(f"^{indent}", "", text, flags=re.MULTILINE)) for indent, language, text in found]
 
 
-FIRST = [ROOT / "README.md", ROOT / "docs" / "tutorials" / "first_block.md"]
+FIRST = ROOT / "README.md"
 
 
 def pages_with(*languages):
-    """Parametrize a test by page. What runs code does so in `make docs`, but for the first pages that a user reads."""
+    """Parametrize a test by page. What runs code does so in `make docs`, but for the first page that a user reads."""
     pages = [page for page in PAGES if any(language in languages for language, _ in blocks(page))]
-    apart = [page not in FIRST and "toml" not in languages for page in pages]
+    apart = [page != FIRST and "toml" not in languages for page in pages]
     made = [pytest.param(page, marks=[pytest.mark.site] * later) for page, later in zip(pages, apart, strict=True)]
     return pytest.mark.parametrize("page", made, ids=lambda page: str(page.relative_to(ROOT)))
 
