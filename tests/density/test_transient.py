@@ -191,7 +191,7 @@ def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():
     noise = WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))
     _, found = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
     assert 0.1 < found.released <= 1.0
-    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.3, 0.8), WhiteNoise(1e-5)), [1.5])
+    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.6, 0.8), WhiteNoise(1e-3)), [1.5])
     assert found.released == 0.0
 
 
