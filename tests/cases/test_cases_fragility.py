@@ -1,18 +1,14 @@
-"""The cases of fragility, re-run coarse, and the examples of docs/fragility.md.
+"""The cases of fragility, re-run coarse.
 
 Seeds are fixed. The bound of a difference of two probabilities is 4.5 standard errors, a false alarm of 7e-6 each for
 another seed.
 """
 
-import pathlib
-import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_cases_montecarlo import written
-
-DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "fragility.md"
 
 
 def test_blocks(case, tmp_path, monkeypatch):
@@ -62,13 +58,3 @@ def test_surface(case, tmp_path):
     assert np.all(np.diff(overturned, axis=1) > -spread)
     assert np.ptp(overturned) > 0.9
     assert written(tmp_path, "surface", values)
-
-
-def test_examples_of_the_document(tmp_path, monkeypatch, capsys):
-    """They write the files that the page names."""
-    monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
-    for text in blocks:
-        exec(compile(text.replace("4.0, 20)", "4.0, 5)"), DOCUMENT, "exec"), {})
-    assert {path.name for path in tmp_path.iterdir()} == {"rack.csv", "rack.npz"}
-    assert "Lognormal (overturned): " in capsys.readouterr().out

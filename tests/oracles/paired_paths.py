@@ -1,9 +1,9 @@
 """White-noise paths of an exact and a slender block under the same noise: what the geometry changes, to a small error.
 
 Drift, kick, drift: gravity, base and noise act half way through a step, and between these moments a block moves on
-straight lines, so that impacts are met exactly. Next to zero angle a step is divided. Nothing of the project is used but
-its way to compile. The error of either survival is of first order in the step near impacts; that of their difference is
-smaller by the difference's size.
+straight lines, so that impacts are met exactly. Next to zero angle a step is divided. Nothing of the project is used
+but its way to compile. The error of either survival is of first order in the step near impacts; that of their
+difference is smaller by the difference's size.
 """
 
 import math
