@@ -155,12 +155,12 @@ def test_a_fast_force_keeps_blocks_hopping_that_a_slow_one_lets_stop():
     space = Space(np.linspace(-1e-6, 1e-6, 3), np.linspace(-0.1, 0.1, 41), 2)
     stops = Hold(Dynamics.of(scene), 45.0, 1.0).stopped(0.0, space)[1, 20:]
     hopping = []
-    for v in space.velocity_lines[20:-1] + 0.0025:
+    for v in space.velocity_lines[21:-1:2] + 0.0025:
         block = oracle.Block(0.5, 20.0, 0.5 * np.pi, 0.9, 1.5, 5e-7, v, 1)
         block.advance(4.0)
         hopping.append(block.side != 0)
     assert np.count_nonzero(hopping) > 4
-    assert not (stops & hopping).any()
+    assert not (stops[1::2] & hopping).any()
     assert 1 < stops.sum() < 8
 
 
