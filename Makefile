@@ -36,7 +36,7 @@ SEED := 1
 mutants: $(STAMP)  ## one-line mistakes drawn at random (COUNT=20 SEED=1), and whether the tests notice them
 	$(BIN)/python tests/mutants --count $(COUNT) --seed $(SEED)
 
-docs: $(STAMP)  ## the site, into build/docs, and the code of its pages; a warning is an error
+docs: $(STAMP)  ## the site, into build/docs, and the code of pages and docstrings; a warning is an error
 	$(BIN)/sphinx-build -q -W --keep-going -d build/doctrees docs build/docs
 	$(BIN)/python -m pytest -q -n auto --dist worksteal -m site tests/project
 	@echo "Open build/docs/index.html"

@@ -119,12 +119,13 @@ def kernel(function=None, *, borrows=False, tuned=False, file=None, **options):
     if BORROWS:
         options["_nrt"] = not borrows
     # What is not set here numba takes from whichever kernel happens to call this one first in a process.
-    options = {"error_model": "numpy", "fastmath": False} | options
+    # No C function of it is asked for, and to make one takes a fifteenth of the time.
+    options = {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True} | options
     file = pathlib.Path(file or function.__code__.co_filename).resolve()
-    called = numba.njit(**({"pipeline_class": Whole, "no_cfunc_wrapper": True} if WHOLE else {}), **options)(function)
+    called = numba.njit(**({"pipeline_class": Whole} if WHOLE else {}), **options)(function)
     if WHOLE:
         # What other kernels call is a function of its own: nothing of it is loaded, or kept on disk.
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} | ({"pipeline_class": Tuned} if tuned else {})
+        options |= {"no_cpython_wrapper": True} | ({"pipeline_class": Tuned} if tuned else {})
         part = functools.cache(lambda: numba.njit(**options)(function))
         called.get_call_template = lambda *types: part().get_call_template(*types)
         called.get_overload = lambda signature: part().get_overload(signature)

@@ -12,8 +12,7 @@ from numpy.polynomial.legendre import legvander
 from fpk_rocking import Harmonic, load_scene
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.adjoint import row_value, value_at
-from fpk_rocking.density.step.deposit import add
+from fpk_rocking.density.step import adjoint, deposit
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
@@ -95,15 +94,21 @@ def test_what_is_worth_one_everywhere_is_worth_one_before(kind):
     assert np.abs(before - ones[step.trace.source]).max() < 1e-13
 
 
-def test_a_deposit_and_a_value_at_a_point_are_of_the_same_polynomials():
-    """Of the highest degree that a mesh may have: numpy's, orthonormal for the measure of a cell."""
+def test_a_deposit_and_a_value_at_a_point_are_of_the_same_polynomials(monkeypatch):
+    """Of the highest degree that a mesh may have: numpy's, orthonormal for the measure of a cell.
+
+    Kernels as Python: to compile them for that degree would take longer than all that is tested here.
+    """
+    add, value_at, row_value = deposit.add.py_func, adjoint.value_at.py_func, adjoint.row_value.py_func
+    monkeypatch.setattr(deposit, "add_row", deposit.add_row.py_func)
+    monkeypatch.setattr(adjoint, "row_value", row_value)
     place, cell, deposited = (-0.3, 0.8), np.random.default_rng(12).normal(size=(6, 6)), np.zeros(36)
     along, across = legvander(place, 5) * np.sqrt(2.0 * np.arange(6) + 1.0)
     add(deposited, 2.0, *place, (0.0,) * 6)
     assert deposited.reshape(6, 6) == pytest.approx(2.0 * np.outer(along, across), rel=1e-13)
     assert value_at(cell.ravel(), *place, (0.0,) * 6) == pytest.approx(along @ cell @ across, rel=1e-12)
     for modes in range(2, 7):
-        row = row_value.py_func(cell.ravel()[: modes**2], 1, across, (0.0,) * modes)
+        row = row_value(cell.ravel()[: modes**2], 1, across, (0.0,) * modes)
         assert row == pytest.approx(cell.ravel()[modes : 2 * modes] @ across[:modes], rel=1e-12)
 
 

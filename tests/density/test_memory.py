@@ -252,7 +252,7 @@ def test_noise_that_is_not_refused_as_slow_is_answered():
 @pytest.fixture(scope="module")
 def resting():
     """A block that nothing lifts off."""
-    return solve_fpk(Scene(Block(0.8), Harmonic(0.3, 2.0), FilteredNoise("exponential", 1e-4, 3.0)), cycles=1, tol=1e-2)
+    return solve_fpk(Scene(Block(0.8), Harmonic(0.3, 2.0), FilteredNoise("exponential", 1e-4, 3.0)), cycles=1, tol=0.1)
 
 
 def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
@@ -267,12 +267,12 @@ def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
 
 
 def test_rest_that_is_not_resolved_is_told(resting):
-    wanted = bins_tolerance(1e-2)
+    wanted = bins_tolerance(0.1)
     below, above = (dataclasses.replace(resting, rest_error_estimate=part * wanted) for part in (0.9, 1.1))
     assert list(remarks(below)) == result_summary(below)["remarks"] == []
     assert list(remarks(above)) == result_summary(above)["remarks"] == [above.unresolved]
     assert result_summary(above)["rest_error_estimate"] == above.rest_error_estimate
-    with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.037"):
+    with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.12"):
         warn_unresolved(above, wanted, stacklevel=1)
 
 
@@ -366,7 +366,7 @@ def test_a_case_looks_into_a_density():
     spec = importlib.util.spec_from_file_location("rest", SCENES.parent / "rest.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.STEPS = 16
+    module.STEPS = 6
     scene = load_scene(SCENES / "rest.toml").filtered_equivalent()
     found = module.look_inside(scene, 0)
     resting, noise = np.array(found["resting"]), np.array(found["noise"])

@@ -90,9 +90,9 @@ def before_impact(speed, side):
 
 def nodes_from(point, diffusion, **changed):
     """Ends (n, 2) and codes (n,) of the nodes, three along the long axis and two along the short one, from a point."""
-    space = Space(*(one + np.array([-1e-8, 1e-8]) for one in point), 1)
+    space = Space(*(one + np.array([-1e-10, 1e-10]) for one in point), 1)
     dynamics = dataclasses.replace(DYNAMICS, diffusion=diffusion, **changed)
-    trace = Trace(space, START, DURATION, dynamics, Quadrature(1, 1, 3, 2))
+    trace = Trace(space, START, DURATION, dynamics, Quadrature(2, 2, 3, 2))
     return trace.states[0, 0, 0], trace.codes[0, 0, 0]
 
 

@@ -100,7 +100,7 @@ def test_rattling_at_rest_has_the_energy_of_paths():
 
 def test_a_block_that_stays_at_rest_is_answered():
     """The layer of rattling is a fifth of what counts as rest: all of it is there, and none has overturned."""
-    scene = scene_of(0.0, 5.0, 0.5, 0.001)
+    scene = scene_of(0.0, 20.0, 0.5, 0.001)
     found = solve_fpk(scene, cycles=3, tol=1e-2)
     assert found.survival == pytest.approx(np.ones(4), abs=1e-3)
     assert found.at_rest == pytest.approx(np.ones(4), abs=1e-3)

@@ -155,12 +155,12 @@ def test_a_fast_force_keeps_blocks_hopping_that_a_slow_one_lets_stop():
     space = Space(np.linspace(-1e-6, 1e-6, 3), np.linspace(-0.1, 0.1, 41), 2)
     stops = Hold(Dynamics.of(scene), 45.0, 1.0).stopped(0.0, space)[1, 20:]
     hopping = []
-    for v in space.velocity_lines[20:-1] + 0.0025:
+    for v in space.velocity_lines[21:-1:2] + 0.0025:
         block = oracle.Block(0.5, 20.0, 0.5 * np.pi, 0.9, 1.5, 5e-7, v, 1)
         block.advance(4.0)
         hopping.append(block.side != 0)
     assert np.count_nonzero(hopping) > 4
-    assert not (stops & hopping).any()
+    assert not (stops[1::2] & hopping).any()
     assert 1 < stops.sum() < 8
 
 
@@ -191,26 +191,26 @@ def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():
     noise = WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))
     _, found = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
     assert 0.1 < found.released <= 1.0
-    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.3, 0.8), WhiteNoise(1e-5)), [1.5])
+    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.6, 0.8), WhiteNoise(1e-3)), [1.5])
     assert found.released == 0.0
 
 
 FROM_REST = {
     "noise that rises in a long flight": (
         Scene(Block(0.93), Pulse("one-cosine", 4.13, 0.635), WhiteNoise(0.019, Trapezoid(3.85, 0.07, 1.75))),
-        [0.98, 1.0],
+        {0.98: 0.83133, 1.0: 0.0},
         1,
         3e-3,
     ),
     "thick layer": (
         Scene(Block(0.845), Pulse("antisymmetric-ricker", 1.2866, 1.3232), WhiteNoise(0.035385)),
-        [11.5, 12.5, 17.0],
+        {11.5: 0.18431, 12.5: 0.11848, 17.0: 0.06600},
         0,
         3e-3,
     ),
     "atom after the noise": (
         Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))),
-        [8.0, 14.0],
+        {8.0: 1.0, 14.0: 0.00358},
         1,
         1e-2,
     ),
@@ -220,12 +220,14 @@ FROM_REST = {
             Record(0.01, np.append(np.zeros(150), 0.45 * np.sin(0.08 * np.arange(200))), "g"),
             WhiteNoise(0.02, Trapezoid(6.0, 8.0, 4.0)),
         ),
-        [7.0, 12.0],
+        {7.0: 0.9996, 12.0: 0.43858},
         0,
         3e-3,
     ),
 }
-"""Scene, times, number of the resolution, and what it is right to within, as finer ones tell."""
+"""Scene, times and survival of 100,000 paths, number of the resolution, and what it is right to within, as finer ones
+tell.
+"""
 
 
 @pytest.mark.parametrize("name", FROM_REST)
@@ -233,11 +235,11 @@ def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
     """Survival off by .03 to 1 where a block at rest was left there until |f| = .5, and by .03 where a long flight had
     the mean of D; false alarms 1e-3 a scene.
     """
-    (scene, times, number, within), size = FROM_REST[name], 10_000
-    _, found = at_resolution(number, scene, times)
-    paths = simulate(scene, times=times, realizations=size, seed=6)
-    error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert (np.abs(found.inside - paths.survival) <= within + error).all()
+    (scene, sampled, number, within), size = FROM_REST[name], 100_000
+    _, found = at_resolution(number, scene, list(sampled))
+    survival = np.array([1.0, *sampled.values()])
+    error = 3.7 * np.sqrt(survival * (1.0 - survival) / size) + 1.0 / size
+    assert (np.abs(found.inside - survival) <= within + error).all()
     assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import oracle
 import pytest
 
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
@@ -22,14 +23,14 @@ def scene_of(diffusion, amplitude=4.6, restitution=0.5, frequency=2.7, start=RES
     return Scene(Block(restitution), Harmonic(amplitude, frequency, math.pi), WhiteNoise(diffusion), start)
 
 
-@numba.njit
+@kernel
 def _lattice_score(place, step, top, rough):
     if place == top:
         return math.inf
     return float(place // 2 + step % 3) if rough else float(place)
 
 
-@numba.njit
+@kernel
 def _lattice(keys, walkers, steps, top, rough, estimates, extinct):
     """Split a walk on 0 ... top, one up with probability UP, else one down if it can, up to its first visit of top."""
     for repeat in range(estimates.shape[0]):

@@ -1,20 +1,21 @@
 """White-noise paths of an exact and a slender block under the same noise: what the geometry changes, to a small error.
 
 Drift, kick, drift: gravity, base and noise act half way through a step, and between these moments a block moves on
-straight lines, so that impacts are met exactly. Next to zero angle a step is divided. Nothing of the project's own
-motion is used. The error of either survival is of first order in the step near impacts; that of their difference is
-smaller by the difference's size.
+straight lines, so that impacts are met exactly. Next to zero angle a step is divided. Nothing of the project is used
+but its way to compile. The error of either survival is of first order in the step near impacts; that of their
+difference is smaller by the difference's size.
 """
 
 import math
 
-import numba
 import numpy as np
+
+from fpk_rocking.base.jit import kernel
 
 PARTS = 8
 
 
-@numba.njit
+@kernel
 def _pushed(x, force, alpha):
     """Acceleration, and the part of the base's that turns the block."""
     side = 1.0 if x > 0.0 else -1.0
@@ -25,7 +26,7 @@ def _pushed(x, force, alpha):
     return force * part - side * math.sin(phi) / alpha, part
 
 
-@numba.njit
+@kernel
 def _drifted(x, v, time, restitution):
     """Move on a straight line through an impact."""
     new = x + time * v
@@ -35,7 +36,7 @@ def _drifted(x, v, time, restitution):
     return new, v
 
 
-@numba.njit
+@kernel
 def _stepped(x, v, force, noise, time, alpha, restitution):
     x, v = _drifted(x, v, 0.5 * time, restitution)
     pull, part = _pushed(x, force, alpha)
@@ -43,7 +44,7 @@ def _stepped(x, v, force, noise, time, alpha, restitution):
     return _drifted(x, v, 0.5 * time, restitution)
 
 
-@numba.njit
+@kernel
 def _followed(x, v, forces, noise, time, alpha, restitution, scale, draws):
     """Carry a block through a step with the force at its parts' middles."""
     if abs(x) > time * (abs(v) + 2.0 * scale):
@@ -56,7 +57,7 @@ def _followed(x, v, forces, noise, time, alpha, restitution, scale, draws):
     return x, v
 
 
-@numba.njit
+@kernel
 def _walk(paths, draws, start, forces, time, scales, alphas, restitution, cutoff, rows):
     """Survivors (2, rows) of both blocks, and paths (rows,) on which they differ."""
     steps = len(forces)

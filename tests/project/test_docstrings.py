@@ -96,6 +96,7 @@ def test_a_parameter_without_description_is_found():
     assert described(bare) == {"one", "three"}
 
 
+@pytest.mark.site
 @pytest.mark.parametrize(("module", "name", "_"), list(shown()), ids=lambda value: value.split("\n")[0])
 def test_examples_print_what_they_show(module, name, _, tmp_path, monkeypatch):
     """All together 9 s of one processor: many show the same density, which is solved once."""

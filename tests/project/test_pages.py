@@ -37,15 +37,10 @@ def blocks(page):
     return [(language, re.sub(f"^{indent}", "", text, flags=re.MULTILINE)) for indent, language, text in found]
 
 
-FIRST = [ROOT / "README.md", ROOT / "docs" / "tutorials" / "first_block.md"]
-
-
 def pages_with(*languages):
-    """Parametrize a test by page. What runs code does so in `make docs`, but for the first pages that a user reads."""
+    """Parametrize a test by page."""
     pages = [page for page in PAGES if any(language in languages for language, _ in blocks(page))]
-    apart = [page not in FIRST and "toml" not in languages for page in pages]
-    made = [pytest.param(page, marks=[pytest.mark.site] * later) for page, later in zip(pages, apart, strict=True)]
-    return pytest.mark.parametrize("page", made, ids=lambda page: str(page.relative_to(ROOT)))
+    return pytest.mark.parametrize("page", pages, ids=lambda page: str(page.relative_to(ROOT)))
 
 
 def _words(text):
@@ -87,6 +82,7 @@ SOLVED = {name: functools.cache(getattr(fpk_rocking, name)) for name in SOLVERS}
 """Some pages, and examples of docstrings, solve the same."""
 
 
+@pytest.mark.site
 @pages_with("python")
 def test_python_runs_and_prints_what_the_page_shows(page, capsys, monkeypatch):
     """All blocks of a page in one namespace, in a folder of their own."""
@@ -115,6 +111,7 @@ def test_toml_is_a_scene_or_a_part_of_one(page):
             assert isinstance(Scene.from_toml("\n".join([text, *rest])), Scene)
 
 
+@pytest.mark.site
 @pages_with("sh")
 def test_commands_run(page, capsys):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

@@ -116,6 +116,7 @@ solve_fpk(load_scene("main"), cycles=10).survived
 """
 
 
+@pytest.mark.site
 def test_a_type_checker_takes_the_examples_and_refuses_wrong_ones(tmp_path):
     """What may be None, or one of several noises, is asked for without a check in examples."""
     for number, page in enumerate(PAGES):

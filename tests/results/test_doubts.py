@@ -169,7 +169,7 @@ def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=Fal
     array = np.array(probability)[None, None]
     return types.SimpleNamespace(
         probability=array,
-        interval=lambda level: np.stack([array - 0.1, array + 0.1], axis=-1),
+        interval=lambda _: np.stack([array - 0.1, array + 0.1], axis=-1),
         reasons=dict.fromkeys(reasons, "refused."),
         fits=[[one] for one in fits],
         scenes=scenes,

@@ -77,9 +77,9 @@ def test_scenes_and_levels_share_random_numbers_as_told(main_scene):
 def test_density_against_paths(main_scene):
     """Within its own estimate and 4.5 standard errors: one of 40,000 choices of the seed is further at one of four."""
     white = main_scene.varied(noise=WhiteNoise(0.006))
-    options = {"scale": (0.4, 1.0), "cycles": 3, "levels": (0.6,)}
+    options = {"scale": (0.6, 1.0), "cycles": 3, "levels": (0.6,)}
     paths = fragility(white, realizations=20_000, **options)
-    density = fragility(white, engine="density", **options)
+    density = fragility(white, engine="density", tol=5e-3, **options)
     share = (paths.probability * 20_000 + 1.0) / 20_002
     noise = np.sqrt(share * (1.0 - share) / 20_000)
     assert np.all(np.abs(paths.probability - density.probability) <= 4.5 * noise + density.error_estimate)
