@@ -94,7 +94,12 @@ def _carry_slender(x, v, side, segment, end, slow, block):
 
 @kernel(borrows=True)
 def _carried_exact(x, v, side, segment, end, slow, block):
-    _, most = reach(side * x, side * v, side, segment.force_low, segment.force_high, end, block)
+    low, high = segment.force_low, segment.force_high
+    # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
+    rise = block.cutoff + max(high, -low)
+    most = side * (x + end * v) + 0.5 * rise * end * end
+    if most >= block.cutoff:
+        _, most = reach(side * x, side * v, side, low, high, end, block)
     if side != 0 and most < block.cutoff:
         return carried(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
     return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
