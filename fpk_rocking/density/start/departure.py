@@ -14,7 +14,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.windows import NEGLIGIBLE, VISIBLE, WindowSettings, next_window, window_of
+from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
 from fpk_rocking.density.step.landing import classify
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
@@ -269,7 +269,7 @@ class Departure:
             0 if abs(self.dynamics.forcing.value(now.time)) > self.dynamics.lift_off else MORE
         )
         quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
-        holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > VISIBLE
+        holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
         return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding, to_other=True)
 
     def _undisturbed(self, time):
