@@ -147,15 +147,13 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * noise.diffusion * duration)
-    if spread == 0.0:
-        _jolt(x, v, side, 0.0, True, segment, block, noise, states, codes)
-        return
-    if kind == IMPACT and abs(speed) > _RESOLVED * spread and min(time, duration - time) > 1e-6 * duration:
+    still, inside = spread == 0.0, min(time, duration - time) > 1e-6 * duration
+    if kind == IMPACT and inside and not still and abs(speed) > _RESOLVED * spread:
         smooth = abs(speed) > _SMOOTH * spread
         _fast_nodes(x, v, (time, speed, side, smooth), segment, block, noise, scratch, states, codes)
         return
-    if kind == IMPACT and abs(polynomial(segment.force, time)[0]) < stays_below(block):
-        _jolt(x, v, side, math.sqrt(noise.diffusion * duration), False, segment, block, noise, states, codes)
+    if still or (kind == IMPACT and abs(polynomial(segment.force, time)[0]) < stays_below(block)):
+        _jolt(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, states, codes)
         return
     _near_nodes(x, v, (end, time, side), segment, block, noise, scratch, states, codes)
 
