@@ -94,7 +94,12 @@ def _carry_slender(x, v, side, segment, end, slow, block):
 
 @kernel(borrows=True)
 def _carried_exact(x, v, side, segment, end, slow, block):
-    _, most = reach(side * x, side * v, side, segment.force_low, segment.force_high, end, block)
+    low, high = segment.force_low, segment.force_high
+    # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
+    rise = block.cutoff + max(high, -low)
+    most = side * (x + end * v) + 0.5 * rise * end * end
+    if most >= block.cutoff:
+        _, most = reach(side * x, side * v, side, low, high, end, block)
     if side != 0 and most < block.cutoff:
         return carried(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
     return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
@@ -142,19 +147,13 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * noise.diffusion * duration)
-    if spread == 0.0:
-        for n in range(len(nodes)):
-            _jolted(n, x, v, side, 0.0, True, segment, block, duration, states, codes)
-        return
-    if kind == IMPACT and abs(speed) > _RESOLVED * spread and min(time, duration - time) > 1e-6 * duration:
+    still, inside = spread == 0.0, min(time, duration - time) > 1e-6 * duration
+    if kind == IMPACT and inside and not still and abs(speed) > _RESOLVED * spread:
         smooth = abs(speed) > _SMOOTH * spread
         _fast_nodes(x, v, (time, speed, side, smooth), segment, block, noise, scratch, states, codes)
         return
-    if kind == IMPACT and abs(polynomial(segment.force, time)[0]) < stays_below(block):
-        half = math.sqrt(noise.diffusion * duration)
-        for n in range(len(nodes)):
-            first, last = half * nodes[n, 0] * cosine(side * x, block), half * nodes[n, 1]
-            _jolted(n, x, v + first, side, last, False, segment, block, duration, states, codes)
+    if still or (kind == IMPACT and abs(polynomial(segment.force, time)[0]) < stays_below(block)):
+        _jolt(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, states, codes)
         return
     _near_nodes(x, v, (end, time, side), segment, block, noise, scratch, states, codes)
 
@@ -212,14 +211,23 @@ def _beyond_contact(x, side, force, unit, block):
 
 
 @kernel
-def _jolted(n, x, v, side, last, rests, segment, block, duration, states, codes):
-    """Carry a node without noise but for a last jump of its velocity, which sets it off from rest unless it `rests`."""
-    xn, vn, sn, _ = _carry(x, v, side, segment, duration, CHATTER * duration, block)
-    if abs(xn) < block.cutoff:
-        vn += last * cosine(abs(xn), block)
-        if xn == 0.0 and not rests:
-            sn = 1 if vn > 0.0 else -1
-    _put(n, xn, vn, sn, 0 if rests else side, block.cutoff, states, codes)
+def _jolt(x, v, side, half, rests, segment, block, noise, states, codes):
+    """Carry the nodes without noise but for a jump of the velocity by `half` of a node at the begin and at the end.
+
+    The last one sets a block off from rest unless it `rests`. Nodes that begin alike follow each other.
+    """
+    nodes, duration = noise.nodes, noise.duration
+    xn, vn, sn, part = x, v, side, cosine(side * x, block)
+    for n in range(len(nodes)):
+        if n == 0 or nodes[n, 0] != nodes[n - 1, 0]:
+            first = half * nodes[n, 0] * part
+            xn, vn, sn, _ = _carry(x, v + first, side, segment, duration, CHATTER * duration, block)
+        vl, sl = vn, sn
+        if abs(xn) < block.cutoff:
+            vl += half * nodes[n, 1] * cosine(abs(xn), block)
+            if xn == 0.0 and not rests:
+                sl = 1 if vl > 0.0 else -1
+        _put(n, xn, vl, sl, 0 if rests else side, block.cutoff, states, codes)
 
 
 @kernel
