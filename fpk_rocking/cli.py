@@ -339,7 +339,7 @@ def _fragility(options):
         over = {name: _numbers("--over", values)}
     if (options.scales is None) == (options.pga is None):
         raise ValueError(f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga in its place")
-    if options.pga:
+    if options.pga is not None:
         scenes = [at_intensity(scene, "PGA", noise=not options.keep_noise) for scene in scenes]
     uncertain, draws = _uncertain(options), None
     if uncertain:
@@ -350,7 +350,7 @@ def _fragility(options):
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
-            scale=_numbers("--pga", options.pga) if options.pga else _numbers("--scales", options.scales),
+            scale=_numbers("--scales", options.scales) if options.pga is None else _numbers("--pga", options.pga),
             **_rows(options, scenes[0]),
             levels=_numbers("--levels", options.levels) if options.levels else (),
             over=over,
