@@ -48,7 +48,7 @@ def test_draws_are_stratified_and_set_in_their_order():
         ({"block.restitution": "uniform:0.8:1.2"}, r"^block\.restitution: got 1\.[01]"),
         (
             {"width": "uniform:0.95:1.05"},
-            r"^uncertain\['width'\]: got 'uniform:0\.95:1\.05', .* around the scene's own value, 0\.6, or 'width_factor' for",
+            r"^uncertain\['width'\]: got 'uniform:0\.95:1\.05', .* the scene's own value, 0\.6, or 'width_factor' for",
         ),
         ({"size": "normal:2:0.1"}, r"^uncertain\['size'\]: .* value, 1\.044, or 'size_factor'"),
         (
