@@ -121,11 +121,14 @@ class Risk:
     @property
     def sentences(self) -> list[str]:
         """The result in words, with what its interval leaves out."""
+        sampled = " and ".join(
+            ["records"] * (self.curve.records > 1) + ["blocks"] * bool(self.curve.blocks) + ["noise"]
+        )
         through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
         wide = "" if self.curve.fitted or len(self.curve.redrawn) else _AT_ONCE
         text = (
             f"{self.headline}: return period {self.return_period:.4g} years, probability in 50 years "
-            f"{self.probability():.3g}. By {through}; the limits contain the sampling of records and noise{wide}. The "
+            f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
             "hazard and the model of the block count as known."
         )
         return [text, *(doubt.sentence for doubt in self.doubts)]

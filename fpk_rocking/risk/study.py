@@ -109,7 +109,7 @@ class Study:
 
     def text(self) -> str:
         """Return the rate, the verdict and the fit as lines of text."""
-        curve, told = self.risk.curve, [*self.risk.sentences, str(self.trust)]
+        curve, told = self.risk.curve, [self.risk.sentences[0], str(self.trust)]
         fit = curve.fit
         if fit.reason:
             told.append(f"No lognormal fit: {fit.reason}. {_POINTS}.")
