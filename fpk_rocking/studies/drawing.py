@@ -174,7 +174,7 @@ def _distribution(name, given):
 
 
 def dispersions(scale: ArrayLike, shares: Array, values: Mapping[str, ArrayLike]) -> dict[str, float]:
-    """Return the dispersion of the capacity that each drawn parameter causes.
+    """Return the dispersion of the capacity, the scale that a block withstands, that each drawn parameter causes.
 
     Probit regression over all scenes: P = N(b₀ + b₁ ln s + Σ c_j x_j) with the normal scores x_j of the drawn values.
     A change of x_j by 1, a standard deviation, moves the capacity by c_j/b₁ in the logarithm, which is the dispersion.
