@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.types import Array
 from fpk_rocking.studies.lognormal import fit_lognormal, shares_deviance
 from fpk_rocking.studies.result import Fragility
 
@@ -73,7 +74,8 @@ def ranked(fragility: Fragility, which: int = 0) -> list[Ranking]:
     PGV, m/s: deviance 8.0
     PGA, g: deviance 13.3
     """
-    shares, found, taken = fragility.probability[:, which].ravel(), [], []
+    shares, found = fragility.probability[:, which].ravel(), []
+    taken: list[Array] = []
     for field, name in _NAMES.items():
         rows = [measure.columns(1.0)[field] * fragility.scale for measure in fragility.intensities]
         values = np.concatenate(rows)
