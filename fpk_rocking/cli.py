@@ -31,7 +31,7 @@ examples:
   fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
       probability of overturning against the scale of the shaking, with a lognormal fit
   fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --intensities 0.1:3:12 --out results/risk
-      annual frequency of overturning, with curves that OpenQuake and pelicun read
+      annual rate of overturning, with curves that OpenQuake and pelicun read
   fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
   fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
@@ -116,11 +116,17 @@ _ENSEMBLE = {
 _UNCERTAIN = {
     "--uncertain": _value(
         "NAME=DIST",
-        "distribution of a value of the block, as block.restitution_factor=uniform:0.93:1 or "
+        "distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a name of the "
+        "scene file such as block.restitution, each in its own unit; NAME_factor is a multiple of the scene's own "
+        "value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or lognormal:MEDIAN:DISPERSION, as in "
         "size_factor=lognormal:1:0.05; may be repeated",
         action="append",
     ),
-    "--blocks": _value("N", "with --uncertain: blocks that are drawn for each scene or record", int),
+    "--blocks": _value(
+        "N",
+        "with --uncertain: blocks drawn for each scene (default 20) or record (default 1; of one record 5 or more)",
+        int,
+    ),
 }
 _FRAGILITY = {
     "--engine": _value(
@@ -251,11 +257,15 @@ def _parser() -> argparse.ArgumentParser:
     command("compare", _compare, does, _PRINTED, **several, **files, **_DENSITY, **_ENSEMBLE)
     scenes = {"scenes": _value("SCENE", f"{_SCENE}; several give a curve each", nargs="+")}
     scales = "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"
-    scenes["--scales"] = _value("LIST", scales, required=True)
+    scenes["--scales"] = _value("LIST", scales)
+    peaks = (
+        "in place of --scales: peak accelerations in g of the shaking without noise; the column scale is then the PGA"
+    )
+    scenes["--pga"] = _value("LIST", peaks)
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     files = common("result.npz, summary.json, fragility.csv and fragility.png")
     command("fragility", _fragility, does, **scenes, **files, **_FRAGILITY)
-    does = "annual frequency of overturning, from records and a hazard curve"
+    does = "annual rate of overturning, from records and a hazard curve"
     files = {
         "--out": _value(
             "DIR", "folder for files: all of --json, report.html, risk.png, curves for other programs", pathlib.Path
@@ -315,6 +325,7 @@ def _fragility(options):
     from fpk_rocking.output import summary
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.results.layout import plain
+    from fpk_rocking.risk.curve import at_intensity
     from fpk_rocking.studies import drawn, fragility
     from fpk_rocking.studies.drawing import dispersions
     from fpk_rocking.studies.picture import curves_figure, surface_figure
@@ -326,6 +337,10 @@ def _fragility(options):
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: _numbers("--over", values)}
+    if (options.scales is None) == (options.pga is None):
+        raise ValueError(f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga in its place")
+    if options.pga is not None:
+        scenes = [at_intensity(scene, "PGA", noise=not options.keep_noise) for scene in scenes]
     uncertain, draws = _uncertain(options), None
     if uncertain:
         if over is not None:
@@ -335,7 +350,7 @@ def _fragility(options):
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
-            scale=_numbers("--scales", options.scales),
+            scale=_numbers("--scales", options.scales) if options.pga is None else _numbers("--pga", options.pga),
             **_rows(options, scenes[0]),
             levels=_numbers("--levels", options.levels) if options.levels else (),
             over=over,
@@ -348,7 +363,8 @@ def _fragility(options):
         found = dispersions(result.scale, result.overturned, draws.values)
         result = result.pooled
         values = result.summary() | {"dispersion_of": plain(found)}
-        beta = [f"Dispersion of the capacity by {name}: {value:.3g}." for name, value in found.items()]
+        sources = ", ".join(f"{value:.3g} by {name}" for name, value in found.items())
+        beta = [f"Dispersion of the capacity, the scale that a block withstands: {sources}."]
     if options.out:
         result.save(options.out / "result.npz")
         result.to_csv(options.out / "fragility.csv")
@@ -386,6 +402,9 @@ def _risk(options):
         )
     if options.out:
         found.write(options.out)
+        if found.not_for_pelicun:
+            missing = f"{found.name}.csv and {found.name}.json for pelicun are not written"
+            sys.stderr.write(f"fpk-rocking risk: {missing}: {found.not_for_pelicun}\n")
     if options.json:
         sys.stdout.write(json.dumps(found.summary(), allow_nan=False, ensure_ascii=False) + "\n")
     else:

@@ -20,7 +20,7 @@ from fpk_rocking.studies.scenes import scaled
 _EQUAL = 1e-6
 """Relative difference up to which records have the same intensity at scale 1."""
 
-_FEWEST = 5
+FEWEST = 5
 """Records of which a bootstrap says something."""
 
 
@@ -268,8 +268,8 @@ def _of_suite(intensity, shares, known, origin, rng, samples):
     records = np.unique(origin)
     if len(records) > 1:
         shares = np.array([shares[np.asarray(origin) == one].mean(axis=0) for one in records])
-    if len(shares) < _FEWEST:
-        raise ValueError(checks.refusal("records", len(shares), f"at least {_FEWEST}, or one scene"))
+    if len(shares) < FEWEST:
+        raise ValueError(checks.refusal("records", len(shares), f"at least {FEWEST}, or one scene"))
     mean = shares.mean(axis=0)
     # A stripe says as much as its records do, however many paths each of them has.
     fit = fit_lognormal(intensity, mean, None)

@@ -58,7 +58,7 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     >>> to_nrml("rack.xml", [IntensityCurve.of(found, "PGV")], name="RACK")
     """
     curves = _same(curves)
-    _check(name)
+    check_name(name)
     measure, factor = curves[0].measure, _CENTIMETRES if curves[0].measure == "PGV" else 1.0
     states = [_identifier(curve.name) for curve in curves]
     root = ET.Element("nrml", xmlns=_NRML)
@@ -108,7 +108,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     Raises
     ------
     ValueError
-        The name is not accepted.
+        The name is not accepted, or pelicun does not take the curve.
 
     Examples
     --------
@@ -120,7 +120,9 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> to_pelicun("rack.csv", IntensityCurve.of(found, "PGV"), name="RACK")
     """
-    _check(name)
+    check_name(name)
+    if refused := not_for_pelicun(curve):
+        raise ValueError(refused)
     path = checks.path("path", path)
     demand, unit = _DEMANDS[curve.measure]
     if curve.fitted:
@@ -140,7 +142,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
 
 
 def to_csv(path: File, curve: IntensityCurve) -> None:
-    """Write the points of a curve with their limits, and its fit in lines that begin with ``#``.
+    """Write the points of a curve with their limits, below a line that begins with ``#`` and says what they are.
 
     Parameters
     ----------
@@ -159,7 +161,7 @@ def to_csv(path: File, curve: IntensityCurve) -> None:
     >>> to_csv("curve.csv", IntensityCurve.of(found, "PGV"))
     """
     unit = curve.unit.replace("/", "_per_")
-    lines = [f"# {_told([curve])}", f"{curve.measure}_{unit},probability,low,high,lognormal"]
+    lines = [f"# {_told([curve])}{_limits_told(curve)}", f"{curve.measure}_{unit},probability,low,high,lognormal"]
     fit = np.broadcast_to(math.nan if curve.fit.reason else curve.fit(curve.intensity), curve.intensity.shape)
     for row in zip(curve.intensity, curve.probability, *curve.interval.T, fit, strict=True):
         lines.append(",".join(repr(float(value)) for value in row))
@@ -179,9 +181,6 @@ def _same(curves):
 
 def _distribution(curve):
     """Return intensities and probabilities that rise strictly from 0 to 1, as pelicun wants them."""
-    if curve.probability[-1] < 1.0:
-        accepted = "1, which pelicun asks of a curve without a lognormal fit: go on to higher intensities"
-        raise ValueError(checks.refusal("probability[-1]", float(curve.probability[-1]), accepted))
     # Without shaking no block overturns.
     x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
     rises = np.diff(y) > 0.0
@@ -189,7 +188,37 @@ def _distribution(curve):
     return x[kept], y[kept]
 
 
-def _check(name):
+def not_for_pelicun(curve: IntensityCurve) -> str:
+    """Return why pelicun could not take a curve.
+
+    Parameters
+    ----------
+    curve : IntensityCurve
+
+    Returns
+    -------
+    str
+        Empty where it can.
+    """
+    if curve.fitted or curve.probability[-1] == 1.0:
+        return ""
+    accepted = "1, which pelicun asks of a curve without a lognormal fit: go on to higher intensities"
+    return checks.refusal("probability[-1]", float(curve.probability[-1]), accepted)
+
+
+def check_name(name: str) -> None:
+    """Refuse a name that the formats do not take.
+
+    Parameters
+    ----------
+    name : str
+        Identifier of a function or a component.
+
+    Raises
+    ------
+    ValueError
+        It is not up to 75 letters, digits, ``_`` and ``-``.
+    """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ValueError(checks.refusal("name", name, "up to 75 letters, digits, _ and -"))
 
@@ -201,6 +230,17 @@ def _identifier(name):
 
 def _numbers(values):
     return " ".join(repr(float(value)) for value in values)
+
+
+def _limits_told(curve):
+    """Say what the limits of the points are."""
+    if not len(curve.redrawn):
+        return ""
+    others = "records" if curve.records > 1 else "blocks"
+    return (
+        f" low, high: 95 % limits for other {others} of their kind, by bootstrap; Wilson's where all agree, whose high "
+        "is above 0 where none overturned."
+    )
 
 
 def _told(curves):

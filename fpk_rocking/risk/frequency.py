@@ -24,8 +24,10 @@ _BINS, _LEFT_OUT = 24, 5e-4
 
 _DEVIATIONS = 1.96
 
+_AT_ONCE = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
+
 FOREIGN = 0.05
-"""Share of a frequency from beyond the points of hazard or fragility above which `Risk.sentences` says so."""
+"""Share of a rate from beyond the points of hazard or fragility above which `Risk.sentences` says so."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -37,8 +39,8 @@ class Risk:
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits from the sample of the fragility: its replicates, or the limits of its points. The hazard counts as
-        known.
+        95 % limits from the sample of the fragility: its replicates, or, of points of one scene, all of their lower or
+        upper limits at once, which is wider. The hazard counts as known.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
@@ -94,12 +96,21 @@ class Risk:
     @property
     def doubts(self) -> list[Doubt]:
         """What speaks against it: shares from beyond what is known."""
-        found = []
-        for share, what in ((self.beyond_hazard, "the hazard curve"), (self.beyond_curve, "the fragility")):
-            if share > FOREIGN:
-                text = f"{100.0 * share:.0f} % of the frequency come from intensities beyond the points of {what}"
-                found.append(Doubt(CAUTION, f"{text}: give more of them.", what))
-        return found
+        known = "its lognormal curve goes on" if self.curve.fitted else "the probability is 0 below, the last one above"
+        beyond = {
+            "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
+            "the fragility": (self.beyond_curve, known),
+        }
+        return [
+            Doubt(
+                CAUTION,
+                f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where {done}: "
+                "give more of them.",
+                what,
+            )
+            for what, (share, done) in beyond.items()
+            if share > FOREIGN
+        ]
 
     @property
     def relative_error(self) -> float:
@@ -110,17 +121,25 @@ class Risk:
     @property
     def sentences(self) -> list[str]:
         """The result in words, with what its interval leaves out."""
-        low, high = self.interval
-        limits = f" [{low:.3g}, {high:.3g}]" if math.isfinite(low) else ""
-        through = "its lognormal curve" if self.curve.fitted else "its points, joined by lines"
-        half = max(high - self.rate, self.rate - low)
-        error = f" ± {half:.2g} (95 %)" if math.isfinite(half) else ""
+        sampled = " and ".join(
+            ["records"] * (self.curve.records > 1) + ["blocks"] * bool(self.curve.blocks) + ["noise"]
+        )
+        through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
+        wide = "" if self.curve.fitted or len(self.curve.redrawn) else _AT_ONCE
         text = (
-            f"P({self.curve.name}) = {self.rate:.4g}{error} per year{limits}: return period {self.return_period:.4g} "
-            f"years, probability in 50 years {self.probability():.3g}. By {through}; the limits contain the sampling "
-            "of records and noise. The hazard and the model of the block count as known."
+            f"{self.headline}: return period {self.return_period:.4g} years, probability in 50 years "
+            f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
+            "hazard and the model of the block count as known."
         )
         return [text, *(doubt.sentence for doubt in self.doubts)]
+
+    @property
+    def headline(self) -> str:
+        """The rate with its limits, as a line of text."""
+        name = "overturning" if self.curve.name == "overturned" else self.curve.name
+        low, high = map(_told, self.interval)
+        limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
+        return f"annual rate of {name} = {_told(self.rate)}{limits}"
 
     def summary(self) -> dict[str, Any]:
         """Return the figures as plain values, for JSON."""
@@ -185,6 +204,11 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
         curve,
         hazard,
     )
+
+
+def _told(rate):
+    """Return a rate as a text of three digits."""
+    return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
 
 
 def _rule(curve, hazard):

@@ -28,13 +28,13 @@ def risk_figure(path: File, risk: Risk, records: Array) -> None:
     records : ndarray, shape (r, n)
         Probabilities of each record at the curve's intensities.
     """
-    title = f"Annual frequency {risk.rate:.2g}: return period {risk.return_period:,.0f} years"
+    title = f"{risk.headline[0].upper()}{risk.headline[1:]}"
     with style.page(path, (11.0, 5.2), title, risk.sentences) as figure:
         left, right = figure.subplots(1, 2)
         draw_curve(left, risk, records)
         draw_contributions(right, risk)
         left.set_title(f"(a) P({risk.curve.name})")
-        right.set_title("(b) Where the frequency comes from")
+        right.set_title("(b) Where the rate comes from")
 
 
 def draw_curve(axes: Any, risk: Risk, records: Array) -> None:
@@ -63,7 +63,7 @@ def draw_contributions(axes: Any, risk: Risk) -> None:
     if risk.rate > 0.0:
         look = {"align": "edge", "color": style.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
         axes.bar(risk.edges[:-1], 100.0 * risk.contribution, np.diff(risk.edges), **look)
-    axes.set(xlabel=_name(risk), ylabel="share of the frequency, % (bars)", xlim=(risk.edges[0], risk.edges[-1]))
+    axes.set(xlabel=_name(risk), ylabel="share of the rate, % (bars)", xlim=(risk.edges[0], risk.edges[-1]))
     logarithmic(axes.set_xscale, axes.xaxis)
     axes.grid(visible=False)
     other = axes.twinx()

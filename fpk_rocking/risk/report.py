@@ -46,7 +46,7 @@ def write_risk_report(path: File, study: Any) -> int:
     """
     risk = study.risk
     curve, scenes = risk.curve, study.motions
-    title = f"{study.name}: P({curve.name}) = {risk.rate:.2g} per year"
+    title = f"{study.name}: {risk.headline}"
     words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
     parts = [
         "".join(f"<p>{html.escape(text)}</p>" for text in risk.sentences),
@@ -64,7 +64,7 @@ def write_risk_report(path: File, study: Any) -> int:
         _sources(curve),
         table_html(_points(curve)),
         "<h2>Hazard and risk</h2>",
-        _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the frequency, and the hazard"),
+        _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard"),
         table_html(
             {
                 f"{curve.measure}, {curve.unit}": _digits(risk.hazard.intensity),

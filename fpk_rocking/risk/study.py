@@ -1,6 +1,7 @@
 """A whole study of risk: records at equal intensities, their curve, the hazard, and the files to hand on."""
 
 import dataclasses
+import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,16 +14,19 @@ from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.layout import plain
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import CAUTION, Doubt, Trust, trust_of
-from fpk_rocking.risk.curve import IntensityCurve, at_intensity
-from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
+from fpk_rocking.risk.curve import FEWEST, IntensityCurve, at_intensity
+from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.frequency import Risk, annual_frequency
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.doubts import model_doubts
 from fpk_rocking.studies.drawing import Draws, drawn
+from fpk_rocking.studies.lognormal import MISFIT, REJECTED
 from fpk_rocking.studies.ranking import ranked
 from fpk_rocking.studies.result import Fragility
+
+_POINTS = "In its place stand the points, joined by lines"
 
 _MANY = 30
 """Motions from which on bootstrap limits cover about what they say: measured 93 % of 95."""
@@ -81,7 +85,7 @@ class Study:
 
     @property
     def trust(self) -> Trust:
-        """Verdict on the frequency: its relative standard error, and doubts of scenes, engine, hazard and records."""
+        """Verdict on the rate: its relative standard error, and doubts of scenes, engine, hazard and records."""
         doubts = model_doubts(self.fragility) + self.risk.doubts + self._of_records()
         return trust_of({"relative_error": self.risk.relative_error}, doubts)
 
@@ -91,9 +95,12 @@ class Study:
         if 1 < count < _MANY:
             sentence = (
                 f"The limits rest on {count} motions, and over few they are too narrow: of 95 % limits of the "
-                "frequency 75 % contained the true one over 5 motions, 86 % over 12, 90 % over 20."
+                "rate 75 % contained the true one over 5 motions, 86 % over 12, 90 % over 20."
             )
             found.append(Doubt(CAUTION, sentence, "few records"))
+        if count == 1:
+            sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
+            found.append(Doubt(CAUTION, sentence, "one record"))
         same = len(motions) - len(dict.fromkeys(motions))
         if same:
             sentence = f"{same} of {len(motions)} motions are the same as another one."
@@ -101,11 +108,11 @@ class Study:
         return found
 
     def text(self) -> str:
-        """Return the frequency, the verdict and the fit as lines of text."""
-        curve, told = self.risk.curve, [*self.risk.sentences, str(self.trust)]
+        """Return the rate, the verdict and the fit as lines of text."""
+        curve, told = self.risk.curve, [self.risk.sentences[0], str(self.trust)]
         fit = curve.fit
         if fit.reason:
-            told.append(f"No lognormal fit: {fit.reason}.")
+            told.append(f"No lognormal fit: {fit.reason}. {_POINTS}.")
         else:
             low, high = fit.median_interval
             text = (
@@ -114,7 +121,10 @@ class Study:
             text += f"{fit.dispersion:.3g}"
             sources = ", ".join(f"{name} {value:.3g}" for name, value in curve.sources.items())
             text += f", of which {sources}" * bool(sources)
-            told.append(f"{text}; largest misfit {fit.misfit:.2g}{', refused' if fit.rejected else ''}.")
+            misfit = f"largest misfit of a probability {fit.misfit:.2g}"
+            rule = f"above {MISFIT:g}" if math.isnan(fit.p_value) else f"p = {fit.p_value:.2g}, below {REJECTED:g}"
+            misfit += f": the fit is rejected ({rule}). {_POINTS}" if fit.rejected else ", the fit is accepted"
+            told.append(f"{text}; {misfit}.")
         told += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
         return "\n".join([*told, *self._ordered()])
 
@@ -143,6 +153,11 @@ class Study:
         more["draws"] = None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values}
         return {"risk": self.risk.summary(), "curve": points, **more, "fragility": self.fragility.summary()}
 
+    @property
+    def not_for_pelicun(self) -> str:
+        """Why pelicun could not take the curve; empty where it can."""
+        return not_for_pelicun(self.risk.curve)
+
     def write(self, folder: File) -> None:
         """Write report.html, risk.png, risk.txt, risk.json, curve.csv, result.npz, NAME.xml, NAME.csv and NAME.json.
 
@@ -150,7 +165,7 @@ class Study:
         ----------
         folder : str or pathlib.Path
             Created if missing. NAME.xml is OpenQuake's NRML, NAME.csv and NAME.json are pelicun's; pelicun's files are
-            left out where it could not take the curve, and why stands in risk.json.
+            left out where it could not take the curve: `not_for_pelicun` says why, and so does risk.json.
         """
         from fpk_rocking.output.summary import write_summary
         from fpk_rocking.risk.picture import risk_figure
@@ -160,11 +175,9 @@ class Study:
         self.fragility.save(out / "result.npz")
         to_csv(out / "curve.csv", curve)
         to_nrml(out / f"{self.name}.xml", [curve], self.name)
-        refused = ""
-        try:
+        refused = self.not_for_pelicun
+        if not refused:
             to_pelicun(out / f"{self.name}.csv", curve, self.name)
-        except ValueError as error:
-            refused = str(error)
         write_summary(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv"})
         write_text(out / "risk.txt", self.text() + "\n")
         risk_figure(out / "risk.png", self.risk, self.records)
@@ -196,7 +209,8 @@ def study(
     scene : Scene
         Block with dimensions, and noise of the shaking; its forcing is replaced by each record.
     records : sequence of Record, str or pathlib.Path
-        At least five, or files that `Record.from_file` reads. Where there is none the forcing of the scene is taken.
+        One, or at least five; or files that `Record.from_file` reads. Where there is none the forcing of the scene is
+        taken.
     hazard : Hazard, str or pathlib.Path
         In the unit of the measure; or a file that `Hazard.from_csv` reads.
     intensities : array_like
@@ -214,7 +228,7 @@ def study(
     uncertain : dict of str, optional
         Distributions of values of the block, see `fpk_rocking.studies.drawing.drawn`.
     blocks : int
-        Blocks that are drawn for each record.
+        Blocks that are drawn for each record, at least five for one record.
     name : str
         Identifier of the block in exported files.
     progress : callable, optional
@@ -242,9 +256,14 @@ def study(
     [0.   0.16 0.92] 2e-03 per year
     """
     checks.instance("scene", scene, Scene)
+    check_name(name)
     known = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)
     motions = [one if isinstance(one, Forcing) else Record.from_file(one, units=units) for one in records]
     scenes = [dataclasses.replace(scene, forcing=motion) for motion in motions] or [scene]
+    if 1 < len(scenes) < FEWEST:
+        raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST}"))
+    if uncertain and len(scenes) == 1 and checks.count("blocks", blocks) < FEWEST:
+        raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST} for one motion"))
     at_one = [at_intensity(one, measure, noise=scale_noise) for one in scenes]
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)

@@ -85,6 +85,15 @@ def _falling(result):
     return [Doubt(CAUTION, sentence.strip(), "falls")]
 
 
+def _differing(result):
+    """Say what the scenes of a mean differ in: motions, blocks under one motion, or both."""
+    if len({scene.block for scene in result.scenes}) == 1:
+        return "motion"
+    common = result.intensities[0]
+    shaking = [common.pga, common.pgv] if result.scenes[0].block.dimensions else [common.acceleration, common.velocity]
+    return "block" if np.isfinite(shaking).all() else "block-and-motion pair"
+
+
 def _few_motions(result):
     """How little some motions tell of others of their kind."""
     count = len(result.scenes)
@@ -92,8 +101,9 @@ def _few_motions(result):
     half = 0.5 * float(np.diff(wilson_interval(known * count, count)).max(initial=0.0))
     if half <= UNASKED:
         return []
+    what = _differing(result) + "s" * (count > 1)
     sentence = (
-        f"The mean is over {count} motion{'s' * (count > 1)} alone: for others of their kind its probabilities are "
+        f"The mean is over {count} {what} alone: for others of their kind its probabilities are "
         f"known to ±{half:.2g} at worst (95 %, had these been drawn at random), above {UNASKED:g}."
     )
     return [Doubt(CAUTION, sentence, "few motions")]

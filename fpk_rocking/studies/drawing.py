@@ -17,6 +17,10 @@ _MOST = 100_000
 _KINDS = {"uniform": "LOW:HIGH", "normal": "MEAN:DEVIATION", "lognormal": "MEDIAN:DISPERSION"}
 _STEEPEST = 1e3
 
+_FAR, _ENDS = 4.0, 1e-4
+"""Normal deviations from the middle of a distribution at which a scene's own value may lie, and the part of the span
+between these that is added at the ends."""
+
 
 class Draws(NamedTuple):
     """Scenes with values that were drawn; made by `drawn`.
@@ -59,7 +63,8 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
         Distributions by the names of `fpk_rocking.studies.scenes.varied`, or such a name with "_factor" for a factor of
         the scene's own value: ``{"size_factor": "lognormal:1:0.05", "block.restitution_factor": "uniform:0.93:1"}``.
         They are set in this order. A distribution is a text, "uniform:LOW:HIGH", "normal:MEAN:DEVIATION" or
-        "lognormal:MEDIAN:DISPERSION", or an object with a method ``ppf``, as those of `scipy.stats`.
+        "lognormal:MEDIAN:DISPERSION", or an object with a method ``ppf``, as those of `scipy.stats`. Without "_factor"
+        the scene's own value has to be within 4 normal deviations of its middle.
     count : int
         Scenes of each.
     seed : int
@@ -95,6 +100,8 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
         for (name, given), column in zip(uncertain.items(), points.T, strict=True)
     }
     origin = tuple(int(place) for place in np.repeat(np.arange(len(scenes)), count))
+    for name, given in uncertain.items():
+        _check_own(scenes, name, given)
     made = []
     for number, place in enumerate(origin):
         one = scenes[place]
@@ -109,11 +116,28 @@ def _set(scene, name, value):
     if not name.endswith(_FACTOR):
         return varied(scene, name, value)
     parameter = name.removesuffix(_FACTOR)
-    return varied(scene, parameter, value * _value(scene, parameter))
+    return varied(scene, parameter, value * checks.number(f"uncertain[{name!r}] of", _value(scene, parameter)))
+
+
+def _check_own(scenes, name, given):
+    """Refuse a distribution of a value far from that of a scene, such as one of factors."""
+    from scipy import special
+
+    if name.endswith(_FACTOR) or name == "scale":
+        return
+    low, high = np.asarray(_distribution(name, given).ppf(special.ndtr([-_FAR, _FAR])), float)
+    # A uniform distribution ends a little beyond.
+    room = _ENDS * (high - low)
+    for own in (_value(scene, name) for scene in scenes):
+        if isinstance(own, int | float) and own != 0.0 and not low - room <= own <= high + room:
+            accepted = (
+                f"a distribution around the scene's own value, {own:.4g}, or {name + _FACTOR!r} for multiples of it"
+            )
+            raise ValueError(checks.refusal(f"uncertain[{name!r}]", given, accepted))
 
 
 def _value(scene, name):
-    """Return the value of a parameter of a scene."""
+    """Return the value of a parameter of a scene; None of what it does not have."""
     size, (part, _, field) = scene.block.dimensions, name.partition(".")
     if name == "scale":
         return 1.0
@@ -121,8 +145,7 @@ def _value(scene, name):
         return getattr(size, name)
     if size is not None and name in {"size", "slenderness"}:
         return size.half_diagonal if name == "size" else size.height / size.width
-    found = getattr(getattr(scene, part, None), field, None) if field else None
-    return checks.number(f"uncertain[{name + _FACTOR!r}] of", found)
+    return getattr(getattr(scene, part, None), field, None) if field else None
 
 
 def _distribution(name, given):
@@ -151,7 +174,7 @@ def _distribution(name, given):
 
 
 def dispersions(scale: ArrayLike, shares: Array, values: Mapping[str, ArrayLike]) -> dict[str, float]:
-    """Return the dispersion of the capacity that each drawn parameter causes.
+    """Return the dispersion of the capacity, the scale that a block withstands, that each drawn parameter causes.
 
     Probit regression over all scenes: P = N(b₀ + b₁ ln s + Σ c_j x_j) with the normal scores x_j of the drawn values.
     A change of x_j by 1, a standard deviation, moves the capacity by c_j/b₁ in the logarithm, which is the dispersion.

@@ -5,10 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.types import Array
 from fpk_rocking.studies.lognormal import fit_lognormal, shares_deviance
 from fpk_rocking.studies.result import Fragility
 
 _NAMES = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "relative_velocity": "p PGV / (g tan θ_cr)"}
+
+
+_SAME = 1e-9
+"""Relative spread of the ratio of two measures that are one in two units."""
 
 
 class Ranking(NamedTuple):
@@ -54,7 +59,8 @@ def ranked(fragility: Fragility, which: int = 0) -> list[Ranking]:
     Returns
     -------
     list of Ranking
-        The best first; without those that a scene does not have, or that determine no curve.
+        The best first; without those that a scene does not have, that determine no curve, or that are another one in
+        other units, as p PGV/(g tan θ_cr) is for motions of one block.
 
     Examples
     --------
@@ -69,12 +75,16 @@ def ranked(fragility: Fragility, which: int = 0) -> list[Ranking]:
     PGA, g: deviance 13.3
     """
     shares, found = fragility.probability[:, which].ravel(), []
+    taken: list[Array] = []
     for field, name in _NAMES.items():
         rows = [measure.columns(1.0)[field] * fragility.scale for measure in fragility.intensities]
         values = np.concatenate(rows)
         known = np.isfinite(shares) & np.isfinite(values) & (values > 0.0)
         if not known.all() or (fit := fit_lognormal(values, shares)).reason:
             continue
+        if any(np.ptp(values / other) < _SAME * (values / other).max() for other in taken):
+            continue
+        taken.append(values)
         deviance = shares_deviance(values, shares, fit)
         found.append(Ranking(name, deviance if math.isfinite(deviance) else math.inf, fit.median, fit.dispersion))
     return sorted(found, key=lambda one: one.deviance)

@@ -23,6 +23,9 @@ from montecarlo.results.sample import EXACT_PATH
 _LEVEL = 0.95
 """Confidence of the intervals of the fits."""
 
+_EQUAL = 1e-9
+"""Relative difference up to which scenes have a measure in common: blocks of other sizes round it differently."""
+
 _LAYOUT = Layout(
     {
         "place": "f8 m",
@@ -417,8 +420,8 @@ def _outcomes(scale, curve):
 
 
 def _common(values):
-    """Return what all values are, nan where they differ."""
-    return values[0] if all(value == values[0] for value in values) else np.nan
+    """Return what all values are but for rounding, nan where they differ."""
+    return values[0] if all(math.isclose(value, values[0], rel_tol=_EQUAL) for value in values) else np.nan
 
 
 def _limits(interval):

@@ -57,7 +57,7 @@ def test_no_option_is_left_out():
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
-    assert known - ELSEWHERE - OF_RISK == tried | {"times", "tally", "closure", "scales", "workers", "no_check"}
+    assert known - ELSEWHERE - OF_RISK == tried | {"times", "tally", "closure", "scales", "pga", "workers", "no_check"}
 
 
 OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cycle", 60), ("method", "exact")]
@@ -181,6 +181,21 @@ def test_scales_and_times_of_curves(run):
     direct = [fragility(ENDING, scale=[1.0], realizations=200, times=times).probability for times in ([2.5], [9.0])]
     assert [early, late] == direct
     assert early < late
+
+
+def test_peaks_in_g_take_the_place_of_scales(run):
+    """Of two racks with other shaking each has the peaks; noise that is kept stays as it was."""
+    rack = Scene.from_block(0.5, 1.8, "0.3 g", 1.5, noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    found = Fragility.load(run("fragility", rack, pga="0.4:0.9:2", cycles=2, realizations=300)[1])
+    assert found.scale.tolist() == [0.4, 0.9]
+    direct = fragility(rack, scale=[0.4 / 0.3, 3.0], cycles=2, realizations=300).probability
+    assert found.probability == pytest.approx(direct, abs=1e-9)
+    assert 0.0 < direct.max() < 1.0
+    assert [one.columns(1.0)["pga_g"] for one in found.intensities] == pytest.approx([1.0])
+    kept = Fragility.load(run("fragility", rack, pga="0.9", cycles=2, realizations=300, keep_noise=True)[1])
+    assert kept.scenes[0].noise == rack.noise
+    with pytest.raises(AssertionError, match="accepted: a list of factors, or --pga in its place"):
+        run("fragility", rack, cycles=2)
 
 
 def test_workers_reach_the_sweep(monkeypatch, run):

@@ -102,6 +102,10 @@ def test_a_table_with_units(tmp_path):
     to_csv(file, curve)
     comment, *lines = file.read_text().splitlines()
     assert "median 0.7 m/s, dispersion 0.4" in comment
+    assert "Wilson" not in comment
+    suite = IntensityCurve(**{**vars(curve), "records": 8, "redrawn": np.ones((2, 12))})
+    to_csv(tmp_path / "suite.csv", suite)
+    assert "for other records of their kind, by bootstrap; Wilson's where" in (tmp_path / "suite.csv").read_text()
     rows = list(csv.DictReader(lines))
     assert list(rows[0]) == ["PGV_m_per_s", "probability", "low", "high", "lognormal"]
     table = np.array([list(map(float, row.values())) for row in rows])

@@ -75,7 +75,17 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     risk = annual_frequency(curve_of(replicates=replicates), Hazard.power_law(1e-3, 2.0))
     assert risk.interval == pytest.approx([risk.rate * math.exp(0.2 * z) for z in (-0.95, 0.95)], rel=1e-9)
     assert risk.beyond_hazard > 0.2
-    assert any("beyond the points of the hazard curve" in one for one in risk.sentences)
+    assert risk.sentences[0].startswith(
+        "annual rate of overturning = 2.81e-3 (95 %: 2.32e-3 to 3.40e-3): return period"
+    )
+    assert any(
+        "beyond the points of the hazard curve, where its last power law goes on: " in one for one in risk.sentences
+    )
+    points = annual_frequency(
+        dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
+    )
+    assert "upper limits, which is wider than the limits of a fit" in points.sentences[0]
+    assert "the fragility, where the probability is 0 below, the last one above: " in points.sentences[2]
     assert [doubt.kind for doubt in risk.doubts][:1] == ["the hazard curve"]
     assert risk.relative_error == pytest.approx((risk.interval[1] - risk.interval[0]) / (2 * 1.96 * risk.rate))
     wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
@@ -278,7 +288,8 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     ]
     arguments += ["--intensities", "0.2:3:7", "--units", "m/s2", "--realizations", "200", "--name", "rack"]
     assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 0
-    assert "return period" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "return period" in printed.out
     names = {file.name for file in (tmp_path / "out").iterdir()}
     assert names >= {"result.npz", "risk.json", "risk.txt", "curve.csv", "rack.xml", "risk.png", "report.html"}
     values = json.loads((tmp_path / "out" / "risk.json").read_text())
@@ -288,7 +299,14 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
     assert values["risk"]["rate"] == pytest.approx(risk.rate, rel=1e-12)
     page = (tmp_path / "out" / "report.html").read_text()
-    for said in ("rack: P(overturned) = ", "0.6 m", "16.7°", "default-src 'none'", "What is left out", "How to cite"):
+    for said in (
+        "rack: annual rate of overturning = ",
+        "0.6 m",
+        "16.7°",
+        "default-src 'none'",
+        "What is left out",
+        "How to cite",
+    ):
         assert said in page
     for file, one in zip(files, scenes, strict=True):
         strength = intensities(one)
@@ -296,9 +314,8 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
         assert row in page
     rms = math.sqrt(scenes[0].noise.variance) * SIZE.critical_angle
     assert f"rms {rms:.3g} g, 0 to {8.0 / SIZE.frequency(1.0):.3g} Hz" in page
-    low, high = values["risk"]["interval"]
-    half = max(high - risk.rate, risk.rate - low)
-    assert f"P(overturned) = {risk.rate:.4g} ± {half:.2g} (95 %) per year" in page
+    told = [f"{value:.2e}".replace("e-0", "e-") for value in (risk.rate, *values["risk"]["interval"])]
+    assert "annual rate of overturning = {} (95 %: {} to {}): return period".format(*told) in page
     for (low, high), share in zip(values["curve"]["interval"], values["curve"]["probability"], strict=True):
         assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
     assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
@@ -322,7 +339,7 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     assert values["risk"]["rate"] == pytest.approx(
         1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2), rel=1e-9
     )
-    assert {one["measure"] for one in values["ranking"]} >= {"PGA, g", "PGV, m/s"}
+    assert {one["measure"] for one in values["ranking"]} == {"PGA, g", "PGV, m/s", "p PGV / (g tan θ_cr)"}
     arguments[3] = "1e-3:-1"
     assert cli.main(arguments) == 2
     assert "--hazard: got '1e-3:-1', accepted: a file, or K0:K (exponent: got -1.0" in capsys.readouterr().err
@@ -353,3 +370,24 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     assert not any("are the same" in reason for reason in found.trust.reasons)
     assert cli.main([*arguments, "--set", "block.restitution"]) == 2
     assert "--set: got 'block.restitution', accepted: KEY=VALUE" in capsys.readouterr().err
+
+
+def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anything_is_computed(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.5,0.6"]
+    arguments += ["--realizations", "20", "--name", "rack", "--out", str(tmp_path / "out")]
+    assert cli.main([*arguments, "--synthetic", "1"]) == 0
+    printed = capsys.readouterr()
+    assert "One motion: the scatter from motion to motion is neither in the rate nor in its limits." in printed.out
+    assert "In its place stand the points, joined by lines." in printed.out
+    assert "fpk-rocking risk: rack.csv and rack.json for pelicun are not written: probability[-1]: got 0" in printed.err
+    assert not (tmp_path / "out" / "rack.csv").exists()
+    refused = {
+        "records: got 3, accepted: 1, or at least 5": ["--synthetic", "3"],
+        "blocks: got 1, accepted: at least 5 for one motion": ["--uncertain", "size_factor=uniform:0.9:1.1"],
+        "name: got 'a b', accepted: up to 75 letters": ["--name", "a b"],
+    }
+    for said, more in refused.items():
+        assert cli.main([*arguments, "--realizations", "100000000", *more]) == 2
+        assert said in capsys.readouterr().err
