@@ -5,7 +5,7 @@ that rises and dies away, at scales of the record at which nearly all blocks sta
 followed to half of the record, after which a handful in a thousand overturn at most; they come in batches, a seed
 each, kept as lines of results/record_paths.jsonl, and a run adds what is missing. Deleting that file renews them.
 
-    python benchmarks/record.py                          # a minute or two, and 5 ms for each path that is missing
+    python benchmarks/record.py                          # ten minutes and more, and 6 ms for each path that is missing
     python benchmarks/record.py --paths 400000 --scales 1.3 2
 """
 
@@ -90,7 +90,10 @@ def main():
     options = parser.parse_args()
     scene = load_scene(SCENE)
     solve_fpk(scene, times=[12.0], tol=TOL, bins_tol=math.inf)  # compiles
-    rows = [row_of(scene, scale, options.paths, options.bins_tol) for scale in options.scales]
+    rows = []
+    for scale in options.scales:
+        rows.append(row_of(scene, scale, options.paths, options.bins_tol))
+        print(*rows[-1], flush=True)
     end = result_times(scene)[ROWS - 1]
     inside = sum(row[-1].startswith("inside") for row in rows)
     body = (
