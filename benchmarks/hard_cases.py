@@ -16,6 +16,7 @@ from hard_rows import MAIN, SEED, Reference, Row, load, rows, save, simulated
 from report import VALIDATION, table, write_section
 
 from fpk_rocking import solve_fpk
+from fpk_rocking.density.pilot import in_rest
 from fpk_rocking.results import distances
 
 TOL = 1e-3
@@ -69,8 +70,9 @@ def bin_distances(evolution, reference: Reference):
 
 
 def _pooled(bins, edges):
-    """Add up the bins about the origin, where blocks at rest are: flat, with one bin for them at the end."""
+    """Add up the bins about the origin and in the region of rest, as the solver does: flat, that one bin at the end."""
     rest = np.outer(*((line[:-1] <= 0.0) & (line[1:] >= 0.0) for line in edges)).astype(bool)
+    rest |= in_rest(*(0.5 * (line[:-1] + line[1:]) for line in edges))
     return np.append(bins[~rest], bins[rest].sum())
 
 

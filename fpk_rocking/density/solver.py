@@ -34,7 +34,7 @@ NEGLIGIBLE = 1e-6
 CLOSURES = ("white", "filtered")
 """Noises that may stand for band noise."""
 
-SOLUTION_MEMORY = {"white": 1.5e9, "filtered": 4e9}
+SOLUTION_MEMORY = {"white": 3e9, "filtered": 4e9}
 """Bytes that a finer solution may be expected to need, by the noise that is solved for."""
 
 _FINER = 1.4
@@ -47,6 +47,10 @@ or come to rest and are lifted off again: which of them rest by then is told by 
 
 _FASTER = 1.1
 """Velocity bound over the largest speed of the pilot's paths, at least, where the motion does not repeat."""
+
+_LESSENS = 0.8
+"""Negative mass over that of the solution before, at most, that finer ones are taken to have: soon after a start it may
+stay as large over two solutions and then fall by ten."""
 
 _LEAST_ERROR = 0.01
 """Least estimate of the error in survival over that of the binned density."""
@@ -220,16 +224,16 @@ class Solved:
 
     @property
     def rest_error(self) -> float:
-        """Error of what is at rest, 0 where nothing is.
+        """Error of what is at rest, 0 where nothing is: what the levels before tell, and what they cannot, together.
 
-        The larger of what the two levels before tell, and of what nodes of the noise leave unseen. It is of first order
-        in the step where noise is smooth; else of order 1/2, and the last steps of a level are half as long as before.
+        The former is of first order in the step where noise is smooth; else of order 1/2, and the last steps of a level
+        are half as long as before. The latter is what nodes of the noise leave unseen.
         """
         if self.solution.at_rest is None:
             return 0.0
         apart = [float(np.abs(self._rests[-1] - before).max()) for before in self._rests[-2:-4:-1]]
         told = max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
-        return max(told, self.run.unseen * float(self.solution.at_rest[1:].max()))
+        return told + self.run.unseen * float(self.solution.at_rest[1:].max())
 
     def release(self) -> None:
         """Let go of the densities, of which the negative mass is kept."""
@@ -253,7 +257,7 @@ def _tolerances(scene, tol, bins_tol):
 def _hopeless(found):
     """Whether the density will not be resolved, though the next solutions gain twice as many digits as the last."""
     now, before = found.fine.negative_mass, found.coarse.negative_mass
-    return now > UNRESOLVED and now * min(now / before, 1.0) ** (2 * found.left) > UNRESOLVED
+    return now > UNRESOLVED and now * min(now / before, _LESSENS) ** (2 * found.left) > UNRESOLVED
 
 
 def _grids(scene, white, motion, resolutions):

@@ -45,6 +45,16 @@ def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
+def test_the_error_at_rest_is_what_levels_tell_and_what_nodes_leave_unseen():
+    rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
+    level = types.SimpleNamespace(
+        solution=Solution(np.ones(2), np.zeros((2, 3)), None, rests[-1]),
+        run=types.SimpleNamespace(unseen=0.05),
+        _rests=rests,
+    )
+    assert solver.Solved.rest_error.fget(level) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
+
+
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})
@@ -94,6 +104,7 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
         (0.2, 0.3, 1, True),
         (0.2, 0.3, 2, False),
         (0.2, 0.1, 3, True),  # it grows
+        (0.13, 0.12, 4, False),  # it falls late
         (0.06, 0.1, 0, True),  # no finer one
     ],
 )
