@@ -265,10 +265,10 @@ A and Ω are the nondimensional amplitude and frequency of the forcing, D is the
 
 S(10) is by {options.paths:,} white-noise paths, and all errors are against them. z is the error dS over its standard
 error. Estimate: the solver's own. Bins are a twentieth of the motion's range in angle and in velocity, those about
-rest, |x| < {REST[0]:g} and |v| < {REST[1]:g}, together one; in brackets the L1 of sampling alone. s: seconds of one call of `solve_fpk`, answered or refused. white, exact: seconds of these engines
-for a standard error of {TARGETS[0]:g} in survival. From n paths that took t this is t S (1 - S) / (n {TARGETS[0]:g}²),
-with S at the cycle where S (1 - S) is largest, and at least one path. An error ten times smaller takes a hundred times
-as long. All on both cores.
+rest, |x| < {REST[0]:g} and |v| < {REST[1]:g}, together one; in brackets the L1 of sampling alone. s: seconds of one
+call of `solve_fpk`, answered or refused. white, exact: seconds of these engines for a standard error of {TARGETS[0]:g}
+in survival. From n paths that took t this is t S (1 - S) / (n {TARGETS[0]:g}²), with S at the cycle where S (1 - S) is
+largest, and at least one path. An error ten times smaller takes a hundred times as long. All on both cores.
 
 {table(COLUMNS, lines)}
 """
