@@ -21,7 +21,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.noise_paths import Noise
+from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from montecarlo import simulate
 
@@ -110,6 +110,23 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
         wanted, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
         errors.append(np.abs(states[0] - wanted[:, 0]).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.15)
+
+
+def test_noise_of_a_path_without_events_is_that_half_way_along_it():
+    """Variance of the velocity at the ends of its nodes, against the moments: what is left is of second order in the step."""
+    alpha, forcing, diffusion, errors = 0.9, Harmonic(2.0, 2.0, 0.3), 1e-6, []
+    nodes, weights = hermite_nodes(3, 2)
+    for duration in (0.1, 0.05):
+        dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
+        offsets = nodes @ np.reshape(principal_axes(*dynamics.covariance(0.0, duration)), (2, 2))
+        noise = Noise(duration, diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
+        states, codes = path_ends(0.3, 0.4, 1, dynamics.segment(0.0, duration), dynamics.block, noise)
+        assert codes.tolist() == [1] * len(nodes)
+        _, wanted = flown(alpha, forcing, np.array([[0.3], [0.4]]), duration, diffusion)
+        away = states - weights @ states
+        errors.append(abs(weights @ away[:, 1] ** 2 / wanted[2, 0] - 1.0))
+    assert errors[0] < 2e-3
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
 
 @pytest.mark.parametrize(
