@@ -75,8 +75,7 @@ def _noises(scene, filtered):
 
 def _sampled(scene, cycles, realizations, seed):
     found = simulate(scene, cycles=cycles, realizations=realizations, seed=seed)
-    resting = (found.angle == 0.0) & (found.velocity == 0.0)
-    return {"survival": found.survival.tolist(), "at_rest": resting.mean(axis=0).tolist()}
+    return {"survival": found.survival.tolist(), "at_rest": found.at_rest.tolist()}
 
 
 def _solved(scene, cycles, tol, closure):

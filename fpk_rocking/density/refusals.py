@@ -1,5 +1,6 @@
 """Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
 
+import itertools
 import warnings
 
 import numpy as np
@@ -105,7 +106,15 @@ def refuse_broken(result: Evolution) -> None:
             )
 
 
-def warn_beyond(what: str, found: Refined, wanted: float, bins_wanted: float, instead: str, stacklevel: int) -> None:
+def warn_beyond(
+    what: str,
+    found: Refined,
+    wanted: float,
+    bins_wanted: float,
+    instead: str,
+    stacklevel: int,
+    names: tuple[str, str] = ("tol", "bins_tol"),
+) -> None:
     """Warn where an estimated error, or that of the binned density, is larger than wanted.
 
     Parameters
@@ -120,12 +129,16 @@ def warn_beyond(what: str, found: Refined, wanted: float, bins_wanted: float, in
         What else to try.
     stacklevel : int
         Calls from here to the user's, for the warning's line.
+    names : tuple of str
+        Parameters that tell what is wanted.
     """
     if found.error > wanted or found.bins_error > bins_wanted:
+        missed = itertools.compress(names, (found.error > wanted, found.bins_error > bins_wanted))
+        allowed = " and ".join(dict.fromkeys(missed))
         warnings.warn(
             f"not within the tolerance: estimated error {found.error:.1e} in {what} ({wanted:.1e} wanted) and "
             f"{found.bins_error:.1e} in the binned density ({bins_wanted:.1e} wanted) on the finest mesh for this "
-            f"scene; allow a larger tol, or {instead}",
+            f"scene; allow a larger {allowed}, or {instead}",
             RuntimeWarning,
             stacklevel=stacklevel,
         )

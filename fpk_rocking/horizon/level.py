@@ -247,4 +247,5 @@ def _judge(found, tol):
             "mesh; blocks overturn too rarely: use montecarlo.split(), or more noise"
         )
     what = f"the escape rate, {found.fine.rate:.2e} a cycle, relative"
-    warn_beyond(what, found, math.e * tol, bins_tolerance(tol), "use montecarlo.split()", stacklevel=5)
+    wanted = math.e * tol, bins_tolerance(tol)
+    warn_beyond(what, found, *wanted, "use montecarlo.split()", stacklevel=5, names=("tol", "tol"))

@@ -66,7 +66,7 @@ def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], t
             axes.set_xlabel("angle Θ")
             axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         for axes, result in zip(panels[:, 0], results, strict=True):
-            axes.set_ylabel(f"{row_name(result)}\nvelocity dΘ/dτ")
+            axes.set_ylabel(f"{row_name(result)}\n\nvelocity dΘ/dτ")
             axes.set(xlim=np.array([-1.0, 1.0]) * scene.overturning.angle, ylim=shown)
 
 

@@ -189,7 +189,7 @@ class SurvivalResult(Shown, _Result):
         over, interval = 1.0 - float(self.survival[-1]), self.survival_interval()
         if self.deterministic or interval is None:
             return f"P(overturned) = {over:.0f} (one path)"
-        return f"P(overturned) = {over:.4f} ± {np.abs(interval[-1] - self.survival[-1]).max():#.2g} (95 %, sampling)"
+        return f"P(overturned) = {over:z.4f} ± {np.abs(interval[-1] - self.survival[-1]).max():#.2g} (95 %, sampling)"
 
     def columns(self) -> dict[str, Array]:
         """Table of survival and overturned to either side, a row a time: arrays by column name."""
@@ -349,7 +349,7 @@ class DensityResult(SurvivalResult, _Errors):
 
     def _whole(self):
         """Probability of overturning at the last time, its numerical and its whole error, as a text."""
-        text = f"P(overturned) = {1.0 - self.survival[-1]:.4f} ± {self.error_estimate:.1g} (numerics)"
+        text = f"P(overturned) = {1.0 - self.survival[-1]:z.4f} ± {self.error_estimate:.1g} (numerics)"
         if not self.closure:
             return text
         if self.replacement is None or self.total_error is None:

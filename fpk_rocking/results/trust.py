@@ -123,14 +123,20 @@ def trust_of(facts: dict[str, Any], doubts: Iterable[Doubt] = (), otherwise: str
         value, judged = float(values.max()), True
         # Written so that nan is not within a limit.
         if value <= caution:
-            within.append(f"The {what} is {value:.2g}, within {caution:.2g}.")
+            within.append(f"The {what} is {_beside(value, caution)}, within {caution:.2g}.")
         else:
             weight = CAUTION if value <= unusable else UNUSABLE
             limit = caution if weight == CAUTION else unusable
-            found.append(Doubt(weight, f"The {what} is {value:.2g}, above {limit:.2g}.", name))
+            found.append(Doubt(weight, f"The {what} is {_beside(value, limit)}, above {limit:.2g}.", name))
     if not judged:
         found.append(Doubt(CAUTION, "No error is estimated.", "unjudged"))
     return verdict(found, within[0] if within else otherwise)
+
+
+def _beside(value, limit):
+    """Write a value with as many digits as tell it from a limit, at least two and at most six."""
+    texts = (f"{value:.{digits}g}" for digits in range(2, 7))
+    return next((text for text in texts if float(text) != limit), f"{value:.2g}")
 
 
 def _limits(tol, facts):

@@ -80,6 +80,14 @@ class Ensemble(Saved, Sample):
         """Number of realizations."""
         return self.angle.shape[0]
 
+    @property
+    def at_rest(self) -> Array:
+        """Part of the realizations (cycles + 1,) at rest, angle and velocity 0: a part of survival.
+
+        Under white noise no block rests after the start.
+        """
+        return np.count_nonzero((self.angle == 0.0) & (self.velocity == 0.0), axis=0) / self.realizations
+
     @functools.cached_property
     def _gone(self) -> Array:
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]

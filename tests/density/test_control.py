@@ -97,6 +97,21 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
 
 
 @pytest.mark.parametrize(
+    ("error", "bins", "names", "allowed"),
+    [
+        (0.2, 0.1, {}, "a larger tol, or"),
+        (0.1, 0.4, {}, "a larger bins_tol, or"),
+        (0.2, 0.4, {}, "a larger tol and bins_tol, or"),
+        (0.2, 0.4, {"names": ("tol", "tol")}, "a larger tol, or"),
+    ],
+)
+def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allowed):
+    found = refinement.Refined(None, None, error, bins, 0)
+    with pytest.warns(RuntimeWarning, match=f"; allow {allowed} run$"):
+        solver.warn_beyond("survival", found, 0.1, 0.3, "run", stacklevel=1, **names)
+
+
+@pytest.mark.parametrize(
     ("now", "before", "left", "hopeless"),
     [
         (0.04, 0.04, 1, False),  # resolved

@@ -113,7 +113,7 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
 
 
 def test_noise_of_a_path_without_events_is_that_half_way_along_it():
-    """Variance of the velocity at the ends of its nodes, against the moments: what is left is of second order in the step."""
+    """Variance of the velocity at the ends of its nodes, against the moments: the error is of order 2 in the step."""
     alpha, forcing, diffusion, errors = 0.9, Harmonic(2.0, 2.0, 0.3), 1e-6, []
     nodes, weights = hermite_nodes(3, 2)
     for duration in (0.1, 0.05):

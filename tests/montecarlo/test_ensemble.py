@@ -1,5 +1,6 @@
 """Ensembles as results: counts, bins, files, refusals; and the statistics of survival."""
 
+import dataclasses
 import math
 import pathlib
 
@@ -29,6 +30,13 @@ def test_counts_agree_with_each_other(ensemble):
     assert ensemble.survival.tolist() == by_time
     assert np.array_equal(ensemble.overturn_side == 0, np.isnan(ensemble.overturn_time))
     assert (ensemble.realizations, ensemble.cycles) == (300, 8)
+
+
+def test_what_is_at_rest_has_angle_and_velocity_0():
+    values = np.array([[0.0, 0.0, 0.0, np.nan], [0.0, 0.2, 0.0, 0.1]])
+    ensemble = simulate(SCENE, cycles=3, realizations=2)
+    still = dataclasses.replace(ensemble, angle=values, velocity=np.array([[0.0, 0.0, 0.3, np.nan], [0.0] * 4]))
+    assert still.at_rest.tolist() == [1.0, 0.5, 0.5, 0.0]
 
 
 def test_bins_sum_to_the_survival(ensemble):

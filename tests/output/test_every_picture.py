@@ -184,6 +184,7 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
     bins = [Histogram(edges, np.zeros(3), *_with_limits(rng.uniform(1.0, 2.0, 3))) for _ in range(2)]
     motion.motion_figure(tmp_path / "motion.png", result, kind("ensemble").result, {"mean": means}, *bins, "Motions")
     panels = {axes.get_title() or axes.get_ylabel(): axes for axes in figures[0].axes[paths:]}
+    assert [axes.get_title()[:3] for axes in figures[0].axes[:paths]] == ["(a)"] + [""] * (paths - 1)
     for number, axes in enumerate(figures[0].axes[:paths]):
         curves = {line.get_marker(): line for line in axes.lines[3:]}
         equal(curves["None"].get_ydata(), few["angle"][number])

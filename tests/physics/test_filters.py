@@ -299,6 +299,8 @@ def test_toml_form(main_scene, noise):
         (LinearFilter, ([[-1.0]], [1.0, 0.0], [1.0]), r"^noise\.filter\.drift: got .*n rows of n numbers"),
         (LinearFilter, ([], [1.0], [1.0]), r"^noise\.filter\.drift: got \[\]"),
         (LinearFilter, ([[0.0, 1.0], [-1.0, 0.0]], [0.0, 1.0], [1.0, 0.0]), r"^noise\.filter\.drift: .* below 0"),
+        (LinearFilter, ([[0.0, 1.0], [40.0, -6.0]], [0.0, 1.0], [1.0, 0.0]), r"got \[\[0.0, 1.0\], \[40.0, -6.0\]\], "),
+        (LinearFilter, ([[-1e-6, 0.0], [0.0, -2e6]], [0.0, 1e5], [1.0, 1.0]), r"got input \[0.0, 100000.0\] and"),
         (LinearFilter, ([[-1.0, 0.0], [0.0, -2.0]], [1.0, 0.0], [1.0, 1.0]), r"^noise\.filter: .* reaches every state"),
         (LinearFilter, ([[-1.0, 0.0], [0.0, -1.0]], [1.0, 1.0], [1.0, 1.0]), r"^noise\.filter: .* reaches every state"),
         (LinearFilter, ([[-1.0]], [0.0], [1.0]), r"^noise\.filter: .* reaches every state"),
@@ -317,6 +319,16 @@ def test_toml_form_of_a_filter_of_ones_own(main_scene, own):
     text = scene.to_toml().replace(f'kind = "{own.kind}"', 'kind = "mine"')
     with pytest.raises(ValueError, match=r"noise\.filter\.kind: got 'mine', accepted: 'linear', 'clough-penzien'"):
         Scene.from_toml(text)
+
+
+def test_a_class_that_no_file_knows_is_written_as_its_matrices(main_scene):
+    """The same noise: autocovariance and Melnikov variance are right to rounding."""
+    scene = main_scene.varied(noise=FilteredNoise(Butterworth(2.0), 0.04))
+    read = Scene.from_toml(scene.to_toml())
+    assert read.noise.filter.kind == "linear"
+    lags = np.linspace(0.0, 3.0, 7)
+    assert read.noise.space.autocovariance(lags) == pytest.approx(scene.noise.space.autocovariance(lags), abs=1e-13)
+    assert read.noise.space.melnikov_variance == pytest.approx(scene.noise.space.melnikov_variance, rel=1e-12)
 
 
 def test_doubts_need_a_strength():

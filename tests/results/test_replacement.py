@@ -190,3 +190,10 @@ def test_a_motion_that_does_not_repeat_is_checked_at_its_times(monkeypatch):
     found = checking.solve_checked(pulse, realizations=200)
     paths = simulate(pulse, times=[1.0, 5.0], realizations=200, seed=2)
     assert found.replacement.difference[:, 0] == pytest.approx(paths.survival - found.survival)
+
+
+def test_a_probability_that_rounds_to_0_has_no_sign():
+    class Standing(fakes.FakeEvolution):
+        survival = np.array([1.0, 1.0, 1.0 + 4e-8])
+
+    assert "P(overturned) = 0.0000 ± " in Standing(MAIN, cycles=2).headline

@@ -189,7 +189,7 @@ def test_pictures_show_the_bins_that_hold_the_probability():
         ({"error_estimate": math.nan, "tol": 1e-3}, "do not use", "probabilities is nan, above 0.1."),
         ({"half_width": 0.049}, "ok", "interval of the probabilities is 0.049, within 0.05."),
         ({"half_width": 0.051}, "caution", "0.051, above 0.05."),
-        ({"half_width": 0.101}, "do not use", "0.1, above 0.1."),
+        ({"half_width": 0.101}, "do not use", "0.101, above 0.1."),
         ({"escape_error": 2.7e-3, "tol": 1e-3}, "ok", "relative error of the escape rate is 0.0027, within 0.0027."),
         ({"escape_error": 2.8e-3, "tol": 1e-3}, "caution", "rate is 0.0028, above 0.0027."),
         ({"relative_error": 0.3}, "caution", "The relative standard error of the probability is 0.3, above 0.2."),

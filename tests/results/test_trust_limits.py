@@ -28,6 +28,13 @@ def test_a_figure_is_judged_at_its_limits(name):
         assert listed == found
 
 
+@pytest.mark.parametrize(
+    ("value", "said"), [(0.01009, "0.0101, above 0.01"), (0.2, "0.2, above 0.1"), (0.01, "0.01, within")]
+)
+def test_a_figure_has_the_digits_that_tell_it_from_its_limit(value, said):
+    assert f" is {said}" in trust.trust_of({"tol": 0.01, "total_error": value}).reasons[0]
+
+
 @pytest.mark.parametrize("name", ["error_estimate", "half_width", "lost", "escape_error"])
 def test_the_limit_of_an_error_is_what_was_asked_for(name):
     """Caution begins at the tolerance, in a rate at e times it; without one at `UNASKED`; of no use is a tenth."""

@@ -82,7 +82,7 @@ class StateSpace(NamedTuple):
         rates = np.linalg.eigvals(rate)
         if not rates.real.max() < 0.0:
             accepted = "a matrix whose eigenvalues all have a real part below 0, so that the noise is stationary"
-            raise ValueError(checks.refusal("noise.filter.drift", rate.tolist(), accepted))
+            raise ValueError(checks.refusal("noise.filter.drift", np.asarray(drift).tolist(), accepted))
         fastest = np.abs(rates).max()
         size = np.abs(reach).max() or 1.0
         covariance = solve_continuous_lyapunov(rate / fastest, -np.outer(reach, reach) / size**2)
@@ -96,7 +96,8 @@ class StateSpace(NamedTuple):
                 reach = reach * math.sqrt(fastest) / (size * spread)
                 return cls(rate * spread / spread[:, None], reach, weights / strength, correlation)
         accepted = "a filter whose white noise reaches every state, and whose states reach the output"
-        raise ValueError(f"noise.filter: got input {reach.tolist()} and output {seen.tolist()}, accepted: {accepted}")
+        given = f"input {np.asarray(source).tolist()} and output {np.asarray(output).tolist()}"
+        raise ValueError(f"noise.filter: got {given}, accepted: {accepted}")
 
     @property
     def order(self) -> int:
