@@ -4,8 +4,8 @@ The blocks are drawn at random: .3 to 1.2 m wide, 2.5 to 6 times as high, shaken
 cycles, with noise of .02 to .1 g. White-noise paths judge the answers; they are kept in results/practical_blocks, and
 deleting that folder renews them.
 
-    python benchmarks/practical_blocks.py                                # 24 scenes, 4e5 paths each
-    python benchmarks/practical_blocks.py --seed 2 --tol 1e-3 --scenes 6 --paths 40000
+    python benchmarks/practical_blocks.py                                # 24 scenes, 1e5 paths each
+    python benchmarks/practical_blocks.py --seed 2 --tol 1e-2 --scenes 6 --paths 400000
 """
 
 import argparse
@@ -277,10 +277,10 @@ largest, and at least one path. An error ten times smaller takes a hundred times
 def main():
     """Judge the scenes, print each as it comes, and write the section."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=1, help="of the scenes (default: %(default)s)")
-    parser.add_argument("--tol", type=float, default=1e-2, help="asked of solve_fpk (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=5119, help="of the scenes (default: %(default)s)")
+    parser.add_argument("--tol", type=float, default=1e-3, help="asked of solve_fpk (default: %(default)s)")
     parser.add_argument("--scenes", type=int, default=24, help="how many (default: %(default)s)")
-    parser.add_argument("--paths", type=int, default=400_000, help="white-noise paths a scene (default: %(default)s)")
+    parser.add_argument("--paths", type=int, default=100_000, help="white-noise paths a scene (default: %(default)s)")
     options = parser.parse_args()
     rows = []
     for number, scene in enumerate(practical_blocks(options.seed, options.scenes), 1):

@@ -280,7 +280,7 @@ def shown_cycles(cycles: int) -> list[int]:
 
 
 def _same_problem(first, second):
-    for name in ("block.restitution", "forcing", "start", "overturning"):
+    for name in ("block.restitution", "block.critical_angle", "forcing", "start", "overturning"):
         one, other = map(operator.attrgetter(name), (first, second))
         if one != other:
             raise ValueError(

@@ -143,6 +143,15 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     assert "10,000 sampled paths give a standard error of 0.005" in said
 
 
+def test_a_mesh_goes_beyond_the_fastest_paths_where_the_scene_does_not_repeat():
+    """By a tenth; blocks that are bound to overturn may be faster than any bound of those that are not."""
+    motion = motion_of(MAIN, MAIN.period * np.arange(3))._replace(fastest=50.0)
+    pulse = MAIN.varied(forcing=Pulse("one-sine", 1.0, 2.0))
+    ends = [solver._grids(one, one, motion, RESOLUTIONS[:1])[0].velocity_lines[-1] for one in (MAIN, pulse)]
+    assert ends[0] < 10.0
+    assert ends[1] == pytest.approx(55.0)
+
+
 def test_default_tolerances_depend_on_whether_the_scene_repeats():
     usual = refinement.bins_tolerance(1e-3)
     assert solver._tolerances(MAIN, None, None) == (1e-3, usual, usual)

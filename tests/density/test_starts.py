@@ -10,7 +10,7 @@ from fpk_rocking import solve_fpk
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Departure, first_resolved
+from fpk_rocking.density.start.departure import Departure, Gaussian, first_resolved
 from fpk_rocking.density.start.windows import WindowSettings, landing_sums, window_of
 from fpk_rocking.density.step.deposit import Flown
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
@@ -173,3 +173,13 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
         flown = Flown(*trace.affine, trace.offsets, trace.node_weights)
         found = landing_sums(values, trace.points, flown, trace.events, trace.states, trace.codes, 0.0)
         assert found[:6] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("part", "bent"), [(0.99, False), (1.01, True)])
+def test_a_gaussian_of_an_exact_block_is_bent_where_curvature_shifts_its_mean(part, bent):
+    """By α² (1 + |f|) xx t²/8, against 1e-4 of the growth of windows."""
+    windows = WindowSettings(10, 5.0, 0.5, 0.01, 4)
+    dynamics = Dynamics(Harmonic(3.0, 2.0), 1e-3, 0.8, 1.5, critical_angle=0.3)
+    departure = Departure(dynamics, Start(0.5, 0.0), windows, math.pi)
+    least = 1e-4 * 0.5 / (0.125 * 0.3**2 * (1.0 + 3.0) * 0.2**2)
+    assert departure._bent(Gaussian([0.5, 0.0], np.diag([part * least, 1.0])), 0.2) == bent

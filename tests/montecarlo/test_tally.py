@@ -206,6 +206,13 @@ def test_an_ensemble_that_does_not_fit_is_sent_here():
         simulate(MAIN, cycles=10, realizations=10**9)
 
 
+@pytest.mark.parametrize(("cycle", "rows"), [(1, "cycles"), (16, "cycles x 16")])
+def test_a_run_that_does_not_fit_tells_what_it_counts(cycle, rows):
+    run = running.checked(MAIN, 10, 10**8, 1, None, 200)
+    with pytest.raises(ValueError, match=rf"accepted: realizations x \({rows} \+ 1\) <= \d+, 4 GiB of states$"):
+        running.refuse_large(run, cycle)
+
+
 def test_a_tally_compares_as_the_ensemble_does(whole, ensemble):
     against = fakes.FakeEvolution(MAIN, cycles=6)
     compared, truth = compare(whole, against).to_dict(), compare(ensemble, against).to_dict()

@@ -2,10 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fpk_rocking.physics.motion.remainder import saddle_speed
+from fpk_rocking.physics.motion.remainder import largest, saddle_speed
 
 
 @pytest.mark.parametrize("force", [0.0, 0.4, 0.9])
@@ -21,3 +22,12 @@ def test_the_speed_that_reaches_the_saddle_is_the_work_up_to_it(force):
         work = quad(pull, 0.0, 1.0 - math.atan(alpha * force) / alpha, epsabs=0.0, epsrel=1e-12)[0]
         assert saddle_speed(force, alpha) == pytest.approx(math.sqrt(2.0 * work), rel=1e-8)
     assert saddle_speed(0.0, 0.8) == pytest.approx(2.0 * math.sin(0.4) / 0.8)
+
+
+@pytest.mark.parametrize("force", [0.0, 0.7, 3.0])
+def test_the_bound_of_what_an_exact_block_has_beyond_a_slender_one_is_reached(force):
+    """At contact and at twice the critical angle, of all angles between."""
+    alpha, y = 0.6, np.linspace(-1.0, 1.0, 201)
+    beyond = [y - np.sin(alpha * y) / alpha - side * force * (1.0 - np.cos(alpha * y)) for side in (-1, 1)]
+    assert largest(force, alpha) == pytest.approx(np.abs(beyond).max(), rel=1e-12)
+    assert largest(force, None) == largest(force, 0.0) == 0.0

@@ -100,6 +100,31 @@ def test_two_ensembles_combine_their_errors():
     assert not any("seed" in remark for remark in compared.remarks)
 
 
+@pytest.mark.parametrize(
+    ("block", "message"),
+    [
+        (
+            Block(0.6),
+            r"^block\.restitution: got 0\.5 in the first result and 0\.6 in the second, accepted: two results",
+        ),
+        (
+            Block(0.5, critical_angle=0.3),
+            r"^block\.critical_angle: got 0\.0 in the first result and 0\.3 in the second",
+        ),
+    ],
+)
+def test_results_of_other_blocks_are_refused(block, message):
+    with pytest.raises(ValueError, match=message):
+        compare(fakes.FakeEvolution(MAIN), fakes.FakeEvolution(MAIN.varied(block=block)))
+
+
+def test_bins_reach_four_deviations_of_a_start():
+    """No forcing: the cut-off, a rebound, and what the start has; in steps of a tenth."""
+    calm = Scene(Block(0.1), Harmonic(0.0, 1.0), WhiteNoise(1e-12), overturning=Overturning(2.0))
+    wide = dataclasses.replace(calm, start=Start(covariance=((0.01, 0.0), (0.0, 0.04))))
+    assert [joint_edges(one)[1][-1] for one in (calm, wide)] == pytest.approx([2.1, 2.0 + 4.0 * (0.1 + 0.2)], abs=0.11)
+
+
 def test_shared_random_numbers_are_pointed_out():
     compared = compare(fakes.FakeEnsemble(MAIN, realizations=500), fakes.FakeEnsemble(MAIN, realizations=100))
     assert any("seed 1" in remark for remark in compared.remarks)
