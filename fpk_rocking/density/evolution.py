@@ -76,7 +76,8 @@ class Evolution(Saved, DensityResult):
     error_estimate : float
         Estimate of the largest error of survival, from three solutions of the scene.
     bins_error_estimate : float
-        Estimate of the largest error of the binned density, L1 over 32 x 64 bins: the difference of two solutions.
+        Estimate of the largest error of the binned density, L1 over 32 x 64 bins: the difference of two solutions. It
+        leaves out the rows of ``settings["unresolved"]``, see `unjudged`; 0 where these are all.
     rest_error_estimate : float
         Estimate of the largest error of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md);
         0 under white noise.
@@ -137,8 +138,9 @@ class Evolution(Saved, DensityResult):
 
     @property
     def unresolved(self) -> str:
-        """Warning that `at_rest` is not resolved, as a sentence; empty where its error is at most √tol / 3."""
-        return self.unresolved_beyond(bins_tolerance(self.tol))
+        """What is not resolved, as sentences: `at_rest`, its error being above √tol / 3, or the density at no time."""
+        never = self.unjudged if len(self.settings.get("unresolved", ())) == len(self.times) - 1 else ""
+        return " ".join(filter(None, [self.unresolved_beyond(bins_tolerance(self.tol)), never]))
 
     def unresolved_beyond(self, wanted: float) -> str:
         """Warning that `at_rest` is not resolved to a wanted error, as a sentence; empty where it is.
@@ -158,6 +160,21 @@ class Evolution(Saved, DensityResult):
             f"The probability of being at rest is not resolved: its estimated error is {self.rest_error_estimate:.2g}. "
             f"Survival is not affected (estimated error {self.error_estimate:.1e}). For the probability of being at "
             "rest use Monte Carlo with the method 'filtered'."
+        )
+
+    @property
+    def unjudged(self) -> str:
+        """At how many times survival alone is judged, as a sentence; empty where at none, or where bins are not judged.
+
+        The density is too narrow for the mesh while a start or a release is followed beside it, and once the noise has
+        faded; ``settings["unresolved"]`` has the rows.
+        """
+        rows, whole = len(self.settings.get("unresolved", ())), len(self.times) - 1
+        if not rows or "bins_tol" not in self.facts:
+            return ""
+        where = "every time" if rows == whole else f"{rows} of {whole} times"
+        return (
+            f"The density of angle and velocity is too narrow for the mesh at {where}: only survival is judged there."
         )
 
     @property

@@ -144,6 +144,7 @@ def solve_fpk(
     tell(solved, grids[:LEAST], times, tol)
     found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol) or _hopeless(found))
     fine, run = found.fine.solution, found.fine.run
+    unresolved = [row for row in range(1, rows + 1) if row not in fine.shown]
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
@@ -162,7 +163,8 @@ def solve_fpk(
         moving_negative_mass=found.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
         settings=run.grid.settings
-        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": judged},
+        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": judged}
+        | ({"unresolved": unresolved} if unresolved else {}),
         coefficients=fine.coefficients,
         space=run.space,
         atom=solved.noise.kind == "filtered",
@@ -257,7 +259,8 @@ def _tolerances(scene, tol, bins_tol):
 def _hopeless(found):
     """Whether the density will not be resolved, though the next solutions gain twice as many digits as the last."""
     now, before = found.fine.negative_mass, found.coarse.negative_mass
-    return now > UNRESOLVED and now * min(now / before, _LESSENS) ** (2 * found.left) > UNRESOLVED
+    lessens = min(now / before, _LESSENS) if before > 0.0 else _LESSENS
+    return now > UNRESOLVED and now * lessens ** (2 * found.left) > UNRESOLVED
 
 
 def _grids(scene, white, motion, resolutions):

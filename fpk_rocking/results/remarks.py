@@ -98,7 +98,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     for result in results:
         sentences += filter(None, (result.scene.noise.remark, _sliding(result.scene.block), result.closure))
         sentences += [doubt.sentence for doubt in doubts(result)]
-        sentences += filter(None, [result.check])
+        sentences += filter(None, [result.check, result.unjudged])
         sentences += _explained(result)
     return tuple(dict.fromkeys(sentences))
 

@@ -68,6 +68,11 @@ class Shown(_Provided):
         """What is not resolved, as a sentence; empty where everything is."""
         return ""
 
+    @property
+    def unjudged(self) -> str:
+        """At how many times only some of the result is judged, as a sentence; empty where at none."""
+        return ""
+
     def __repr__(self) -> str:
         reason = textwrap.shorten(self.trust.reasons[0], _SHORT, placeholder=" ...")
         return f"<{self.title}; trust: {self.trust.verdict}. {reason}>"

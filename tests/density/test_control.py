@@ -120,6 +120,8 @@ def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allo
         (0.2, 0.3, 2, False),
         (0.2, 0.1, 3, True),  # it grows
         (0.13, 0.12, 4, False),  # it falls late
+        (0.13, 0.0, 4, False),  # the solution before showed no density
+        (0.0, 0.0, 4, False),
         (0.06, 0.1, 0, True),  # no finer one
     ],
 )

@@ -1,6 +1,7 @@
 """`solve_fpk` and its result: what is refused, what is reported, what is saved."""
 
 import dataclasses
+import math
 import pathlib
 import time
 
@@ -13,6 +14,7 @@ from fpk_rocking.density.refinement import LEAST, Count
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
+from fpk_rocking.results.remarks import remarks
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise
 from fpk_rocking.studies import checked
 
@@ -198,6 +200,24 @@ def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
     loose.save(tmp_path / "loose.npz")
     assert "bins_tol" not in Evolution.load(tmp_path / "loose.npz").facts
     assert dataclasses.replace(band, bins_error_estimate=0.9).trust.verdict == "caution"
+
+
+@pytest.mark.parametrize(
+    ("rows", "where", "verdict"), [([1], "1 of 2 times", "ok"), ([1, 2], "every time", "caution"), ([], None, "ok")]
+)
+def test_rows_whose_density_is_not_judged_are_told(band, rows, where, verdict):
+    """Where bins are judged: with a tolerance of inf nobody asked for them."""
+    told = band.settings | {"unresolved": rows, "bins_tol": 1.0}
+    found, survival_alone = (
+        dataclasses.replace(band, closure="", settings=told | {"bins_tol": most}) for most in (1.0, math.inf)
+    )
+    sentence = (
+        f"The density of angle and velocity is too narrow for the mesh at {where}: only survival is judged there."
+    )
+    assert [text for text in remarks(found) if "narrow" in text] == [sentence] * (where is not None)
+    assert found.trust.verdict == verdict
+    assert survival_alone.unjudged == ""
+    assert survival_alone.trust.verdict == "ok"
 
 
 def test_a_replacement_that_was_checked_is_saved_and_tabulated(band, tmp_path):

@@ -24,7 +24,7 @@ SHORT, LONG = (5, 2), (9, 3)
 MISSING = 1e-5
 """Most that the projection of a Gaussian on its window may miss of its mass."""
 
-MORE = 3
+MORE = 1
 """Gauss points an axis added while the forcing cannot lift the block off: it rattles, and many short steps follow."""
 
 RESOLVED = 0.2
