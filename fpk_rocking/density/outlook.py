@@ -60,3 +60,12 @@ def tell(scene: Scene, grids: Sequence[Grid], times: Array, tol: float) -> None:
             f"density: about {rounded:,.0f} s of one processor, more where the tolerance asks for a finer solution; "
             f"{paths:,} sampled paths give a standard error of {0.5 / math.sqrt(paths):.1g}\n"
         )
+
+
+def tell_finer(scene: Scene, before: Grid, grid: Grid, times: Array, taken: float) -> None:
+    """Say how long a finer solution will take if it is long, by the seconds `taken` by the one before."""
+    if scene.noise.kind != "white":
+        return
+    seconds = taken * seconds_of(scene, grid, times) / seconds_of(scene, before, times)
+    if seconds >= LONG:
+        sys.stderr.write(f"density: the tolerance asks for a finer solution, about {float(f'{seconds:.1g}'):,.0f} s\n")

@@ -9,7 +9,7 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
-from fpk_rocking.density.outlook import tell
+from fpk_rocking.density.outlook import tell, tell_finer
 from fpk_rocking.density.pilot import in_rest, motion_of
 from fpk_rocking.density.refinement import LEAST, UNRESOLVED, Count, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import (
@@ -132,10 +132,14 @@ def solve_fpk(
     refuse_large(usual.memory, usual.stored(rows), solved, rows)
 
     def made(grid, coarser):
+        started = time.perf_counter()
+        if coarser and coarser.number >= LEAST:
+            tell_finer(solved, coarser.run.grid, grid, times, coarser.seconds)
         run = kind(solved, grid, NEGLIGIBLE * tol, coarser and coarser.run)
         if coarser:
             coarser.run = None
-        return Solved(run, run.evolve(times, count.next()), motion.edges, coarser)
+        solution = run.evolve(times, count.next())
+        return Solved(run, solution, motion.edges, coarser, time.perf_counter() - started)
 
     def fits(level, grid):
         held = level.memory * grid.memory / level.run.grid.memory
@@ -188,10 +192,18 @@ class Solved:
         Of the bins in angle and in velocity that it is compared in.
     coarser : Solved, optional
         The level before.
+    seconds : float
+        That it took.
+
+    Attributes
+    ----------
+    number : int
+        Of the level, the first being 1.
     """
 
-    def __init__(self, run, solution, edges, coarser=None):
-        self.run, self.solution = run, solution
+    def __init__(self, run, solution, edges, coarser=None, seconds=0.0):
+        self.run, self.solution, self.seconds = run, solution, seconds
+        self.number = coarser.number + 1 if coarser else 1
         self._rests = [*(coarser._rests if coarser else ()), solution.at_rest]
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
         if solution.at_rest is not None:

@@ -145,6 +145,24 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     assert "10,000 sampled paths give a standard error of 0.005" in said
 
 
+def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys):
+    """By what the one before took; the first three are told of together."""
+    monkeypatch.setattr(outlook, "seconds_of", lambda _scene, grid, _times: float(grid))
+    outlook.tell_finer(MAIN, 2.0, 5.0, None, 7.9)
+    assert capsys.readouterr().err == ""
+    outlook.tell_finer(MAIN, 2.0, 5.0, None, 16.1)
+    assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
+    told = []
+    monkeypatch.setattr(solver, "tell", lambda *_: None)
+    monkeypatch.setattr(solver, "tell_finer", lambda *given: told.append(given))
+    monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
+    found = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
+    assert told[-1][2].cells[0] == found.settings["angle_cells"]
+    assert all(seconds > 0.0 for *_, seconds in told)
+    first = grid_of(MAIN, RESOLUTIONS[2], 1).cells[0]
+    assert told[0][1].cells[0] == first
+
+
 def test_a_mesh_goes_beyond_the_fastest_paths_where_the_scene_does_not_repeat():
     """By a tenth; blocks that are bound to overturn may be faster than any bound of those that are not."""
     motion = motion_of(MAIN, MAIN.period * np.arange(3))._replace(fastest=50.0)
