@@ -138,7 +138,7 @@ class Evolution(Saved, DensityResult):
 
     @property
     def unresolved(self) -> str:
-        """What is not resolved, as sentences: `at_rest`, its error being above √tol / 3, or the density at no time."""
+        """What is not resolved, as sentences: `at_rest` where its error is above √tol / 3, a density that never is."""
         never = self.unjudged if len(self.settings.get("unresolved", ())) == len(self.times) - 1 else ""
         return " ".join(filter(None, [self.unresolved_beyond(bins_tolerance(self.tol)), never]))
 

@@ -203,8 +203,8 @@ class Solved:
 
     def __init__(self, run, solution, edges, coarser=None, seconds=0.0):
         self.run, self.solution, self.seconds = run, solution, seconds
-        self.number = coarser.number + 1 if coarser else 1
         self._rests = [*(coarser._rests if coarser else ()), solution.at_rest]
+        self.number = len(self._rests)
         self.bins = run.space.bin_integrals(solution.coefficients, *edges)
         if solution.at_rest is not None:
             self.bins += solution.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]

@@ -321,6 +321,14 @@ def test_toml_form_of_a_filter_of_ones_own(main_scene, own):
         Scene.from_toml(text)
 
 
+def test_a_filter_without_its_states_is_refused_as_it_is_made():
+    class Nothing(Filter):
+        kind = "nothing"
+
+    with pytest.raises(TypeError, match="space"):
+        Nothing()
+
+
 def test_a_class_that_no_file_knows_is_written_as_its_matrices(main_scene):
     """The same noise: autocovariance and Melnikov variance are right to rounding."""
     scene = main_scene.varied(noise=FilteredNoise(Butterworth(2.0), 0.04))

@@ -9,6 +9,7 @@ rock that shakes in white noise: K. Kanai, Bull. Earthq. Res. Inst. Univ. Tokyo 
 World Conf. Earthq. Eng. II, 781-797, 1960. Any other filter is a `Filter`, a class of its own with a `StateSpace`.
 """
 
+import abc
 import dataclasses
 import math
 from collections.abc import Callable
@@ -28,7 +29,7 @@ BUTTERWORTH = math.sqrt(0.5)
 _SLOWEST, _FASTEST, _MOST = 1e-8, 1e8, 12
 
 
-class Filter:
+class Filter(abc.ABC):
     """A filter of white noise; a class of filters is a frozen dataclass of its parameters that derives from this.
 
     Attributes
@@ -49,9 +50,9 @@ class Filter:
     kind: ClassVar[str]
 
     @property
+    @abc.abstractmethod
     def space(self) -> StateSpace:
         """State space of the filter, for noise of variance 1."""
-        raise NotImplementedError
 
     def faster(self, factor: float) -> "Filter":
         """Return the filter with all its rates multiplied by a factor.
