@@ -31,12 +31,11 @@ __all__ = [
     "load_scene",
     "melnikov",
     "solve_fpk",
-    "solve_realizations",
 ]
 
 # Everything is loaded on first use: the density solver brings the compiler, and even a scene brings numpy.
 _LAZY = dict.fromkeys(__all__, "fpk_rocking.scene")
-_LAZY |= dict.fromkeys(("solve_fpk", "solve_realizations", "Evolution"), "fpk_rocking.density")
+_LAZY |= dict.fromkeys(("solve_fpk", "Evolution"), "fpk_rocking.density")
 _LAZY |= {"CycleOperator": "fpk_rocking.horizon", "melnikov": "fpk_rocking.analytics"}
 
 

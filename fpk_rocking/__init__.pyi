@@ -3,7 +3,6 @@
 from fpk_rocking.analytics import melnikov as melnikov
 from fpk_rocking.density import Evolution as Evolution
 from fpk_rocking.density import solve_fpk as solve_fpk
-from fpk_rocking.density import solve_realizations as solve_realizations
 from fpk_rocking.horizon import CycleOperator as CycleOperator
 from fpk_rocking.scene import BandNoise as BandNoise
 from fpk_rocking.scene import Block as Block

@@ -1,7 +1,6 @@
 """The density solver: the joint density of angle and velocity, evolved by finite elements on the phase plane."""
 
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.realizations import RealizationAverage, solve_realizations
 from fpk_rocking.density.solver import solve_fpk
 
-__all__ = ["Evolution", "RealizationAverage", "solve_fpk", "solve_realizations"]
+__all__ = ["Evolution", "solve_fpk"]

@@ -65,7 +65,7 @@ def checked(
 
     Parameters
     ----------
-    density : Evolution or RealizationAverage
+    density : Evolution
         One whose noise was solved as it is comes back as it is.
     realizations : int, optional
         Number of paths, at least 1. By default 40,000, and 10,000 in a record, where a path takes up to a hundred times
@@ -77,7 +77,7 @@ def checked(
 
     Returns
     -------
-    Evolution or RealizationAverage
+    Evolution
         The same density with its ``replacement``.
 
     Raises

@@ -98,21 +98,18 @@ def test_a_band_by_quadrature_of_its_spectrum(alpha, band):
     assert melnikov.equivalent_diffusion(noise, alpha) == pytest.approx(exact / (2.0 * square), rel=1e-12)
     assert melnikov.cover(noise, alpha) == pytest.approx(exact * (high - low) / (0.3 * math.pi * square), rel=1e-12)
     first, second = (mean(lambda omega, n=n: equivalence.response(omega, e, alpha) ** n) for n in (1, 2))
-    assert equivalence.jump_diffusion(noise, e, alpha) == pytest.approx(0.3 * first, rel=1e-10)
     spread = math.sqrt((second / first**2 - 1.0) / 7.0)
     assert melnikov.realized_spread(noise, e, alpha) == pytest.approx(spread, rel=1e-8, abs=1e-7)
 
 
 def test_the_response_is_the_transform_of_the_kernel_with_its_jump():
-    """e times the kernel before the impact and the kernel after it; white noise is weighed as it is."""
+    """e times the kernel before the impact and the kernel after it."""
     alpha, e, omega = 0.3, 0.4, 2.7
     rules = ({"weight": name, "wvar": omega, "epsabs": 1e-14, "limit": 300} for name in ("cos", "sin"))
     cosine, sine = (quad(kernel, 0.0, 45.0, (alpha,), **rule)[0] for rule in rules)
     square = 2.0 * quad(lambda time: kernel(time, alpha) ** 2, 0.0, 40.0, epsabs=1e-14)[0]
     size = abs(e * complex(cosine, sine) + complex(cosine, -sine)) ** 2
     assert equivalence.response(omega, e, alpha) == pytest.approx(size / ((1.0 + e * e) * square), rel=1e-12)
-    wide = BandNoise(0.3, (0.0, 1e6), 1)
-    assert equivalence.jump_diffusion(wide, e, alpha) == pytest.approx(0.5e-6 * math.pi * 0.3, rel=1e-5)
 
 
 def _of_small_angles(alpha):

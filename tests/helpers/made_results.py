@@ -15,7 +15,6 @@ from scipy import stats
 from fpk_rocking import BandNoise, Block, CycleOperator, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.realizations import RealizationAverage
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.results import distances
@@ -110,18 +109,6 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
     )
     columns = _survival_columns(scene, times, survival, overturned) | {"lost": lost, "at_rest": at_rest}
     return Made(result, columns, *_survival_grids(result, times, survival, overturned))
-
-
-def average():
-    parts, weights = [evolution(WHITE, seed=seed) for seed in (2, 3, 4)], np.array([0.2, 0.5, 0.3])
-    result = RealizationAverage(MAIN, np.array([0.004, 0.006, 0.009]), weights, tuple(one.result for one in parts))
-    survival, left, right = (
-        sum(weight * one.columns[name] for weight, one in zip(weights, parts, strict=True))
-        for name in ("survival", "overturned_left", "overturned_right")
-    )
-    overturned = np.stack([left, right], axis=1)
-    columns = _survival_columns(MAIN, WHOLE, survival, overturned)
-    return Made(result, columns, *_survival_grids(result, WHOLE, survival, overturned))
 
 
 def _paths(times, seed, paths=PATHS):
@@ -364,7 +351,6 @@ KINDS = {
     "density": evolution,
     "density with rest": functools.partial(evolution, atom=True),
     "density after a pulse": functools.partial(evolution, PULSE, UNEVEN),
-    "average": average,
     "ensemble": ensemble,
     "ensemble after a pulse": functools.partial(ensemble, PULSE, UNEVEN, method="white"),
     "tally": tally,
@@ -380,7 +366,7 @@ KINDS = {
 }
 """Functions that make each kind."""
 
-WITH_ROWS = [name for name in KINDS if name.startswith(("density", "average", "ensemble", "tally"))]
+WITH_ROWS = [name for name in KINDS if name.startswith(("density", "ensemble", "tally"))]
 """Those with rows of survival, and with bins."""
 
 SAMPLES = [name for name in WITH_ROWS if name.startswith(("ensemble", "tally"))]

@@ -77,7 +77,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-SOLVERS = ("CycleOperator", "solve_fpk", "solve_realizations")
+SOLVERS = ("CycleOperator", "solve_fpk")
 SOLVED = {name: functools.cache(getattr(fpk_rocking, name)) for name in SOLVERS}
 """Some pages, and examples of docstrings, solve the same."""
 

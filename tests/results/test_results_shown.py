@@ -13,7 +13,6 @@ from scipy import special
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare
-from fpk_rocking.density.realizations import RealizationAverage
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
 from fpk_rocking.studies import Fragility, Sweep
@@ -75,7 +74,6 @@ def rows(*verdicts):
 
 KINDS = {
     "density": lambda: Density(MAIN),
-    "average": lambda: RealizationAverage(MAIN, np.ones(2), np.array([0.4, 0.6]), (Density(WHITE), Density(WHITE))),
     "ensemble": lambda: simulate(MAIN, cycles=2, realizations=400, method="rk4"),
     "tally": lambda: tally(MAIN, cycles=2, realizations=400, method="rk4"),
     "histories": lambda: histories(MAIN, cycles=2, realizations=3, method="rk4"),

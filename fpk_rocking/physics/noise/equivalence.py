@@ -176,35 +176,6 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
     return ((1.0 + e) ** 2 + (1.0 - e) ** 2 * square) / ((1.0 + e * e) * (1.0 + square) ** 2)
 
 
-def jump_diffusion(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
-    """Diffusion of white noise by the rival closure ∫ G(ω) response dω, for comparison with `equivalent_diffusion`.
-
-    It is right for white noise too, better than D_M for some bands without low frequencies and far worse for others
-    (docs/paper.md); the density solver does not use it.
-
-    Parameters
-    ----------
-    noise : BandNoise
-    restitution : float
-        e, from 0 to 1.
-    critical_angle : float
-        α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    float
-        Nondimensional, with ⟨ηη⟩ = 2Dδ.
-
-    Raises
-    ------
-    ValueError
-        The noise has no band, or no strength.
-    """
-    banded = _band(noise)
-    weights, values = _responses(banded, restitution, critical_angle)
-    return banded.variance * float(weights @ values)
-
-
 def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
     """Relative scatter between realizations of band noise, as the standard deviation of their equivalent diffusions.
 
