@@ -119,8 +119,8 @@ def sampled(row, paths, **method):
 
 def solved(row):
     """Return values and estimated errors (times, quantities; none for moments) of the density solver."""
-    closure = "filtered" if row.scene.noise.kind == "filtered" else "white"
-    found = solve_fpk(row.scene, tol=row.tol, closure=closure, **row.when)
+    noise_replacement = "filtered" if row.scene.noise.kind == "filtered" else "white"
+    found = solve_fpk(row.scene, tol=row.tol, noise_replacement=noise_replacement, **row.when)
     count = found.survival.size - 1
     rest = found.at_rest if found.atom else np.full(count + 1, np.nan)
     moments = np.full((5, count), np.nan)

@@ -5,8 +5,8 @@ in between. White noise of equal Melnikov variance lets it never rest, and far m
 the same variance and Melnikov variance lets it rest; its density has two more dimensions, the states of the filter.
 
 Shown are survival by Monte Carlo of the band noise and of the low-pass noise, and by the density solver with low-pass
-noise (``closure="filtered"``) and with white noise; the probability of being at rest after every cycle; and, over the
-second cycle, the probability of being at rest at every value of the noise.
+noise (``noise_replacement="filtered"``) and with white noise; the probability of being at rest after every cycle; and,
+over the second cycle, the probability of being at rest at every value of the noise.
 
 Noise, block and forcing are this project's.
 
@@ -62,7 +62,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     filtered = scene.filtered_equivalent()
     values = {"scene": scene.to_toml(), "filtered": filtered.to_toml(), "realizations": realizations}
     values["sampled"] = {name: _sampled(one, cycles, realizations, seed) for name, one in _noises(scene, filtered)}
-    values["solved"] = {closure: _solved(scene, cycles, tol, closure) for closure in ("filtered", "white")}
+    values["solved"] = {replacement: _solved(scene, cycles, tol, replacement) for replacement in ("filtered", "white")}
     values["inside"] = look_inside(filtered, resolution)
     draw(out / "rest.png", values)
     summary.write_summary(out / "rest.json", values)
@@ -78,10 +78,10 @@ def _sampled(scene, cycles, realizations, seed):
     return {"survival": found.survival.tolist(), "at_rest": found.at_rest.tolist()}
 
 
-def _solved(scene, cycles, tol, closure):
+def _solved(scene, cycles, tol, replacement):
     with warnings.catch_warnings():  # the probability at rest is looked at here, not the bins
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=math.inf, closure=closure)
+        found = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=math.inf, noise_replacement=replacement)
     names = ("error_estimate", "rest_error_estimate", "wall_s")
     values = {name: getattr(found, name) for name in names}
     return values | {"survival": found.survival.tolist(), "at_rest": found.at_rest.tolist()}

@@ -83,7 +83,7 @@ _DENSITY = {
         "or a record, and with inf: any)",
         float,
     ),
-    "--closure": _value(
+    "--noise-replacement": _value(
         "NAME", "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
     ),
     "--no-check": {
@@ -486,7 +486,7 @@ def _solved(options, scene):
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.progress import reporting
 
-    own = _rows(options, scene) | _given(options, "tol", "bins_tol", "closure")
+    own = _rows(options, scene) | _given(options, "tol", "bins_tol", "noise_replacement")
     if not options.no_check:
         from fpk_rocking.studies import checking
 

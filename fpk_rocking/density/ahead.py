@@ -23,10 +23,10 @@ _EXACT = _SCENE.varied(block=Block(0.5, critical_angle=0.3))
 _USUAL = 1e-3
 
 
-def tasks_of_density(scene, closure=None):
+def tasks_of_density(scene, noise_replacement=None):
     """Return the tasks of `fpk_rocking.base.ahead` that compile what the density of a scene needs."""
     tasks = ["fpk_rocking.density.ahead:solve"]
-    tasks += ["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, closure) else []
+    tasks += ["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, noise_replacement) else []
     return [ahead.of_block(task, scene) for task in tasks]
 
 

@@ -58,7 +58,8 @@ def refuse_unsolvable(scene: Scene) -> None:
     if noise.kind == "white" and scene.block.restitution <= CRITICAL_RESTITUTION:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
-            "time and the motion after them is not defined; use Monte Carlo under band noise, or the closure 'filtered'"
+            "time and the motion after them is not defined; use Monte Carlo under band noise, or "
+            "noise_replacement='filtered'"
         )
         raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
 

@@ -63,13 +63,14 @@ def solve_fpk(
     times: ArrayLike | None = None,
     tol: float | None = None,
     bins_tol: float | None = None,
-    closure: str = "white",
+    noise_replacement: str = "white",
     progress: Progress | None = None,
 ) -> Evolution:
     """Solve the Fokker-Planck equation of a scene for the joint density of angle and velocity.
 
-    The solver takes white noise and filtered noise as they are. It replaces band noise, as `closure` says. The mesh is
-    refined until the estimated errors are within the tolerances, or until a finer one would take too much memory.
+    The solver takes white noise and filtered noise as they are. It replaces band noise, as `noise_replacement` says.
+    The mesh is refined until the estimated errors are within the tolerances, or until a finer one would take too much
+    memory.
 
     The solver pays off for errors below 1e-3, for joint densities and for small probabilities. Where a standard error
     of 1e-3 in survival is enough, `montecarlo.simulate` is as fast or faster on most blocks of practical sizes.
@@ -89,7 +90,7 @@ def solve_fpk(
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
         With inf the binned density is not refined for. By default √tol / 3; where the forcing does not repeat,
         the verdict is by that too, but refinement is for survival alone.
-    closure : {"white", "filtered"}
+    noise_replacement : {"white", "filtered"}
         What replaces band noise: white noise of equal Melnikov variance, or low-pass noise of equal variance and
         Melnikov variance. Blocks come to rest under low-pass noise, and never do under white noise.
     progress : callable, optional
@@ -123,7 +124,7 @@ def solve_fpk(
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
     tol, bins_tol, judged = _tolerances(scene, tol, bins_tol)
-    solved = _closed(scene, closure)
+    solved = _solvable(scene, noise_replacement)
     white, rows = solved.white_equivalent(), len(times) - 1
     ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
     kind, motion = kind_of(solved), motion_of(white, times)
@@ -286,17 +287,17 @@ def _grids(scene, white, motion, resolutions):
     return [kind.adapted(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
 
 
-def _closed(scene, closure):
+def _solvable(scene, noise_replacement):
     """Return the scene to solve: with band noise replaced, and refused if it cannot be solved."""
     accepted = " or ".join(map(repr, CLOSURES))
-    if not isinstance(closure, str):
-        raise TypeError(checks.refusal("closure", closure, accepted))
-    if closure not in CLOSURES:
-        raise ValueError(checks.refusal("closure", closure, accepted))
+    if not isinstance(noise_replacement, str):
+        raise TypeError(checks.refusal("noise_replacement", noise_replacement, accepted))
+    if noise_replacement not in CLOSURES:
+        raise ValueError(checks.refusal("noise_replacement", noise_replacement, accepted))
     if scene.noise.kind != "filtered":
-        scene = scene.filtered_equivalent() if closure == "filtered" else scene.white_equivalent()
+        scene = scene.filtered_equivalent() if noise_replacement == "filtered" else scene.white_equivalent()
     if scene.noise.kind == "filtered" and not scene.repeats:
-        accepted = "'white', or 'band' with the closure 'white', as this scene does not repeat; or use Monte Carlo"
+        accepted = "'white', or 'band' with the default replacement, as this scene does not repeat; or use Monte Carlo"
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     refuse_unsolvable(scene)
     refuse_slow(scene)

@@ -227,7 +227,7 @@ def sweep(
         Called as ``progress(done, total)`` after each row. An exception that it raises ends the sweep.
     **options
         Passed on: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes `cycles`
-        or `times`, `tol`, `bins_tol` (inf, as rows hold survival alone) and `closure`.
+        or `times`, `tol`, `bins_tol` (inf, as rows hold survival alone) and `noise_replacement`.
 
     Returns
     -------

@@ -50,5 +50,5 @@ def tasks_of(verb: Callable[..., Any], cells: Sequence[Cell], options: dict[str,
         if verb is mc:
             found.update(task_of(engine, cell.scene) for engine in fitting(cell.scene, options.get("method"))[:1])
         elif verb is fpk:
-            found.update(tasks_of_density(cell.scene, options.get("closure")))
+            found.update(tasks_of_density(cell.scene, options.get("noise_replacement")))
     return sorted(found)

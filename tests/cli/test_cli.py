@@ -28,8 +28,10 @@ class Engines:
     def __init__(self):
         self.calls, self.checks = [], []
 
-    def solve_fpk(self, scene, *, cycles, tol=1e-3, bins_tol=None, closure="white", progress=None):
-        self.calls.append({"scene": scene, "cycles": cycles, "tol": tol, "bins_tol": bins_tol, "closure": closure})
+    def solve_fpk(self, scene, *, cycles, tol=1e-3, bins_tol=None, noise_replacement="white", progress=None):
+        self.calls.append(
+            {"scene": scene, "cycles": cycles, "tol": tol, "bins_tol": bins_tol, "noise_replacement": noise_replacement}
+        )
         progress(1, 1)
         return fakes.FakeEvolution(scene, cycles=cycles)
 
@@ -80,7 +82,7 @@ def test_fpk_prints_one_json_object(engines):
     assert (status, err) == (0, "")
     assert values["survival"] == pytest.approx([0.9**k for k in range(4)])
     assert {"wall_s", "error_estimate", "mass_defect", "negative_mass"} <= set(values)
-    asked = {"cycles": 3, "tol": 1e-2, "bins_tol": math.inf, "closure": "white"}
+    asked = {"cycles": 3, "tol": 1e-2, "bins_tol": math.inf, "noise_replacement": "white"}
     assert engines.calls == [{"scene": load_scene(MAIN)} | asked]
 
 

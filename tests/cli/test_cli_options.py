@@ -57,7 +57,8 @@ def test_no_option_is_left_out():
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
-    assert known - ELSEWHERE - OF_RISK == tried | {"times", "tally", "closure", "scales", "pga", "workers", "no_check"}
+    others = {"times", "tally", "noise_replacement", "scales", "pga", "workers", "no_check"}
+    assert known - ELSEWHERE - OF_RISK == tried | others
 
 
 OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cycle", 60), ("method", "exact")]
@@ -113,11 +114,11 @@ def test_the_check_of_replaced_noise_can_be_left_out(run):
     assert not checked["trust"]["reasons"][0].startswith("Replaced, not checked")
 
 
-def test_the_closure_reaches_the_solver(monkeypatch, run):
+def test_the_noise_replacement_reaches_the_solver(monkeypatch, run):
     seen = []
     monkeypatch.setattr(FilteredRun, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
     with pytest.raises(AssertionError, match="division by zero"):
-        run("fpk", PERIODIC, **SOLVED, closure="filtered")
+        run("fpk", PERIODIC, **SOLVED, noise_replacement="filtered")
     assert seen == [PERIODIC.filtered_equivalent().noise]
 
 

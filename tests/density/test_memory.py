@@ -345,10 +345,10 @@ def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
     seen = []
     monkeypatch.setattr(FilteredRun, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        solve_fpk(band, cycles=1, tol=1e-2, closure="filtered")
+        solve_fpk(band, cycles=1, tol=1e-2, noise_replacement="filtered")
     assert seen == [band.filtered_equivalent().noise]
-    with pytest.raises(ValueError, match="closure: got 'pink', accepted: 'white' or 'filtered'"):
-        solve_fpk(band, cycles=1, closure="pink")
+    with pytest.raises(ValueError, match="noise_replacement: got 'pink', accepted: 'white' or 'filtered'"):
+        solve_fpk(band, cycles=1, noise_replacement="pink")
 
 
 def test_memory_is_known_before_the_work():

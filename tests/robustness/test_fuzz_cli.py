@@ -68,7 +68,7 @@ def check(status, out, err, as_json):
         assert all(share is None or 0.0 <= share <= 1.0 for share in known)
 
 
-def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, closure="white", progress=None):  # noqa: ARG001
+def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, noise_replacement="white", progress=None):  # noqa: ARG001
     """Refuse what the solver refuses, and return a result of a known law."""
     fpk_rocking.density.refusals.refuse_unsolvable(scene.white_equivalent())
     rows = len(result_times(scene, cycles, times)) - 1 if cycles is None or cycles <= 50 else 51

@@ -109,7 +109,7 @@ def test_tasks_are_those_of_the_engines_that_will_run():
     assert tasks("mc", white, method="rk4") == []
     assert tasks("fpk", SCENE, white) == ["solve"]
     assert tasks("fpk", filtered) == ["filtered", "solve"]
-    assert tasks("fpk", SCENE, closure="filtered") == ["filtered", "solve"]
+    assert tasks("fpk", SCENE, noise_replacement="filtered") == ["filtered", "solve"]
 
 
 def test_grid_has_its_last_axis_fastest():
