@@ -16,7 +16,8 @@ from scipy import sparse
 from skfem import BilinearForm, FacetBasis, asm
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.space.space import Space, gauss
+from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.density.space.space import Space
 
 
 @BilinearForm
@@ -175,7 +176,7 @@ def impact(basis, space: Space, scene):
     traces are polynomials, for which the sums are exact.
     """
     lines, restitution = space.velocity_lines, scene.block.restitution
-    nodes, weights = gauss(space.degree + 2)
+    nodes, weights = gauss_legendre(space.degree + 2)
     total = 0.0
     for direction in (1, -1):
         breaks = np.union1d(lines, lines / restitution)

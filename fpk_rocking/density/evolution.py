@@ -224,9 +224,7 @@ class Evolution(Saved, DensityResult):
             raise ValueError("cycle: got 0, accepted: 1 or later; this start is a point, which has no density")
         return Density(self.space, self.coefficients[cycle])
 
-    def bin_probabilities(
-        self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike, *, nonnegative: bool = False
-    ) -> Array:
+    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Probability of standing, with angle and velocity in each of some bins.
 
         Parameters
@@ -235,19 +233,17 @@ class Evolution(Saved, DensityResult):
             From 0 to ``cycles``.
         angle_edges, velocity_edges : array_like
             Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
-        nonnegative : bool
-            Whether to integrate `Density.nonnegative` instead of the density as it was computed. The latter can have
-            bins slightly below 0.
 
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
             Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that contains (0, 0).
+            A bin can be slightly below 0 where the mesh does not resolve the density.
 
         Raises
         ------
         TypeError, ValueError
-            There is no such cycle, the edges do not ascend, or the density has no non-negative view.
+            There is no such cycle, or the edges do not ascend.
         """
         self._check(cycle)
         named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
@@ -255,7 +251,7 @@ class Evolution(Saved, DensityResult):
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        found = Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges, nonnegative=nonnegative)
+        found = Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges)
         return found + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else found
 
     def _check(self, cycle):

@@ -8,9 +8,7 @@ density jumps, are there. Field data: ``cycle``, ``tau``, ``survival``, ``overtu
 ``cut_off``.
 
 These are values as computed. A density may be slightly negative in places; its files also have ``negative_mass``, the
-largest over its cycles, and, each beside the field whose name it bears, ``density_nonnegative_view`` and
-``probability_nonnegative_view``: those of `Density.nonnegative`, for viewers and filters that cannot do with negative
-densities. They are nan where there is no such view.
+largest over its cycles.
 """
 
 import pathlib
@@ -26,8 +24,6 @@ from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import replaced_atomically, write_text
 
 __all__ = ["write_function", "write_series"]
-
-_VIEW = "_nonnegative_view"
 
 
 def write_series(folder: File, name: str, result: Result, cycles: Sequence[int]) -> pathlib.Path:
@@ -109,8 +105,7 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
 
 def _mesh(result, cycle):
     if cycle == 0 and result.scene.start.covariance is None:
-        mesh = _atom(result.scene)
-        return mesh if result.realizations else _with_view(mesh, mesh)
+        return _atom(result.scene)
     law = result.at(cycle)
     return _histogram(result, cycle) if law is None else _subdivided(law)
 
@@ -122,42 +117,8 @@ def _subdivided(law):
     # The solver's own bin integrals on the pieces give their exact means; a mean of corner values would not.
     edges = [np.append(values[:, :-1].ravel(), values[-1, -1]) for values in lines]
     shape = (len(lines[0]), pieces, len(lines[1]), pieces)
-
-    def by_cell(probability):
-        return np.asarray(probability).reshape(shape).swapaxes(1, 2)
-
-    probability = by_cell(law.bin_probabilities(*edges))
-    mesh = _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
-    try:
-        view = law.nonnegative()
-    except ValueError:
-        values, probability = np.full((*probability.shape[:2], pieces + 1, pieces + 1), np.nan), probability * np.nan
-    else:
-        values, probability = _values(law, view, pieces), by_cell(view.bin_probabilities(*edges))
-    return _with_view(mesh, _lattices(*lines, values, probability))
-
-
-def _values(law, view, pieces):
-    """Values of a view at the points of the elements of a density; the view's own elements are their pieces."""
-    if view is law:
-        return np.asarray(law.cell_values(pieces + 1))
-    corners = np.asarray(view.cell_values(2))
-    n_angle, n_velocity = (count // pieces for count in corners.shape[:2])
-    corners = corners.reshape(n_angle, pieces, n_velocity, pieces, 2, 2).swapaxes(1, 2)
-    values = np.empty((n_angle, n_velocity, pieces + 1, pieces + 1))
-    # The view is continuous within an element, so that any piece at a point has its value.
-    for i, along in enumerate((slice(None, -1), slice(1, None))):
-        for j, across in enumerate((slice(None, -1), slice(1, None))):
-            values[:, :, along, across] = corners[..., i, j]
-    return values
-
-
-def _with_view(mesh, view):
-    """Add the fields of a view on the same points and cells under names of their own."""
-    mesh.point_data["density" + _VIEW] = view.point_data["density"]
-    for name in ("density", "probability"):
-        mesh.cell_data[name + _VIEW] = view.cell_data[name]
-    return mesh
+    probability = np.asarray(law.bin_probabilities(*edges)).reshape(shape).swapaxes(1, 2)
+    return _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
 
 
 def _histogram(ensemble, cycle):

@@ -9,9 +9,10 @@ import pytest
 from density_operators import affine, flight_noise, scene_of
 
 from fpk_rocking import Harmonic, solve_fpk
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
-from fpk_rocking.density.space.space import Space, gauss
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.motion.gaussian import blur_variances
@@ -28,7 +29,7 @@ def away_mesh(cells, degree=3):
 
 def l2_error(density, truth):
     """L2 norm over the mesh of a density minus a function."""
-    space, (nodes, weights) = density.space, gauss(8)
+    space, (nodes, weights) = density.space, gauss_legendre(8)
     angle, velocity = (line[:-1, None] + np.diff(line)[:, None] * nodes for line in density.mesh_lines)
     error = space.cell_values(density.coefficients, nodes, nodes)
     error = error - truth(angle[:, None, :, None], velocity[None, :, None, :])

@@ -9,6 +9,7 @@ from traced import path_ends
 from white_paths import survival
 
 from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start, WhiteNoise
+from fpk_rocking.base.basis import gauss_hermite_product
 from fpk_rocking.density.memory.nodes import Nodes
 from fpk_rocking.density.memory.resolution import NodeGrid, may_rest
 from fpk_rocking.density.memory.start import Flight
@@ -21,7 +22,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
+from fpk_rocking.density.step.noise_paths import Noise, principal_axes
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from montecarlo import simulate
 
@@ -115,7 +116,7 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
 def test_noise_of_a_path_without_events_is_that_half_way_along_it():
     """Variance of the velocity at the ends of its nodes, against the moments: the error is of order 2 in the step."""
     alpha, forcing, diffusion, errors = 0.9, Harmonic(2.0, 2.0, 0.3), 1e-6, []
-    nodes, weights = hermite_nodes(3, 2)
+    nodes, weights = gauss_hermite_product(3, 2)
     for duration in (0.1, 0.05):
         dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
         offsets = nodes @ np.reshape(principal_axes(*dynamics.covariance(0.0, duration)), (2, 2))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fpk_rocking.density.space.space import Space, shapes
+from fpk_rocking.base.basis import legendre_basis
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.landed import Landed, collect_landed, deposit_landed
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
 
@@ -36,7 +37,7 @@ def one_by_one(values, states, codes):
             sinks[2] += amount
             continue
         parts = [
-            shapes(np.array([(one - lines[n]) / (lines[n + 1] - lines[n])]), 3)[0]
+            legendre_basis(np.array([(one - lines[n]) / (lines[n + 1] - lines[n])]), 3)[0]
             for n, lines, one in zip(found, TARGET.lines, (x, v), strict=True)
         ]
         buffer[found[0] * TARGET.areas.shape[1] + found[1]] += amount * np.outer(*parts).ravel()
@@ -82,7 +83,6 @@ def test_later_cells_take_the_room_that_is_left(landed_paths):
     more = one.joined(states[3:4].copy(), codes[3:4], grids, first)
     assert more.points is one.points
     whole = Landed.nothing().joined(states[:4].copy(), codes[:4], grids, first)
-    assert more.paths == whole.paths
     assert more.memory == whole.memory
     for mine, other in zip(more.reach(3, 4), whole.reach(3, 4), strict=True):
         np.testing.assert_array_equal(mine, other)

@@ -11,9 +11,10 @@ from density_operators import affine, flight_noise, gauss_points, hermite_weight
 from numpy.polynomial import legendre
 
 from fpk_rocking import Harmonic
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
-from fpk_rocking.density.space.space import Space, gauss
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 
@@ -24,7 +25,7 @@ FALL = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, RESTITUTION, 6.0)
 
 
 def squared_error(space, coefficients, truth):
-    nodes, weights = gauss(8)
+    nodes, weights = gauss_legendre(8)
     angle, velocity = (
         line[:-1, None] + np.diff(line)[:, None] * nodes for line in (space.angle_lines, space.velocity_lines)
     )
@@ -62,7 +63,7 @@ def flown_fourth_moment(space, coefficients, start, duration, middle):
     """Its closed form after a flight, as a sum that is exact for polynomials of degree 4."""
     matrix, shift = affine(CALM, start, duration, 1)
     noise, weights = noise_offsets(CALM, duration, 5, 5), hermite_weights(5, 5)
-    values = space.cell_values(coefficients, gauss(5)[0], gauss(5)[0])
+    values = space.cell_values(coefficients, gauss_legendre(5)[0], gauss_legendre(5)[0])
     total = 0.0
     for (i, j), points, areas in gauss_points((space.angle_lines, space.velocity_lines), (5, 5)):
         x = ((points @ matrix.T + shift)[:, None] + noise)[..., 0]

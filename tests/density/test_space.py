@@ -159,15 +159,6 @@ def test_masses_and_negative_mass():
     assert space.absolute_mass(steps) == pytest.approx(0.25 * 0.4 * 1.55 + 4.0 * 0.4 * 0.8, abs=1e-13)
 
 
-def test_a_refined_space_cuts_every_cell_into_equal_pieces():
-    space = space_of()
-    fine = space.refined(3)
-    assert fine.degree == space.degree
-    for lines, cut in zip(space.lines, fine.lines, strict=True):
-        assert np.array_equal(cut[::3], lines)
-        assert np.diff(cut) == pytest.approx(np.repeat(np.diff(lines) / 3.0, 3))
-
-
 def test_marginals_are_integrals_of_the_density():
     space = space_of()
     coefficients = anything(space)

@@ -14,6 +14,7 @@ from scipy.sparse.linalg import spsolve
 from skfem import BilinearForm
 from traced import path_ends
 
+from fpk_rocking.base.basis import gauss_hermite_product
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import landing, noise_paths
 from fpk_rocking.density.step.free_flight import FreeFlight
@@ -40,7 +41,7 @@ def lines_of(side):
 
 def traced(points, side, dynamics, quadrature, duration=DURATION):
     """Landing points (points, nodes, 2) and codes (points, nodes), one call of the path kernel a point."""
-    nodes, _ = noise_paths.hermite_nodes(quadrature.long, quadrature.short)
+    nodes, _ = gauss_hermite_product(quadrature.long, quadrature.short)
     offsets = noise_offsets(dynamics, duration, quadrature.long, quadrature.short)
     noise = noise_paths.Noise(duration, dynamics.diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
     segment = dynamics.segment(START, duration)

@@ -77,9 +77,6 @@ class FakeDensity:
     def bin_probabilities(self, angle_edges, velocity_edges):
         return exact_bins(self.scene, self.cycle, angle_edges, velocity_edges)
 
-    def nonnegative(self):
-        return self
-
 
 @dataclasses.dataclass(frozen=True)
 class FakeEvolution(DensityResult):

@@ -1,4 +1,4 @@
-"""VTK series: read back by other programs, complete or not there, with a non-negative view beside the raw density."""
+"""VTK series: read back by other programs, complete or not there."""
 
 import dataclasses
 import math
@@ -17,7 +17,6 @@ from fpk_rocking.output import vtk
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 DENSITY = fakes.FakeEvolution(MAIN)
 ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
-VIEW = "_nonnegative_view"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,12 +24,11 @@ class SignedEvolution(fakes.FakeEvolution):
     """After a cycle a density on a mesh of the solver's own kind, with negative parts."""
 
     negative_mass: float = 0.05
-    total: float = 1.0
 
     def at(self, cycle):
         space = Space(np.linspace(-1.5, 1.5, 5), np.linspace(-2.0, 2.0, 4), 3)
         coefficients = np.random.default_rng(cycle).normal(0.0, 0.02, space.shape)
-        coefficients[..., 0, 0] = self.total / 12.0
+        coefficients[..., 0, 0] = 1.0 / 12.0
         coefficients[1, 1, 0, 0] = -0.01
         return Density(space, coefficients)
 
@@ -116,60 +114,28 @@ def test_histogram_of_an_ensemble(tmp_path):
     np.testing.assert_allclose(mesh.point_data["density"][quads], np.repeat(heights[:, None], 4, axis=1), rtol=1e-12)
 
 
-def test_a_density_has_a_view_beside_it_that_is_not_negative(tmp_path):
+def test_negative_parts_are_written_as_they_are(tmp_path):
     result = SignedEvolution(MAIN)
     vtk.write_series(tmp_path, "jpdf", result, [0, 3])
     mesh, law = meshio.read(tmp_path / "jpdf_0003.vtu"), result.at(3)
-    quads, view = mesh.cells_dict["quad"], law.nonnegative()
-    raw, seen = mesh.point_data["density"], mesh.point_data["density" + VIEW]
-    np.testing.assert_array_equal(raw, law.cell_values(4).ravel())
-    assert raw.min() < -1e-3
-    assert seen.min() >= 0.0
-    # A hair inside the element whose point it is, for the density jumps between elements.
-    middles = np.repeat(mesh.points.reshape(12, 16, 3).mean(axis=1), 16, axis=0)
-    inside = mesh.points + 1e-9 * (middles - mesh.points)
-    np.testing.assert_allclose(seen, view(inside[:, 0], inside[:, 1]), atol=1e-7)
-    cells = {name: mesh.cell_data_dict[name]["quad"] for name in mesh.cell_data_dict}
-    assert cells["probability"].min() < -1e-5
-    assert cells["probability" + VIEW].min() >= 0.0
-    assert cells["probability" + VIEW].sum() == pytest.approx(law.moment(0, 0), rel=1e-13)
-    area = areas(mesh.points, quads)
-    np.testing.assert_allclose(cells["density" + VIEW] * area, cells["probability" + VIEW], rtol=1e-9, atol=1e-16)
-    middle = mesh.points[quads].mean(axis=1)
-    half = 0.5 * np.abs(mesh.points[quads[:, 2]] - mesh.points[quads[:, 0]])
-    for place in (0, 40, 77):
-        (x, v, _), (dx, dv, _) = middle[place], half[place]
-        expected = view.bin_probabilities([x - dx, x + dx], [v - dv, v + dv])[0, 0]
-        assert cells["probability" + VIEW][place] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    np.testing.assert_array_equal(mesh.point_data["density"], law.cell_values(4).ravel())
+    assert mesh.point_data["density"].min() < -1e-3
+    probability = mesh.cell_data_dict["probability"]["quad"]
+    assert probability.min() < -1e-5
+    assert probability.sum() == pytest.approx(law.moment(0, 0), rel=1e-13)
     assert mesh.field_data["negative_mass"] == 0.05
     start = meshio.read(tmp_path / "jpdf_0000.vtu")
     assert start.point_data.keys() == mesh.point_data.keys()
     assert start.cell_data.keys() == mesh.cell_data.keys()
-    assert start.cell_data_dict["probability" + VIEW]["vertex"].tolist() == [1.0]
 
 
-def test_a_density_that_is_not_negative_is_its_own_view_and_an_ensemble_has_none(tmp_path):
-    vtk.write_series(tmp_path, "jpdf", DENSITY, [4])
+def test_an_ensemble_has_no_negative_mass(tmp_path):
     vtk.write_series(tmp_path, "jpdf_rk4", ENSEMBLE, [0, 2])
-    mesh = meshio.read(tmp_path / "jpdf_0004.vtu")
-    assert np.array_equal(mesh.point_data["density" + VIEW], mesh.point_data["density"])
-    for name in ("density", "probability"):
-        seen, raw = (mesh.cell_data_dict[key]["quad"] for key in (name + VIEW, name))
-        np.testing.assert_allclose(seen, raw, rtol=1e-15)
     for cycle in (0, 2):
         mesh = meshio.read(tmp_path / f"jpdf_rk4_000{cycle}.vtu")
         assert set(mesh.point_data) == {"density"}
         assert set(mesh.cell_data) == {"density", "probability", "element_density"}
         assert "negative_mass" not in mesh.field_data
-
-
-def test_a_density_without_a_view_is_written_all_the_same(tmp_path):
-    vtk.write_series(tmp_path, "jpdf", SignedEvolution(MAIN, total=-1.0), [3])
-    mesh = meshio.read(tmp_path / "jpdf_0003.vtu")
-    assert np.isfinite(mesh.point_data["density"]).all()
-    assert np.isnan(mesh.point_data["density" + VIEW]).all()
-    assert np.isnan(mesh.cell_data_dict["probability" + VIEW]["quad"]).all()
-    assert np.isnan(mesh.cell_data_dict["density" + VIEW]["quad"]).all()
 
 
 def test_interrupted_series_leaves_whole_files_and_no_listing(tmp_path, monkeypatch):

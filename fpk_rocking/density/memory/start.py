@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.density.memory.nodes import whitened
-from fpk_rocking.density.space.space import shapes
 from fpk_rocking.physics.noise.state_space import transition
 
 REACH = 8.0
@@ -197,9 +197,8 @@ def deposit_points(space, states, masses, side, out):
     gone = np.array([masses[where].sum() for where in beyond])
     inside = ~(beyond[0] | beyond[1] | beyond[2])
     i, j = i[inside], j[inside]
-    values = np.einsum(
-        "n,na,nb->nab", masses[inside] / space.areas[i, j], *(shapes(part[inside], space.degree) for part in references)
-    )
+    along, across = (legendre_basis(part[inside], space.degree) for part in references)
+    values = np.einsum("n,na,nb->nab", masses[inside] / space.areas[i, j], along, across)
     np.add.at(out, (i, j), values)
     return gone
 

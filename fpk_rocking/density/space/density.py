@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base.basis import legendre_basis, locate
 from fpk_rocking.base.types import Array, ArrayLike
-from fpk_rocking.density.space.nonnegative import nonnegative_view
-from fpk_rocking.density.space.space import Space, shapes
+from fpk_rocking.density.space.space import Space
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -85,50 +85,19 @@ class Density:
         lattice = np.linspace(0.0, 1.0, points)
         return self.space.cell_values(self.coefficients, lattice, lattice)
 
-    def nonnegative(self) -> Self:
-        """Return a density near this one that is nowhere negative, for pictures and sampling.
-
-        Mass moves only within a cell of the mesh. A cell of negative mass becomes empty, and the smallest square of
-        cells around it that holds enough mass makes up for it, on the same side of x = 0. The L1 distance from this
-        density is at least twice its negative mass, and in practice a few times that (docs/numerics.md).
-
-        Returns
-        -------
-        Density
-            Of the same mass, to rounding. It is this density itself where that is non-negative already, else a density
-            on a mesh with degree × degree pieces a cell.
-
-        Raises
-        ------
-        ValueError
-            One side of x = 0 has negative mass in total.
-        """
-        space, coefficients = nonnegative_view(self.space, self.coefficients)
-        return self if space is self.space else Density(space, coefficients)
-
-    def bin_probabilities(
-        self, angle_edges: ArrayLike, velocity_edges: ArrayLike, *, nonnegative: bool = False
-    ) -> Array:
+    def bin_probabilities(self, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Integrate the density exactly over each of some bins.
 
         Parameters
         ----------
         angle_edges, velocity_edges : array_like
             Ascending bin edges, nondimensional.
-        nonnegative : bool
-            Whether to integrate what `nonnegative` returns instead of the density as it was computed.
 
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
-
-        Raises
-        ------
-        ValueError
-            As `nonnegative`, where it is asked for.
         """
-        law = self.nonnegative() if nonnegative else self
-        return law.space.bin_integrals(law.coefficients, angle_edges, velocity_edges)
+        return self.space.bin_integrals(self.coefficients, angle_edges, velocity_edges)
 
     def marginal_angle(self, angle: ArrayLike) -> Array:
         """Density of the angle alone: the integral over all velocities.
@@ -163,9 +132,8 @@ class Density:
     def _marginal(self, coefficients, axis, points):
         lines = self.mesh_lines[axis]
         points = np.asarray(points, dtype=float)
-        cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
-        reference = (points - lines[cell]) / np.diff(lines)[cell]
-        values = np.einsum("...a,...a->...", coefficients[cell], shapes(reference, self.degree))
+        cells, reference = locate(lines, points)
+        values = np.einsum("...a,...a->...", coefficients[cells], legendre_basis(reference, self.degree))
         return np.where(np.isnan(points), np.nan, np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0))
 
     def basis(self, order: int | None = None) -> Any:

@@ -9,28 +9,8 @@ import dataclasses
 import functools
 
 import numpy as np
-from numpy.polynomial import legendre
 
-
-def shapes(points, degree):
-    """Legendre polynomials, orthonormal on [0, 1]: values (..., degree + 1) at reference points (...)."""
-    points = np.asarray(points, dtype=float)
-    values = legendre.legvander(2.0 * points.ravel() - 1.0, degree) * np.sqrt(2.0 * np.arange(degree + 1) + 1.0)
-    return values.reshape(*points.shape, degree + 1)
-
-
-@functools.cache
-def gauss(count):
-    """Gauss points and weights (count,) on [0, 1]; not to be written to."""
-    points, weights = legendre.leggauss(count)
-    return 0.5 * (points + 1.0), 0.5 * weights
-
-
-@functools.cache
-def gauss_shapes(count, degree):
-    """Shape functions at the Gauss points, (count, degree + 1); not to be written to."""
-    return shapes(gauss(count)[0], degree)
-
+from fpk_rocking.base.basis import find_cells, gauss_legendre, legendre_basis, locate
 
 _ENTRIES = 2**16
 """Most entries of a table of mesh lines."""
@@ -106,18 +86,10 @@ class Space:
         mesh = MeshQuad.init_tensor(self.angle_lines, self.velocity_lines)
         return Basis(mesh, ElementQuadLegendre(self.degree), intorder=2 * self.degree if order is None else order)
 
-    def refined(self, pieces):
-        """Space of the same degree with every cell cut into equal pieces, so many a side."""
-        lines = (
-            np.append(np.linspace(lines[:-1], lines[1:], pieces, endpoint=False, axis=1), lines[-1])
-            for lines in (self.angle_lines, self.velocity_lines)
-        )
-        return Space(*lines, self.degree)
-
     def project(self, density, points):
         """L2 projection of a function (angle, velocity) -> density with `points` Gauss points an axis and cell."""
-        nodes, weights = gauss(points)
-        table = shapes(nodes, self.degree) * weights[:, None]
+        nodes, weights = gauss_legendre(points)
+        table = legendre_basis(nodes, self.degree) * weights[:, None]
         angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
         velocity = self.velocity_lines[:-1, None] + np.diff(self.velocity_lines)[:, None] * nodes
         values = density(angle[:, None, :, None], velocity[None, :, None, :])
@@ -136,16 +108,17 @@ class Space:
     def evaluate(self, coefficients, angle, velocity):
         """Density at points (broadcast), 0 outside the mesh; on a mesh line it is the value of the cell above."""
         angle, velocity = np.broadcast_arrays(np.asarray(angle, dtype=float), np.asarray(velocity, dtype=float))
-        (i, xi, inside), (j, eta, within) = (
-            _locate(lines, points) for lines, points in ((self.angle_lines, angle), (self.velocity_lines, velocity))
-        )
-        along, across = shapes(xi, self.degree), shapes(eta, self.degree)
+        (i, xi), (j, eta) = locate(self.angle_lines, angle), locate(self.velocity_lines, velocity)
+        along, across = legendre_basis(xi, self.degree), legendre_basis(eta, self.degree)
         values = np.einsum("...ab,...a,...b->...", coefficients[i, j], along, across)
-        return np.where(inside & within, values, 0.0)
+        inside = (angle >= self.angle_lines[0]) & (angle <= self.angle_lines[-1])
+        return np.where(
+            inside & (velocity >= self.velocity_lines[0]) & (velocity <= self.velocity_lines[-1]), values, 0.0
+        )
 
     def cell_values(self, coefficients, angle_points, velocity_points):
         """Density on the lattice of reference points (n,), (m,) in every cell: (angle cells, velocity cells, n, m)."""
-        along, across = shapes(angle_points, self.degree), shapes(velocity_points, self.degree)
+        along, across = legendre_basis(angle_points, self.degree), legendre_basis(velocity_points, self.degree)
         return along @ coefficients @ across.T
 
     def bin_integrals(self, coefficients, angle_edges, velocity_edges):
@@ -156,7 +129,7 @@ class Space:
 
     def negative_mass(self, coefficients, points=8):
         """Integral of max(-p, 0), by Gauss quadrature in every cell."""
-        nodes, weights = gauss(points)
+        nodes, weights = gauss_legendre(points)
         values = np.maximum(-self.cell_values(coefficients, nodes, nodes), 0.0)
         return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
 
@@ -171,23 +144,17 @@ def turn(coefficients):
     return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
 
 
-def _locate(lines, points):
-    cell = np.clip(np.searchsorted(lines, points, side="right") - 1, 0, len(lines) - 2)
-    reference = (points - lines[cell]) / (lines[cell + 1] - lines[cell])
-    return cell, reference, (points >= lines[0]) & (points <= lines[-1])
-
-
 def _overlap_integrals(lines, degree, source_lines, source_degree):
     """Integrals of products of both sets of shape functions, per size of the first: (cells, modes, source ...)."""
-    nodes, weights = gauss((degree + source_degree) // 2 + 1)
+    nodes, weights = gauss_legendre((degree + source_degree) // 2 + 1)
     breaks = np.union1d(lines, source_lines)
     low, sizes = breaks[:-1], np.diff(breaks)
     points = low[:, None] + sizes[:, None] * nodes
     out = np.zeros((len(lines) - 1, degree + 1, len(source_lines) - 1, source_degree + 1))
     both = []
     for edges, order in ((lines, degree), (source_lines, source_degree)):
-        cell = np.clip(np.searchsorted(edges, low + 0.5 * sizes) - 1, 0, len(edges) - 2)
-        both.append((cell, shapes((points - edges[cell, None]) / np.diff(edges)[cell, None], order)))
+        cell = find_cells(edges, low + 0.5 * sizes)
+        both.append((cell, legendre_basis((points - edges[cell, None]) / np.diff(edges)[cell, None], order)))
     (target, left), (origin, right) = both
     parts = np.einsum("p,q,pqa,pqb->pab", sizes, weights, left, right) / np.diff(lines)[target, None, None]
     np.add.at(out, (target, slice(None), origin), parts)
@@ -198,10 +165,10 @@ def _interval_integrals(lines, edges, degree):
     """Integrals of all cells' shape functions over the intervals between edges: (intervals, cells, degree + 1)."""
     edges = np.asarray(edges, dtype=float)
     sizes = np.diff(lines)
-    nodes, weights = gauss(degree // 2 + 1)
+    nodes, weights = gauss_legendre(degree // 2 + 1)
     low = np.clip((edges[:-1, None] - lines[:-1]) / sizes, 0.0, 1.0)
     high = np.clip((edges[1:, None] - lines[:-1]) / sizes, 0.0, 1.0)
-    values = shapes(low[..., None] + (high - low)[..., None] * nodes, degree)
+    values = legendre_basis(low[..., None] + (high - low)[..., None] * nodes, degree)
     return np.einsum("mcq,mcqa->mca", (high - low)[..., None] * weights * sizes[:, None], values)
 
 
@@ -210,5 +177,5 @@ def _table_of(lines):
     sizes = np.diff(lines)
     count = int(min(np.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1, _ENTRIES))
     density = count / (lines[-1] - lines[0])
-    cells = np.searchsorted(lines, lines[0] + np.arange(count + 1) / density, side="right") - 1
-    return lines, 2.0 / sizes, np.clip(cells, 0, len(sizes) - 1).astype(np.int32), density
+    cells = find_cells(lines, lines[0] + np.arange(count + 1) / density)
+    return lines, 2.0 / sizes, cells.astype(np.int32), density

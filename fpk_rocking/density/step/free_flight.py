@@ -13,16 +13,16 @@ A density in flight is held by its values at the Gauss points of the cells; its 
 interval of the velocity, one row for each side of x = 0, or an interval of the angle.
 """
 
-import functools
 import math
 
 import numpy as np
 from numba import prange
 
+from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.space import Space, gauss, gauss_shapes, shapes
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
-from fpk_rocking.density.step.shifts import hermite, landing_range, prepare_shift
+from fpk_rocking.density.step.shifts import landing_range, prepare_shift
 from fpk_rocking.physics.motion.gaussian import blur_variances, shears
 from fpk_rocking.physics.motion.remainder import contact_pull, cosine, gravity
 
@@ -33,12 +33,6 @@ _SMALL_PART = 0.25
 """Part of the velocity's variance that `_FINE_NODES` may stand for."""
 
 _FASTMATH = {"contract", "reassoc", "nsz"}
-
-
-@functools.cache
-def _ends(degree):
-    """Shape functions at the ends of a cell, (2, degree + 1); not to be written to."""
-    return shapes(np.array([0.0, 1.0]), degree)
 
 
 class FreeFlight:
@@ -65,10 +59,10 @@ class FreeFlight:
         sinh, shifts = shears(duration)[1], affine.shifts
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
-        points, weights = gauss(space.degree + 1)
-        table = gauss_shapes(space.degree + 1, space.degree)
+        points, weights = gauss_legendre(space.degree + 1)
+        table = legendre_at_gauss_points(space.degree + 1, space.degree)
         self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
-        self.edges = _ends(space.degree) @ table.T
+        self.edges = legendre_basis([0.0, 1.0], space.degree) @ table.T
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
         sides, angle_shears, drift, fine, fine_weights = _angle_shears(
             space, affine, diffusion * contact_pull(critical_angle) ** 2, duration
@@ -87,15 +81,15 @@ class FreeFlight:
         first = hulls(angle_rows(free, middle))
         drifted = landing_range(space.angle_lines, sides, angle_shears, alike, fine, first)
         second = hulls(by_velocity(covered(drifted, limit)).T)
-        variance, (blur, blur_weights) = blur_variances(diffusion, duration)[0], hermite(nodes)
-        spreads, (own, own_weights) = np.ones_like(velocity_shears), hermite(1)
+        variance, (blur, blur_weights) = blur_variances(diffusion, duration)[0], gauss_hermite(nodes)
+        spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
         if critical_angle and diffusion > 0.0 and second.any():
             # The least that all lines are blurred by, and on each of them what it lacks.
             parts = cosine(angles, critical_angle) ** 2
             held = parts[second[:, 1] > second[:, 0]]
             least, most = held.min(), held.max()
             spreads, variance = np.sqrt(variance * np.maximum(parts - least, 0.0)), variance * least
-            own, own_weights = hermite(_FINE_NODES if most - least <= _SMALL_PART * most else nodes)
+            own, own_weights = gauss_hermite(_FINE_NODES if most - least <= _SMALL_PART * most else nodes)
         blur, alone = math.sqrt(variance) * blur, np.ones((1, 1))
         sheared = landing_range(space.velocity_lines, whole, velocity_shears, spreads, own, second)
         blurred = landing_range(space.velocity_lines, whole, nothing, alone, blur, sheared)
@@ -118,13 +112,6 @@ class FreeFlight:
         """Bytes of the prepared shifts, one that was given left out."""
         own = (self.velocity_shear, self.blur, *(() if self._borrowed else (self.angle_shear,)))
         return sum(part.nbytes for shift in own for part in shift)
-
-    @property
-    def operations(self):
-        """Multiplications and additions of a flight, without the changes of basis."""
-        modes, blurred = len(self.edges[0]), self.ranges[1][2]
-        wide = self.blur.count.mean() * (blurred[:, 1] - blurred[:, 0]).sum() * modes**3
-        return 2 * (2 * self.angle_shear.blocks.size + self.velocity_shear.blocks.size + wide)
 
     def apply(self, coefficients, out):
         """Add the density after the step to `out`, and return the masses that passed the bounds.
@@ -175,9 +162,9 @@ def _angle_shears(space, affine, diffusion, duration):
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), shears(duration)[0]
     small = blur_variances(diffusion, duration)[1]
-    nodes, weights = hermite(_FINE_NODES if small > 0.0 else 1)
+    nodes, weights = gauss_hermite(_FINE_NODES if small > 0.0 else 1)
     drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
-    along = shear * _line_points(space.velocity_lines, gauss(space.degree + 1)[0])
+    along = shear * _line_points(space.velocity_lines, gauss_legendre(space.degree + 1)[0])
     sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
     return sides, np.concatenate([along + drift[-1], along + drift[1]]), drift, math.sqrt(small) * nodes, weights
 

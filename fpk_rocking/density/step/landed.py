@@ -73,11 +73,6 @@ class Landed(NamedTuple):
         groups, blocks = self.used
         return self.groups.nbytes + 12 * groups + 20 * WIDTH * blocks
 
-    @property
-    def paths(self):
-        """Number of paths, with those that fill up blocks."""
-        return WIDTH * self.used[1]
-
     def reach(self, across, limit):
         """First and last column of the target, (m,) each, in which something landed, of `limit` with `across` cells."""
         groups, _ = self.used

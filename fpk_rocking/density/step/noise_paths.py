@@ -13,7 +13,6 @@ exact block are carried as those of a slender one in other units (`_near_contact
 the path without noise. A path with the noise in the forcing of the exact equation needs no part: that has it.
 """
 
-import functools
 import math
 from typing import NamedTuple
 
@@ -54,15 +53,6 @@ class Noise(NamedTuple):
     nodes: np.ndarray
     offsets: np.ndarray
     margin: float
-
-
-@functools.cache
-def hermite_nodes(long, short):
-    """Gauss-Hermite nodes (n, 2) along the long and the short axis in standard deviations, and weights (n,)."""
-    (x, u), (y, w) = np.polynomial.hermite_e.hermegauss(long), np.polynomial.hermite_e.hermegauss(short)
-    nodes = np.array([(a, b) for a in x for b in y])
-    weights = np.outer(u, w).ravel()
-    return nodes, weights / weights.sum()
 
 
 @kernel

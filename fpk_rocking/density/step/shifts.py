@@ -4,14 +4,13 @@ A row holds the lines through the Gauss points of one row of cells; functions on
 own Gauss points. Only what a row's occupied cells need is prepared.
 """
 
-import functools
 from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 
+from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.space import gauss, gauss_shapes
 from fpk_rocking.density.step.deposit import CHUNKS, legendre
 
 
@@ -39,13 +38,6 @@ class Shift(NamedTuple):
     blocks: np.ndarray
     beyond: np.ndarray
     ends: np.ndarray
-
-
-@functools.cache
-def hermite(count):
-    """Gauss-Hermite nodes in standard deviations and weights, (count,) each."""
-    nodes, weights = np.polynomial.hermite_e.hermegauss(count)
-    return nodes, weights / weights.sum()
 
 
 def prepare_shift(lines, bounds, shifts, spreads, nodes, weights, degree, source):
@@ -78,13 +70,13 @@ def prepare_shift(lines, bounds, shifts, spreads, nodes, weights, degree, source
     first, count = source_cells(lines, shifts, spreads, nodes, source, target, origin)
     start = (np.cumsum(count.ravel()) - count.ravel()).reshape(count.shape)
     beyond = passes_end(lines, bounds, shifts, spreads, nodes, source)
-    points, point_weights = gauss(degree + 1)
+    points, point_weights = gauss_legendre(degree + 1)
     blocks = np.zeros((int(count.sum()), degree + 1, degree + 1))
     ends = np.zeros((int(beyond.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
     shift = Shift(origin, first, count, start, blocks, beyond, ends)
     basis = (1.0,) * (degree + 1)
     fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, shift, basis)
-    values = gauss_shapes(degree + 1, degree)
+    values = legendre_at_gauss_points(degree + 1, degree)
     moments = values * point_weights[:, None]
     to_values(moments, values, blocks, basis)
     return shift._replace(ends=np.einsum("rlck,mk->rlcm", ends, moments))

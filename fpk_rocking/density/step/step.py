@@ -8,13 +8,14 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.space.space import Space, gauss, gauss_shapes
+from fpk_rocking.base.basis import find_cells, gauss_hermite_product, gauss_legendre, legendre_at_gauss_points
+from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.adjoint import collect, fly_back
 from fpk_rocking.density.step.deposit import CHUNKS, Cells, Flown, Parts, deposit, gather
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.landed import Landed
 from fpk_rocking.density.step.landing import Gauss, classify, trace_cells
-from fpk_rocking.density.step.noise_paths import Noise, hermite_nodes, principal_axes
+from fpk_rocking.density.step.noise_paths import Noise, principal_axes
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
 from fpk_rocking.physics.motion.body import Body
@@ -23,8 +24,6 @@ from fpk_rocking.physics.motion.particular import affine
 from fpk_rocking.physics.motion.remainder import contact_pull
 from fpk_rocking.physics.motion.slender import segment_of
 from fpk_rocking.physics.noise.envelope import Envelope
-
-_NODES = np.polynomial.legendre.leggauss(16)
 
 FAINTEST = 1e-3
 """Least diffusion over that at g = 1: no mesh resolves a density without noise."""
@@ -79,10 +78,10 @@ class Dynamics:
         """Covariance xx, xv, vv that a flight gathers."""
         if self.envelope is None:
             return flight_covariance(self.diffusion, duration)
-        nodes, weights = _NODES
-        late = 0.5 * duration * (1.0 - nodes)
+        points, weights = gauss_legendre(16)
+        late = duration * points[::-1]
         strength = np.maximum(self.envelope.value(start + duration - late) ** 2, self.faintest)
-        weights = self.diffusion * duration * weights * strength
+        weights = 2.0 * self.diffusion * duration * weights * strength
         return tuple(float(part) for part in gathered(weights, late))
 
     def segment(self, start, duration):
@@ -166,11 +165,11 @@ class Trace:
         axes = principal_axes(*dynamics.covariance(start, duration))
         dynamics = dynamics.during(start, duration)
         self.source, self.start, self.duration, self.dynamics = source, start, duration, dynamics
-        rules = gauss(quadrature.angle), gauss(quadrature.velocity)
-        tables = (gauss_shapes(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
+        rules = gauss_legendre(quadrature.angle), gauss_legendre(quadrature.velocity)
+        tables = (legendre_at_gauss_points(count, source.degree) for count in (quadrature.angle, quadrature.velocity))
         lines = source.angle_lines, source.velocity_lines
         self.points = Gauss(*lines, *(points for points, _ in rules), *(weights for _, weights in rules), *tables)
-        nodes, self.node_weights = hermite_nodes(quadrature.long, quadrature.short)
+        nodes, self.node_weights = gauss_hermite_product(quadrature.long, quadrature.short)
         self.blur, self.affine = quadrature.blur, dynamics.affine(start, duration)
         self.offsets = nodes @ np.reshape(axes, (2, 2))
         self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
@@ -230,12 +229,6 @@ class Step:
     def memory(self):
         """Bytes that the step holds, shared buffers left out."""
         return self._landed.memory + (self._flight.memory if self._flight else 0)
-
-    @property
-    def operations(self):
-        """Multiplications and additions of a step, about."""
-        modes = self.target.degree + 1
-        return self._landed.paths * (24 + 2 * modes * modes) + (self._flight.operations if self._flight else 0)
 
     def _with(self, landed, states, codes):
         return landed.joined(states, codes, self._grids, self.target.first_positive)
@@ -303,8 +296,8 @@ class Step:
         """Columns of the source that each chunk reads, and columns of the target that it writes."""
         trace, (limit, across, *_) = self.trace, self.target.shape
         (low, high), lines = self._reach(), self.target.angle_lines
-        first = np.where(low < high, np.clip(np.searchsorted(lines, low) - 1, 0, limit - 1), limit)
-        last = np.where(low < high, np.clip(np.searchsorted(lines, high) - 1, 0, limit - 1), -1)
+        first = np.where(low < high, find_cells(lines, low, "left"), limit)
+        last = np.where(low < high, find_cells(lines, high, "left"), -1)
         nearest, farthest = self._landed.reach(across, limit)
         rows = np.nonzero(trace.events >= 0)[0]
         order = trace.events[trace.events >= 0]

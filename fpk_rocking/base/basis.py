@@ -1,0 +1,69 @@
+"""Polynomial bases, quadrature rules and the cell search of one dimension: Legendre, Gauss-Hermite, Bernstein.
+
+The shape functions of the density are products of the Legendre polynomials of this module. Cached arrays are not to be
+written to.
+"""
+
+import functools
+import math
+
+import numpy as np
+
+
+@functools.cache
+def gauss_legendre(count, low=0.0, high=1.0):
+    """Gauss-Legendre points, ascending, and weights on an interval, (count,) each; on the unit interval by default."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    half = 0.5 * (high - low)
+    return 0.5 * (low + high) + half * points, half * weights
+
+
+@functools.cache
+def gauss_hermite(count):
+    """Gauss-Hermite nodes, ascending and in standard deviations, and weights of sum 1, (count,) each.
+
+    They integrate polynomials up to degree 2 count - 1 over the standard normal density exactly.
+    """
+    nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+    return nodes, weights / weights.sum()
+
+
+@functools.cache
+def gauss_hermite_product(first, second):
+    """Nodes (first * second, 2) of the product of two Gauss-Hermite rules, the second fastest, and weights of sum 1."""
+    (x, u), (y, w) = np.polynomial.hermite_e.hermegauss(first), np.polynomial.hermite_e.hermegauss(second)
+    nodes = np.array([(a, b) for a in x for b in y])
+    weights = np.outer(u, w).ravel()
+    return nodes, weights / weights.sum()
+
+
+def legendre_basis(points, degree):
+    """Legendre polynomials, orthonormal on [0, 1], up to a degree: values (..., degree + 1) at points (...)."""
+    points = np.asarray(points, dtype=float)
+    values = np.polynomial.legendre.legvander(2.0 * points.ravel() - 1.0, degree)
+    return (values * np.sqrt(2.0 * np.arange(degree + 1) + 1.0)).reshape(*points.shape, degree + 1)
+
+
+@functools.cache
+def legendre_at_gauss_points(count, degree):
+    """Legendre polynomials, orthonormal on [0, 1], at its Gauss-Legendre points: values (count, degree + 1)."""
+    return legendre_basis(gauss_legendre(count)[0], degree)
+
+
+def bernstein_basis(points, degree):
+    """Bernstein polynomials of a degree on [0, 1]: values (degree + 1, n) at points (n,)."""
+    return np.array([math.comb(degree, k) * points**k * (1.0 - points) ** (degree - k) for k in range(degree + 1)])
+
+
+def find_cells(lines, points, side="right"):
+    """Return indices (...) of the cells of ascending mesh lines that hold points (...), beyond the lines of the last cell.
+
+    A point on a mesh line belongs to the cell above it for the side "right", to the one below it for "left".
+    """
+    return np.clip(np.searchsorted(lines, points, side=side) - 1, 0, len(lines) - 2)
+
+
+def locate(lines, points):
+    """Cells (...) that hold points (...), see `find_cells`, and reference coordinates there, from 0 to 1 in a cell."""
+    cells = find_cells(lines, points)
+    return cells, (points - lines[cells]) / (lines[cells + 1] - lines[cells])
