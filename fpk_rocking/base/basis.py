@@ -56,7 +56,7 @@ def bernstein_basis(points, degree):
 
 
 def find_cells(lines, points, side="right"):
-    """Return indices (...) of the cells of ascending mesh lines that hold points (...), beyond the lines of the last cell.
+    """Return the cells (...) of ascending mesh lines that hold points (...), for points beyond the lines the nearest one.
 
     A point on a mesh line belongs to the cell above it for the side "right", to the one below it for "left".
     """
