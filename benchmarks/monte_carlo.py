@@ -29,10 +29,10 @@ TARGET = 1e-6
 def rotation_sum(keys, problem, samples, spacing, sink):
     """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
     for r in prange(sink.size):
-        own = band.allocate(problem.harmonics, 1)
+        own = band.allocate_realization(problem.harmonics, 1)
         draw_band(open_stream(keys, r), problem, own)
-        band.set_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
-        band.anchor(own, 0, 0.0)
+        band.write_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
+        band.set_centre(own, 0, 0.0)
         sink[r] = _rotated(own, samples[r])
 
 
@@ -55,16 +55,16 @@ def _rotated(own, samples):
 def chunked_sum(keys, problem, samples, spacing, half, sink):
     """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
     for r in prange(sink.size):
-        own = band.allocate(problem.harmonics, half)
+        own = band.allocate_realization(problem.harmonics, half)
         draw_band(open_stream(keys, r), problem, own)
-        band.prepare(own, half, spacing)
-        band.set_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
-        band.anchor(own, 0, half * spacing)
+        band.write_sample_rotations(own, half, spacing)
+        band.write_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
+        band.set_centre(own, 0, half * spacing)
         room, total = np.zeros(2 * half + 1), 0.0
         for _ in range((samples[r] + 2 * half - 1) // (2 * half)):
             room[:] = 0.0
-            band.add_chunk(own, half, room)
-            band.rotate(own, own.hop)
+            band.add_samples(own, half, room)
+            band.rotate_centre(own, own.hop)
             total += room[0]
         sink[r] = total
 

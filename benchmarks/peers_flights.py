@@ -27,7 +27,7 @@ def realizations(count, seed=1):
     problem, rows = rk4.problem_of(BAND, 8), []
     omega, phase, amplitude = BAND.forcing.frequency, BAND.forcing.phase, BAND.forcing.amplitude
     for number in range(count):
-        drawn = band.allocate(problem.harmonics, 1)
+        drawn = band.allocate_realization(problem.harmonics, 1)
         shinozuka.draw_band(open_stream(stream_keys(seed), number), problem, drawn)
         ratios, phases, weights = (row[: problem.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
         rows.append(

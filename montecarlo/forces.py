@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
-from fpk_rocking.physics.motion import forces
+from fpk_rocking.physics.motion import block as forces
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.force import forces_of
 from montecarlo.results.histories import Histories

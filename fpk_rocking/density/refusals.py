@@ -10,7 +10,7 @@ from fpk_rocking.base.types import known
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.memory.start import spread_left
 from fpk_rocking.density.refinement import Refined
-from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 

@@ -7,7 +7,7 @@ import numpy as np
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.space.mesh import DEVIATIONS, GROWTH, velocity_bound
 from fpk_rocking.horizon.leg import CycleLeg
-from fpk_rocking.physics.motion.remainder import largest
+from fpk_rocking.physics.motion.block import largest_correction
 
 _SEEN = 1e-6
 """Part of the largest product of reach and chance below which a cell does not count."""
@@ -59,7 +59,7 @@ def worst_bound(white):
     deviations of the noise (derived in docs/theory, "One cycle as an operator").
     """
     swing, cutoff, noise = white.forcing.swing, white.overturning.angle, DEVIATIONS * math.sqrt(white.noise.diffusion)
-    exact = largest(white.forcing.largest, white.block.critical_angle)
+    exact = largest_correction(white.forcing.largest, white.block.critical_angle)
     escape = max(1.0, cutoff - 1.0) + swing + exact + noise
     return escape / white.block.restitution + cutoff + 2.0 * swing + exact + noise
 

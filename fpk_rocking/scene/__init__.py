@@ -1,8 +1,7 @@
 """The problem as a frozen value: its parts, its TOML form, its units, and the range that the engines accept."""
 
 from fpk_rocking.physics.forcing import Forcing, Harmonic, Harmonics, Pulse, Record
-from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
-from fpk_rocking.physics.noise.filters import Filter, LinearFilter
+from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
 from fpk_rocking.physics.noise.state_space import StateSpace
 from fpk_rocking.scene.parts import BandNoise, Block, FilteredNoise, NoNoise, Overturning, Start, WhiteNoise
 from fpk_rocking.scene.scene import Scene, load_scene

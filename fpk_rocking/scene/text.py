@@ -6,9 +6,8 @@ from typing import Any
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic
-from fpk_rocking.physics.noise.clough_penzien import CloughPenzien
 from fpk_rocking.physics.noise.envelope import ENVELOPES
-from fpk_rocking.physics.noise.filters import Filter, LinearFilter
+from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
 from fpk_rocking.scene.parts import NOISES, Block, Overturning, Start
 from fpk_rocking.scene.units import Dimensions, in_units
 

@@ -6,13 +6,12 @@ Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Prob
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.body import body_in, by_body
-from fpk_rocking.physics.motion.contact import impact
-from fpk_rocking.physics.motion.equation import lift, pulls
-from fpk_rocking.physics.motion.gaussian import noise_factor
-from fpk_rocking.physics.motion.polynomial import polynomial, safe_time
-from fpk_rocking.physics.motion.slender import flight
-from fpk_rocking.physics.motion.transition import record
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_bounds, block_of, dispatch_on_block
+from fpk_rocking.physics.motion.events import record_impact
+from fpk_rocking.physics.motion.flight import slender_flight_end
+from fpk_rocking.physics.motion.gaussian import covariance_factor
+from fpk_rocking.physics.motion.impact import velocity_after_impact
+from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
 from montecarlo.engines.random import normal
 from montecarlo.engines.steps import nystrom
 
@@ -59,37 +58,37 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
     latest time for it: `end`, or that of a step that was to end with it.
     """
     restitution = problem.restitution
-    pull = lift(u, side, polynomial(segment.force, end)[0], body_in(problem))
+    pull = acceleration(u, side, value_and_slope(segment.force, end)[0], block_of(problem))
     square = w * w - 2.0 * pull * u
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
         time = end + 2.0 * u / (speed - w)
         if start <= time <= latest:
             if impacts is not None:
-                record(impacts, origin + time, -side * speed)
-            return 0.0, impact(speed, restitution), -side, time
+                record_impact(impacts, origin + time, -side * speed)
+            return 0.0, velocity_after_impact(speed, restitution), -side, time
     if u < 0.0:
         if impacts is not None:
-            record(impacts, origin + end, -side * abs(w))
-        return -impact(u, restitution), -impact(w, restitution), -side, end
+            record_impact(impacts, origin + end, -side * abs(w))
+        return -velocity_after_impact(u, restitution), -velocity_after_impact(w, restitution), -side, end
     return u, w, side, end
 
 
 @kernel(inline="always")
 def _slender_mean(x, v, side, segment, start, end, block):
-    x, v = flight(x, v, side, segment, start, end, block)
+    x, v = slender_flight_end(x, v, side, segment, start, end, block)
     return x, v, 1.0
 
 
 @kernel(inline="always")
 def _exact_mean(x, v, side, segment, start, end, block):
-    begin, middle = polynomial(segment.force, start)[0], polynomial(segment.force, 0.5 * (start + end))[0]
-    last = polynomial(segment.force, end)[0]
+    begin, middle = value_and_slope(segment.force, start)[0], value_and_slope(segment.force, 0.5 * (start + end))[0]
+    last = value_and_slope(segment.force, end)[0]
     u, w, strength = nystrom(side * x, side * v, side, begin, middle, last, end - start, block)
     return side * u, side * w, strength
 
 
-_mean = by_body(_slender_mean, _exact_mean)
+_mean = dispatch_on_block(_slender_mean, _exact_mean)
 """Angle and velocity after a step without noise, and the factor by which the noise enters in it."""
 
 
@@ -100,23 +99,23 @@ def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin)
     u >= cutoff means overturned.
     """
     cutoff, left, diffusion, reach = problem.cutoff, limit - start, problem.diffusion[j], problem.reach[j]
-    fall, rise = pulls(side, segment.force_low, segment.force_high, body_in(problem))
+    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block_of(problem))
     down = safe_step(u, w, min(0.0, -fall), reach, left, problem.shortest)
     up = safe_step(cutoff - u, -w, min(0.0, -rise), reach, left, problem.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
         duration = min(max(duration, problem.shortest), left)
-        pull = lift(u, side, polynomial(segment.force, start)[0], body_in(problem))
+        pull = acceleration(u, side, value_and_slope(segment.force, start)[0], block_of(problem))
         falls = down <= up
-        needed = safe_time(u, w, -pull) if falls else safe_time(cutoff - u, -w, pull)
+        needed = least_closing_time(u, w, -pull) if falls else least_closing_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0
         if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * diffusion * needed < FAST * w * w:
             if not falls:
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
     end = limit if duration == left else start + duration
-    x, v, strength = _mean(side * u, side * w, side, segment, start, end, body_in(problem))
-    xx, vx, vv = noise_factor(diffusion * strength * strength, end - start)
+    x, v, strength = _mean(side * u, side * w, side, segment, start, end, block_of(problem))
+    xx, vx, vv = covariance_factor(diffusion * strength * strength, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:

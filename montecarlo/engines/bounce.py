@@ -13,11 +13,10 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.body import body_in
-from fpk_rocking.physics.motion.contact import impact
-from fpk_rocking.physics.motion.equation import cosine, lift, steepness
-from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.transition import record
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, block_of, force_factor
+from fpk_rocking.physics.motion.events import record_impact
+from fpk_rocking.physics.motion.impact import velocity_after_impact
+from fpk_rocking.physics.motion.segment import value_and_slope
 from montecarlo.engines.random import normal, uniform
 
 SURE = 4.0
@@ -113,11 +112,11 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
     values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
-    block, span = body_in(problem), problem.spacing
-    share = cosine(0.0, block)
+    block, span = block_of(problem), problem.spacing
+    share = force_factor(0.0, block)
     diffusion = problem.diffusion[j] * share * share
-    force, slope = polynomial(problem.force[j], time)
-    pull = -lift(0.0, side, force, block)
+    force, slope = value_and_slope(problem.force[j], time)
+    pull = -acceleration(0.0, side, force, block)
     if not w < problem.brief * pull:
         return w, 0, time
     disc = pull * pull - 8.0 / 3.0 * side * share * slope * w
@@ -125,13 +124,15 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
         return w, 0, time
     half = 2.0 * w / (pull + math.sqrt(disc))
     if time + half <= span:
-        middle, rate = polynomial(problem.force[j], time + half)
+        middle, rate = value_and_slope(problem.force[j], time + half)
     else:
-        middle, rate = polynomial(problem.force[(j + 1) % problem.low.size], time + half - span)
+        middle, rate = value_and_slope(problem.force[(j + 1) % problem.low.size], time + half - span)
     chord = (middle - force) / half
     growth = -side * share * (rate + 0.6 * (slope + rate) - 1.2 * chord)
     mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
-    pull = -lift(0.0, side, mean, block) - half * (steepness(0.0, side, mean, block) * w / 3.0 + growth)
+    pull = -acceleration(0.0, side, mean, block) - half * (
+        acceleration_gradient(0.0, side, mean, block) * w / 3.0 + growth
+    )
     if not w * pull > _SLOWEST * diffusion:
         return w, 0, time
     noise = SURE * _WIDTH * math.sqrt(diffusion)
@@ -144,5 +145,5 @@ def bounce(stream, w, side, j, time, until, problem, impacts, origin):
     if time + duration > until:
         return w, 0, time
     if impacts is not None:
-        record(impacts, origin + time + duration, -side * speed)
-    return impact(speed, problem.restitution), -side, time + duration
+        record_impact(impacts, origin + time + duration, -side * speed)
+    return velocity_after_impact(speed, problem.restitution), -side, time + duration

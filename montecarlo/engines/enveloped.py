@@ -1,6 +1,6 @@
 """Event-driven realizations of a slender block under band noise with an envelope: the engine `exact` for η(τ) g(τ).
 
-The noise η is band-limited and a polynomial between the points of a coarse grid (`physics.noise.bandlimited`); so
+The noise η is band-limited and a polynomial between the points of a coarse grid (`physics.noise.band`); so
 is g, in pieces of its own where a kink of it falls into an interval. Their product is the force, in closed form as in
 `exact`. As g has kinks the product is not band-limited, and P is started anew in every interval.
 """
@@ -13,13 +13,19 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_in, body_of
-from fpk_rocking.physics.motion.events import can_lift_off, is_eventless
-from fpk_rocking.physics.motion.particular import added, continued, ends_of
-from fpk_rocking.physics.motion.slender import force_bounds, hyperbolic_turn, respond, segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene
+from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
+from fpk_rocking.physics.motion.flight import homogeneous_flight
+from fpk_rocking.physics.motion.particular import forced_response, particular_at, particular_series
+from fpk_rocking.physics.motion.segment import force_bounds, particular_from_rest, segment_from_particular
 from fpk_rocking.physics.noise import band
-from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
+from fpk_rocking.physics.noise.band import (
+    OVERSAMPLING,
+    WIDTH,
+    evaluate_compensation,
+    interpolant_polynomials,
+    window_compensation,
+)
 from montecarlo.engines import shinozuka
 from montecarlo.engines.exact import FEWEST, LONGEST
 from montecarlo.engines.grid import grid_of
@@ -83,19 +89,19 @@ def problem_of(scene, steps_per_cycle, times):  # noqa: ARG001  (this engine tak
     grid = grid_of(scene, longest, times)
     half = 0.5 * grid.spacing
     middles = (np.arange(grid.count) + 0.5) * grid.spacing
-    forced, shapes = forcing.pieces(middles), pieces(grid.spacing)
+    forced, shapes = forcing.pieces(middles), interpolant_polynomials(grid.spacing)
     band = band_of(scene, grid.duration)
     least, most = np.empty((2, grid.count))
     force_bounds(forced, half, least, most)
     largest = band.weight * band.harmonics * largest_strengths(envelope, grid)
     order = 2 if math.isinf(envelope.spacing) else ORDER
     return Problem(
-        *body_of(scene),
+        *block_of_scene(scene),
         start_numbers(scene.start),
         *band,
         *grid,
         shapes,
-        compensation(),
+        window_compensation(),
         2.0 * OVERSAMPLING / grid.count,
         forced,
         *pieces_of(envelope, middles, half, order),
@@ -139,12 +145,12 @@ def pieces_of(envelope, middles, half, order):
 
 def _response(force, half):
     """Angle and velocity (2, n) that forces with coefficients (n, TERMS) since the middle add to a flight."""
-    return _added(continued(0.0, 0.0, force), half)
+    return _added(particular_series(0.0, 0.0, force), half)
 
 
 def _added(particular, half):
     """Angle and velocity (2, n) that flights over an interval gain from particular solutions (n, TERMS)."""
-    return np.stack(added(*ends_of(particular, -half), *ends_of(particular, half), 2.0 * half))
+    return np.stack(forced_response(*particular_at(particular, -half), *particular_at(particular, half), 2.0 * half))
 
 
 class Room(NamedTuple):
@@ -170,7 +176,7 @@ def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of th
     """Turn drawn harmonics of the noise into those of its interpolant, and make the first samples."""
     harmonics = room.harmonics
     for n in range(harmonics.ratios.size):
-        harmonics.weights[n] *= compensate(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
+        harmonics.weights[n] *= evaluate_compensation(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
     first_samples(harmonics, room.samples, cycle, problem)
     return x, v
 
@@ -179,7 +185,7 @@ def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of th
 def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
     """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
     if number % CHUNK == 0 and number > 0:
-        band.rotate(room.harmonics, room.harmonics.hop)
+        band.rotate_centre(room.harmonics, room.harmonics.hop)
         extend(room.harmonics, room.samples)
 
 
@@ -196,7 +202,7 @@ def _after(x, v, side, j, k, problem, room):
             b += response[n, 1, i] * samples[k + i]
         push += strength[n] * a
         kick += strength[n] * b
-    y, v = hyperbolic_turn(x - side, v, math.cosh(h), math.sinh(h))
+    y, v = homogeneous_flight(x - side, v, math.cosh(h), math.sinh(h))
     return side + y + push, v + kick
 
 
@@ -205,11 +211,11 @@ def coast(state, side, number, j, problem, room):
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
     low, high, (x, v) = problem.low[j], problem.high[j], state
     if side == 0:
-        return not can_lift_off(low, high, body_in(problem)), state
+        return not can_lift_off(low, high, block_of(problem)), state
     if problem.piece[j + 1] > problem.piece[j] + 1:
         return False, state
     ahead = _after(x, v, side, j, number % CHUNK, problem, room)
-    return is_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, body_in(problem)), ahead
+    return surely_eventless(side * x, side * ahead[0], side, low, high, problem.spacing, block_of(problem)), ahead
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -238,11 +244,11 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
             for i in range(min(n + 1, strength.size)):
                 force += strength[i] * room.signal[n - i]
             room.force[n] = force
-        respond(room.force, room.particular)
+        particular_from_rest(room.force, room.particular)
         for n in range(TERMS):
             room.particular[n] += problem.forced[j, n]
-        segment = segment_of(room.particular, room.force, half)
-        x, v, side, time = advance(x, v, side, segment, begin, end, body_in(problem), impacts, origin)
+        segment = segment_from_particular(room.particular, room.force, half)
+        x, v, side, time = advance_through_events(x, v, side, segment, begin, end, block_of(problem), impacts, origin)
         if abs(x) >= problem.cutoff:
             break
         begin = end

@@ -1,9 +1,9 @@
 """Event-driven realizations under band noise or none: closed-form flights between located impacts, no time step.
 
 The particular solution P of the forcing is band-limited. It is sampled on a grid that is far coarser than the steps of
-an integrator, and is a polynomial between grid points (`physics.noise.bandlimited`). The flight itself is s + P
+an integrator, and is a polynomial between grid points (`physics.noise.band`). The flight itself is s + P
 plus two exponentials, so at grid points it costs a few operations; only the intervals in which a bound of the
-acceleration cannot exclude an event are looked at, by `fpk_rocking.physics.motion.crossing`.
+acceleration cannot exclude an event are looked at, by `physics.motion.slender_interval`.
 """
 
 import math
@@ -14,12 +14,19 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_in, body_of
-from fpk_rocking.physics.motion.crossing import Interval, interval_tables, pass_through, state_at
-from fpk_rocking.physics.motion.particular import ends_of
-from fpk_rocking.physics.motion.slender import fold, force_bounds, pulls, split, stiffness
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene, slender_acceleration_bounds
+from fpk_rocking.physics.motion.flight import dynamic_stiffness, exponential_parts, folded_angle
+from fpk_rocking.physics.motion.particular import particular_at
+from fpk_rocking.physics.motion.segment import force_bounds
+from fpk_rocking.physics.motion.slender_interval import Interval, cross_interval, interval_tables, state_in_interval
 from fpk_rocking.physics.noise import band
-from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
+from fpk_rocking.physics.noise.band import (
+    OVERSAMPLING,
+    WIDTH,
+    evaluate_compensation,
+    interpolant_polynomials,
+    window_compensation,
+)
 from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import marcher, realizer
@@ -49,7 +56,7 @@ class Problem(NamedTuple):
     `ratio_scale`: interpolant of the noise, and `ends` (2, WIDTH): it and its derivative at an interval's end. `forced`
     (m, TERMS): P of the forcing in the time since the interval's middle; `node` (m, 2): it and its derivative at the
     interval's end. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an
-    interval a flight has no event in it. `exponentials`, `bend`: see `fpk_rocking.physics.motion.crossing.Interval`.
+    interval a flight has no event in it. `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`.
     """
 
     restitution: float
@@ -81,22 +88,22 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
     longest = min(LONGEST, forcing.shortest_period / FEWEST)
     grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
     intervals, spacing = grid.count, grid.spacing
-    block, band = body_of(scene), band_of(scene, grid.duration)
+    block, band = block_of_scene(scene), band_of(scene, grid.duration)
     forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
-    shapes, half = pieces(spacing), 0.5 * spacing
+    shapes, half = interpolant_polynomials(spacing), 0.5 * spacing
     return Problem(
         *block,
         start_numbers(scene.start),
         *band,
         *grid,
         shapes,
-        compensation(),
+        window_compensation(),
         2.0 * OVERSAMPLING / intervals,
         forced,
-        np.stack(ends_of(forced, half), axis=-1),
+        np.stack(particular_at(forced, half), axis=-1),
         *_quiet_angles(forced, grid, block, band.weight * band.harmonics),
         *interval_tables(half),
-        np.stack(ends_of(shapes, half)),
+        np.stack(particular_at(shapes, half)),
     )
 
 
@@ -104,9 +111,9 @@ def _quiet_angles(forced, grid, block, loudest):
     """Angles (m, 2) that a flight at both ends of an interval must exceed, and not reach, to have no event within."""
     low, high = np.empty((2, len(forced)))
     force_bounds(forced, 0.5 * grid.spacing, low, high)
-    fall, rise = np.array([pulls.py_func(side, low - loudest, high + loudest, block) for side in (-1, 1)]).swapaxes(
-        0, 1
-    )
+    fall, rise = np.array(
+        [slender_acceleration_bounds.py_func(side, low - loudest, high + loudest, block) for side in (-1, 1)]
+    ).swapaxes(0, 1)
     sag = 0.125 * grid.spacing * grid.spacing
     return (sag * np.maximum(rise, 0.0)).T.copy(), (block.cutoff - sag * np.maximum(fall, 0.0)).T.copy()
 
@@ -116,8 +123,8 @@ def _divide(harmonics, problem):
     """Turn drawn harmonics of the noise into those of the interpolant of P."""
     ratios, frequency = harmonics.ratios, 2.0 * math.pi / (problem.count * problem.spacing)
     for n in range(ratios.size):
-        gain = -compensate(problem.compensation, ratios[n] * problem.ratio_scale)
-        harmonics.weights[n] *= gain / stiffness(frequency * ratios[n])
+        gain = -evaluate_compensation(problem.compensation, ratios[n] * problem.ratio_scale)
+        harmonics.weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -168,7 +175,7 @@ def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of th
     first_samples(room.harmonics, room.samples, cycle, problem)
     _set_nodes(room.samples, room.node, problem.ends)
     resolve(0, 0, problem, room)
-    grow, decay = split(x, v, side, room.interval.particular, -room.interval.half)
+    grow, decay = exponential_parts(x, v, side, room.interval.particular, -room.interval.half)
     return grow, decay, abs(x)
 
 
@@ -184,7 +191,7 @@ def coast(state, side, number, j, problem, room):
     """Whether nothing happens in an interval, and the flight at its end if so."""
     factor, (grow, decay, u) = room.interval.factor * room.interval.factor, state
     grow, decay = grow * factor, decay * (1.0 / factor)
-    end, s = fold(side, problem.node[j, 0] + room.node[number % CHUNK], grow, decay), 1 if side > 0 else 0
+    end, s = folded_angle(side, problem.node[j, 0] + room.node[number % CHUNK], grow, decay), 1 if side > 0 else 0
     quiet = side != 0 and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
     return quiet, (grow, decay, end)
 
@@ -198,7 +205,9 @@ def resolve(number, j, problem, room):
 @kernel(forceinline=True, borrows=True)
 def look(state, side, number, j, share, problem, room):  # noqa: ARG001
     """Angle and velocity in a resolved interval, nan if overturned."""
-    return state_at(room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, body_in(problem))
+    return state_in_interval(
+        room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, block_of(problem)
+    )
 
 
 @kernel(forceinline=True, borrows=True)
@@ -206,8 +215,8 @@ def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
     """Carry a block through a resolved interval."""
     middle = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
     node = problem.node[j, 0] + room.node[number % CHUNK]
-    grow, decay, u, side, time = pass_through(
-        room.interval, node, state[0], state[1], state[2], ahead[2], side, body_in(problem), impacts, middle
+    grow, decay, u, side, time = cross_interval(
+        room.interval, node, state[0], state[1], state[2], ahead[2], side, block_of(problem), impacts, middle
     )
     return (grow, decay, u), side, time
 

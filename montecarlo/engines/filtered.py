@@ -7,7 +7,7 @@ a flight over it. A flight without an event is therefore exact in law, however l
 Where a bound of the acceleration cannot exclude an event, the noise within the interval is needed. It is taken as the
 polynomial of least degree that has the drawn states at both ends and moves a flight by what was drawn: the conditional
 mean of the noise given all that, but for terms of relative order (interval times the filter's rate). Then
-`physics.motion.transition.advance` follows the block through impacts, chatter, rest, uplift and overturning.
+`physics.motion.events.advance_through_events` follows the block through impacts, chatter, rest, uplift and overturning.
 What the polynomial leaves out acts at events alone, and that is the method's only error (docs/monte_carlo.md). Under
 an envelope, linear in pieces that end at its kinks, the product of both is taken in flights too.
 
@@ -27,14 +27,26 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import load
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_in, body_of, by_body
-from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, carried, cruise, cruise_tables
-from fpk_rocking.physics.motion.events import can_lift_off, is_eventless
-from fpk_rocking.physics.motion.particular import added, ends_of, force_of, hyperbolic, response
-from fpk_rocking.physics.motion.polynomial import move_origin
-from fpk_rocking.physics.motion.slender import force_bounds, hyperbolic_turn, respond, segment_of
-from fpk_rocking.physics.motion.transition import advance
-from fpk_rocking.physics.noise.state_space import transition
+from fpk_rocking.physics.motion.collocation import (
+    NODES,
+    PLACES,
+    FlightTables,
+    advance_collocated,
+    flight_tables,
+    fly_by_tables,
+)
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
+from fpk_rocking.physics.motion.flight import homogeneous_flight
+from fpk_rocking.physics.motion.particular import (
+    cosh_sinh,
+    force_series,
+    forced_response,
+    impulse_response,
+    particular_at,
+)
+from fpk_rocking.physics.motion.segment import force_bounds, move_origin, particular_from_rest, segment_from_particular
+from fpk_rocking.physics.noise.state_space import transition_and_factor
 from montecarlo.engines import start
 from montecarlo.engines.grid import grid_of
 from montecarlo.engines.march import carriers, marcher, realizer, the_state
@@ -159,12 +171,12 @@ def on_grid(scene, grid):
     begins = np.arange(grid.count) * span
     forced = scene.forcing.pieces(begins)
     low, high, drift = _forcing_tables(forced, span)
-    force = force_of(forced)
+    force = force_series(forced)
     return Problem(
-        *body_of(scene),
+        *block_of_scene(scene),
         start_numbers(scene.start),
         *grid,
-        hyperbolic(span),
+        cosh_sinh(span),
         *_noise_tables(scene.noise, span),
         force if scene.block.critical_angle else forced,
         *_envelope_tables(envelope, grid, degree),
@@ -174,7 +186,7 @@ def on_grid(scene, grid):
         force @ (span * PLACES) ** np.arange(TERMS)[:, None],
         _bernstein(degree, PLACES),
         np.empty((0, NODES)) if envelope is None else envelope.value(begins[:, None] + span * PLACES),
-        *cruise_tables(span),
+        *flight_tables(span),
     )
 
 
@@ -188,11 +200,13 @@ def _envelope_tables(envelope, grid, degree):
     begins, ends = span * begins, span * ends
     strongest = np.zeros(grid.count)
     np.maximum.at(strongest, owner, np.maximum(strength[:, 0], strength[:, 0] + strength[:, 1] * (ends - begins)))
-    response = np.einsum("pn,ncd->pcd", strength[first[:-1]], _response(degree, span, 0.0, span))
+    impulse_response = np.einsum("pn,ncd->pcd", strength[first[:-1]], _response(degree, span, 0.0, span))
     for j in np.nonzero(np.diff(first) > 1)[0]:
         parts = range(first[j], first[j + 1])
-        response[j] = sum(np.tensordot(strength[p], _response(degree, span, begins[p], ends[p]), 1) for p in parts)
-    return first, begins, ends, strength, strongest, response
+        impulse_response[j] = sum(
+            np.tensordot(strength[p], _response(degree, span, begins[p], ends[p]), 1) for p in parts
+        )
+    return first, begins, ends, strength, strongest, impulse_response
 
 
 def _pieces(kinks, count):
@@ -226,7 +240,7 @@ def _response(degree, span, begin, end):
     """
     since = 0.5 * (end - begin) * (1.0 + _NODES)
     t = (begin + since) / span
-    weights = 0.5 * (end - begin) * _WEIGHTS * response(span * (1.0 - t))
+    weights = 0.5 * (end - begin) * _WEIGHTS * impulse_response(span * (1.0 - t))
     return np.stack([weights @ _bernstein(degree, t).T, (weights * since) @ _bernstein(degree, t).T])
 
 
@@ -239,7 +253,7 @@ def _forcing_tables(forced, span):
     """Return bounds of the forcing over the intervals, and what it adds to a flight: `low`, `high`, `drift`."""
     low, high = np.empty((2, len(forced)))
     force_bounds(forced, span, low, high)
-    return low, high, np.stack(added(forced[:, 0], forced[:, 1], *ends_of(forced, span), span), axis=-1)
+    return low, high, np.stack(forced_response(forced[:, 0], forced[:, 1], *particular_at(forced, span), span), axis=-1)
 
 
 def _noise_tables(noise, span):
@@ -254,7 +268,7 @@ def _noise_tables(noise, span):
     drift[:n, :n] = span * space.drift
     drift[n, n + 1], drift[n + 1, n], drift[n + 1, :n] = 1.0, span * span, space.output
     source = np.append(math.sqrt(span) * space.input, [0.0, 0.0])
-    phi, spread = transition(drift, source, 1.0)
+    phi, spread = transition_and_factor(drift, source, 1.0)
     # Angle and velocity of the flight in their own units, and as strong as the noise.
     sigma = math.sqrt(noise.variance)
     sizes = np.append(np.ones(n), [sigma * span * span, sigma * span])[:, None]
@@ -378,7 +392,7 @@ def _added(j, problem, room):
 def _fly_slender(x, v, side, j, problem, room, block):  # noqa: ARG001
     """Angle and velocity after interval j if nothing happens in it, and whether that is known."""
     push, kick = _added(j, problem, room)
-    end, speed = hyperbolic_turn(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
+    end, speed = homogeneous_flight(x - side, v, problem.hyperbolic[0], problem.hyperbolic[1])
     return end + side + problem.drift[j, 0] + push, speed + problem.drift[j, 1] + kick, True
 
 
@@ -392,12 +406,15 @@ def _fly_exact(x, v, side, j, problem, room, block):
         noise = noise + room.bernstein[i] * load(problem.basis, i)
     if problem.factors.shape[0] > 0:
         noise = load(problem.factors, j) * noise
-    push, tables = load(problem.pushes, j) + noise, Cruise(problem.points, problem.inner, problem.cosh, problem.sinh)
-    end, speed, _, found = cruise(side * x, side * v, side * push, tables, problem.spacing, block)
+    push, tables = (
+        load(problem.pushes, j) + noise,
+        FlightTables(problem.points, problem.inner, problem.cosh, problem.sinh),
+    )
+    end, speed, _, found = fly_by_tables(side * x, side * v, side * push, tables, problem.spacing, block)
     return side * end, side * speed, found
 
 
-_fly = by_body(_fly_slender, _fly_exact)
+_fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 
 @kernel(forceinline=True, borrows=True)  # see events.next_event
@@ -406,9 +423,9 @@ def coast(state, side, number, j, problem, room):  # noqa: ARG001
     low, high = bound_noise(j, problem, room)
     low, high, (x, v) = low + problem.low[j], high + problem.high[j], state
     if side == 0:
-        return not can_lift_off(low, high, body_in(problem)), state
-    end, speed, known = _fly(x, v, side, j, problem, room, body_in(problem))
-    return known and is_eventless(side * x, side * end, side, low, high, problem.spacing, body_in(problem)), (
+        return not can_lift_off(low, high, block_of(problem)), state
+    end, speed, known = _fly(x, v, side, j, problem, room, block_of(problem))
+    return known and surely_eventless(side * x, side * end, side, low, high, problem.spacing, block_of(problem)), (
         end,
         speed,
     )
@@ -433,7 +450,7 @@ def resolve(number, j, problem, room):  # noqa: ARG001
     """
     _write_signal(problem, room)
     if problem.strength.size == 0:
-        _answer(room.signal, room.particular, body_in(problem))
+        _answer(room.signal, room.particular, block_of(problem))
         for k in range(TERMS):
             room.particular[k] += problem.forced[j, k]
 
@@ -441,7 +458,7 @@ def resolve(number, j, problem, room):  # noqa: ARG001
 @kernel(forceinline=True, borrows=True)
 def _respond_slender(force, particular, block):  # noqa: ARG001
     """Write P of the force."""
-    respond(force, particular)
+    particular_from_rest(force, particular)
 
 
 @kernel(forceinline=True, borrows=True)
@@ -451,23 +468,23 @@ def _respond_exact(force, particular, block):  # noqa: ARG001
         particular[k] = force[k]
 
 
-_answer = by_body(_respond_slender, _respond_exact)
+_answer = dispatch_on_block(_respond_slender, _respond_exact)
 
 
 @kernel(forceinline=True, borrows=True)
 def _advance_slender(x, v, side, start, end, span, room, impacts, origin, block):
     """Carry a block under the force that `room` knows."""
-    segment = segment_of(room.particular, room.force, span)
-    return advance(x, v, side, segment, start, end, block, impacts, origin)
+    segment = segment_from_particular(room.particular, room.force, span)
+    return advance_through_events(x, v, side, segment, start, end, block, impacts, origin)
 
 
 @kernel(forceinline=True, borrows=True)
 def _advance_exact(x, v, side, start, end, span, room, impacts, origin, block):
     """Carry a block under the force that `room` knows."""
-    return carried(room.particular, span, x, v, side, start, end, block, impacts, origin)
+    return advance_collocated(room.particular, span, x, v, side, start, end, block, impacts, origin)
 
 
-_advance = by_body(_advance_slender, _advance_exact)
+_advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -478,7 +495,7 @@ def _open_piece(j, piece, problem, room):
     move_origin(room.signal, begin, share)
     for k in range(TERMS):
         force[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
-    _answer(force, share, body_in(problem))
+    _answer(force, share, block_of(problem))
     move_origin(problem.forced[j], begin, particular)
     for k in range(TERMS):
         particular[k] += share[k]
@@ -493,7 +510,7 @@ def _through_pieces(x, v, side, j, until, problem, room, impacts, origin):
         if begin >= until:
             break
         _open_piece(j, piece, problem, room)
-        last, block = end - begin, body_in(problem)
+        last, block = end - begin, block_of(problem)
         x, v, side, time = _advance(x, v, side, 0.0, last, last, room, impacts, origin + begin, block)
         time += begin
         if abs(x) >= problem.cutoff:
@@ -508,7 +525,7 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
     if problem.strength.size > 0:
         x, v, side, time = _through_pieces(x, v, side, j, until, problem, room, impacts, origin)
     else:
-        span, block = problem.spacing, body_in(problem)
+        span, block = problem.spacing, block_of(problem)
         x, v, side, time = _advance(x, v, side, 0.0, until, span, room, impacts, origin, block)
     return x, v, side, origin + time
 

@@ -11,8 +11,8 @@ import types
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.contact import side_of
-from fpk_rocking.physics.motion.transition import Impacts
+from fpk_rocking.physics.motion.events import ImpactRecord
+from fpk_rocking.physics.motion.impact import side_of_start
 from montecarlo.engines.random import open_stream
 
 engine = types.ModuleType("engine")
@@ -21,7 +21,7 @@ engine = types.ModuleType("engine")
 def _march(stream, x, v, cycle, problem, room, angle, velocity, impacts):
     """Carry one realization from (x, v): fill its rows of states, return time (nan: never) and side of overturning."""
     intervals, marks, rows = problem.count, problem.marks, problem.marks.size
-    side = side_of(x, v)
+    side = side_of_start(x, v)
     state = engine.begin(stream, x, v, side, cycle, problem, room)
     row, j, mark = 1, 0 * intervals, marks[0]  # j is no literal, for which all of an engine would be compiled too
     for number in range((angle.size - 1) // rows * intervals):
@@ -62,7 +62,7 @@ def _realize(keys, first, cycle, problem, angle, velocity, overturn_time, overtu
                 overturn_time[r], overturn_side[r] = cycle * lap, (1 if x > 0.0 else -1)
                 continue
             angle[r, 0], velocity[r, 0] = x, v
-            own = Impacts(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+            own = ImpactRecord(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
             overturn_time[r], overturn_side[r] = engine.march(
                 stream, x, v, cycle, problem, room, angle[r], velocity[r], own
             )

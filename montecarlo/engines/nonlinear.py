@@ -14,13 +14,26 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import load, store
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.body import body_in, body_of
-from fpk_rocking.physics.motion.collocation import NODES, PLACES, Cruise, cruise, cruise_tables, through
-from fpk_rocking.physics.motion.events import clearance
-from fpk_rocking.physics.motion.particular import force_of
-from fpk_rocking.physics.motion.slender import force_bounds
+from fpk_rocking.physics.motion.collocation import (
+    NODES,
+    PLACES,
+    FlightTables,
+    advance_from_flight,
+    flight_tables,
+    fly_by_tables,
+)
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene
+from fpk_rocking.physics.motion.events import chord_clearance
+from fpk_rocking.physics.motion.particular import force_series
+from fpk_rocking.physics.motion.segment import force_bounds
 from fpk_rocking.physics.noise import band
-from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
+from fpk_rocking.physics.noise.band import (
+    OVERSAMPLING,
+    WIDTH,
+    evaluate_compensation,
+    interpolant_polynomials,
+    window_compensation,
+)
 from montecarlo.engines import shinozuka
 from montecarlo.engines.enveloped import ORDER, largest_strengths, pieces_of
 from montecarlo.engines.exact import FEWEST, LONGEST
@@ -93,11 +106,11 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
         longest = min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1]))
     grid = grid_of(scene, longest, times)
     half, middles = 0.5 * grid.spacing, (np.arange(grid.count) + 0.5) * grid.spacing
-    band, block, shapes = band_of(scene, grid.duration), body_of(scene), pieces(grid.spacing)
+    band, block, shapes = band_of(scene, grid.duration), block_of_scene(scene), interpolant_polynomials(grid.spacing)
     powers = (half * (2.0 * PLACES - 1.0)) ** np.arange(TERMS)[:, None]
     particular, (low, high) = forcing.pieces(middles), np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
-    forced = force_of(particular)
+    forced = force_series(particular)
     loudest = band.weight * band.harmonics * (1.0 if envelope is None else largest_strengths(envelope, grid))
     return Problem(
         *block,
@@ -105,7 +118,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
         *band,
         *grid,
         shapes,
-        compensation(),
+        window_compensation(),
         2.0 * OVERSAMPLING / grid.count,
         shapes @ powers,
         forced,
@@ -113,7 +126,7 @@ def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engin
         np.zeros(TERMS),
         *_strengths(envelope, grid, middles, half),
         *_quiet(low - loudest, high + loudest, grid.spacing, block),
-        *cruise_tables(grid.spacing),
+        *flight_tables(grid.spacing),
     )
 
 
@@ -137,7 +150,7 @@ def _quiet(low, high, spacing, block):
 def _clearances(low, high, spacing, block, least, most):
     for j in range(low.size):
         for k in range(2):
-            least[j, k], most[j, k] = clearance(2 * k - 1, low[j], high[j], spacing, block)
+            least[j, k], most[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, block)
 
 
 class Room(NamedTuple):
@@ -167,7 +180,7 @@ def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of th
     """Turn drawn harmonics of the noise into those of its interpolant, and make the first samples."""
     harmonics = room.harmonics
     for n in range(harmonics.ratios.size):
-        harmonics.weights[n] *= compensate(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
+        harmonics.weights[n] *= evaluate_compensation(problem.compensation, harmonics.ratios[n] * problem.ratio_scale)
     first_samples(harmonics, room.samples, cycle, problem)
     return x, v
 
@@ -202,8 +215,8 @@ def coast(state, side, number, j, problem, room):
     if problem.factors.shape[0] > 0:
         push = load(problem.factors, j) * push
     u, push = side * x, side * (load(problem.pushes, j) + push)
-    tables = Cruise(problem.points, problem.inner, problem.cosh, problem.sinh)
-    end, speed, bend, found = cruise(u, side * v, push, tables, problem.spacing, body_in(problem))
+    tables = FlightTables(problem.points, problem.inner, problem.cosh, problem.sinh)
+    end, speed, bend, found = fly_by_tables(u, side * v, push, tables, problem.spacing, block_of(problem))
     store(room.bend, 0, bend)
     quiet = found and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
     return quiet, (side * end if found else math.nan, side * speed)
@@ -230,8 +243,21 @@ def _carry(x, v, side, number, j, share, cycle, problem, room, impacts, known, l
             for i in range(min(n + 1, strength.size)):
                 force += strength[i] * room.signal[n - i]
             room.force[n] = force
-        x, v, side, time = through(
-            room.force, half, x, v, side, start, end, body_in(problem), impacts, origin, known, last, speed, bend
+        x, v, side, time = advance_from_flight(
+            room.force,
+            half,
+            x,
+            v,
+            side,
+            start,
+            end,
+            block_of(problem),
+            impacts,
+            origin,
+            known,
+            last,
+            speed,
+            bend,
         )
         if abs(x) >= problem.cutoff:
             break

@@ -14,10 +14,10 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_in, body_of, by_body
-from fpk_rocking.physics.motion.events import can_lift_off, reach
-from fpk_rocking.physics.motion.slender import runge_kutta, runge_kutta_push, segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, folded_angle_bounds
+from fpk_rocking.physics.motion.flight import runge_kutta_coefficients, runge_kutta_forcing
+from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise import band
 from montecarlo.engines import shinozuka
 from montecarlo.engines.grid import grid_of
@@ -84,7 +84,7 @@ def problem_of(scene, steps_per_cycle, times=None):
     """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
     grid = grid_of(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Problem(
-        *body_of(scene),
+        *block_of_scene(scene),
         start_numbers(scene.start),
         *grid,
         scene.forcing.stages(grid.spacing, grid.count),
@@ -108,7 +108,7 @@ def room_of(problem):
     chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
     length = (n + chunks - 1) // chunks
     return Room(
-        band.allocate(problem.harmonics, length),
+        band.allocate_realization(problem.harmonics, length),
         np.empty(2 * length + 1),
         np.empty((length, 3)),
         np.empty(length),
@@ -123,10 +123,10 @@ def room_of(problem):
 def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
     """Tabulate the rotations of the noise."""
     n, length, harmonics = problem.count, room.low.size, room.harmonics
-    band.prepare(harmonics, length, 0.5 / n)
-    band.set_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
+    band.write_sample_rotations(harmonics, length, 0.5 / n)
+    band.write_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
     last = (n - 1) // length * length
-    band.set_rotation(harmonics.ratios, 1.0 - last / n, harmonics.wrap[0], harmonics.wrap[1])
+    band.write_rotation(harmonics.ratios, 1.0 - last / n, harmonics.wrap[0], harmonics.wrap[1])
     return x, v
 
 
@@ -143,11 +143,11 @@ def _extend(number, first, cycle, problem, room):
     n, length, harmonics, h = problem.count, room.low.size, room.harmonics, problem.spacing
     cycle += number // n
     if number == 0 or (first == 0 and cycle % band.ANCHOR_CYCLES == 0):
-        band.anchor(harmonics, cycle, 0.5 * length / n)
+        band.set_centre(harmonics, cycle, 0.5 * length / n)
     else:
-        band.rotate(harmonics, harmonics.wrap if first == 0 else harmonics.hop)
+        band.rotate_centre(harmonics, harmonics.wrap if first == 0 else harmonics.hop)
     room.noise[:] = 0.0
-    band.add_chunk(harmonics, length, room.noise)
+    band.add_samples(harmonics, length, room.noise)
     for j in range(min(length, n - first)):
         for i in range(3):
             room.force[j, i] = problem.forcing[first + j, i]
@@ -156,12 +156,12 @@ def _extend(number, first, cycle, problem, room):
         bend = 0.125 * abs(begin - 2.0 * middle + end)
         room.low[j] = min(begin, middle, end) - bend
         room.high[j] = max(begin, middle, end) + bend
-        room.push[j, 0], room.push[j, 1] = runge_kutta_push(begin, middle, end, h)
+        room.push[j, 0], room.push[j, 1] = runge_kutta_forcing(begin, middle, end, h)
 
 
 @kernel(inline="always")
 def _slender_step(x, v, side, k, h, room, block):  # noqa: ARG001
-    keep, swap, share = runge_kutta(h)
+    keep, swap, share = runge_kutta_coefficients(h)
     return keep * x + swap * v + room.push[k, 0] - side * share, swap * x + keep * v + room.push[k, 1] - side * swap
 
 
@@ -172,7 +172,7 @@ def _exact_step(x, v, side, k, h, room, block):
     return side * u, side * w
 
 
-_step = by_body(_slender_step, _exact_step)
+_step = dispatch_on_block(_slender_step, _exact_step)
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
@@ -180,9 +180,9 @@ def coast(state, side, number, j, problem, room):  # noqa: ARG001
     """Whether nothing happens in a step, and angle and velocity at its end if so."""
     k, h, (x, v) = j % room.low.size, problem.spacing, state
     if side == 0:
-        return not can_lift_off(room.low[k], room.high[k], body_in(problem)), state
-    floor, roof = reach(side * x, side * v, side, room.low[k], room.high[k], h, body_in(problem))
-    x, v = _step(x, v, side, k, h, room, body_in(problem))
+        return not can_lift_off(room.low[k], room.high[k], block_of(problem)), state
+    floor, roof = folded_angle_bounds(side * x, side * v, side, room.low[k], room.high[k], h, block_of(problem))
+    x, v = _step(x, v, side, k, h, room, block_of(problem))
     cutoff = problem.cutoff
     return floor > 0.0 and roof < cutoff and 0.0 < side * x < cutoff, (x, v)
 
@@ -205,8 +205,10 @@ def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
     """Carry a block through a share of a resolved step; return x, v, side and the time reached."""
     n, h, k = problem.count, problem.spacing, j % room.low.size
     origin = (cycle + number // n) * (n * h) + (j - k) * h
-    segment = segment_of(room.particular, room.scratch, h)
-    x, v, side, time = advance(x, v, side, segment, 0.0, h * share, body_in(problem), impacts, origin + k * h)
+    segment = segment_from_particular(room.particular, room.scratch, h)
+    x, v, side, time = advance_through_events(
+        x, v, side, segment, 0.0, h * share, block_of(problem), impacts, origin + k * h
+    )
     return x, v, side, origin + (k * h + time)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
-from fpk_rocking.physics.motion.transition import Impacts
+from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
@@ -50,7 +50,7 @@ class Batch(NamedTuple):
     velocity: np.ndarray
     overturn_time: np.ndarray
     overturn_side: np.ndarray
-    impacts: Impacts
+    impacts: ImpactRecord
 
 
 def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
@@ -127,7 +127,7 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
 def _copied(batch, first, count):
     """Return realizations `first`, ... of a deterministic scene, `count` of them, from a batch of one."""
     states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:-1], batch.impacts))
-    return Batch(first, *states, Impacts(*impacts))
+    return Batch(first, *states, ImpactRecord(*impacts))
 
 
 def _leave_out_later(batch, end):
@@ -156,7 +156,7 @@ def _room(first, count, rows, capacity):
     """Return a `Batch` with nothing in it yet."""
     angle, velocity = np.full((2, count, rows), math.nan)
     time, speed = np.full((2, count, capacity), math.nan)
-    hits = Impacts(np.zeros(count, np.int64), time, speed)
+    hits = ImpactRecord(np.zeros(count, np.int64), time, speed)
     return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.noise import band
-from fpk_rocking.physics.noise.bandlimited import WIDTH
+from fpk_rocking.physics.noise.band import WIDTH
 
 HALF = 8
 """Samples on each side of the centre of a chunk of noise."""
@@ -18,18 +18,18 @@ _LEAD = WIDTH // 2 + HALF
 @kernel
 def allocate(harmonics):
     """Make room for a number of harmonics, and for the samples (WIDTH - 1 + CHUNK,), the last CHUNK of them new."""
-    return band.allocate(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK)
+    return band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK)
 
 
 @kernel(fastmath={"contract"}, borrows=True)
 def first_samples(harmonics, samples, cycle, problem):
     """Tabulate the rotations of harmonics that are those of the interpolant, and make the first samples."""
     spacing = problem.spacing / (problem.count * problem.spacing)
-    band.prepare(harmonics, HALF, spacing)
-    band.set_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    band.anchor(harmonics, cycle, (_LEAD - CHUNK) / problem.count)
+    band.write_sample_rotations(harmonics, HALF, spacing)
+    band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    band.set_centre(harmonics, cycle, (_LEAD - CHUNK) / problem.count)
     extend(harmonics, samples)
-    band.rotate(harmonics, harmonics.hop)
+    band.rotate_centre(harmonics, harmonics.hop)
     extend(harmonics, samples)
 
 
@@ -46,9 +46,9 @@ def more_samples(harmonics, samples, number, cycle, problem):
 def _further(harmonics, samples, number, cycle, intervals):
     if number // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
         centre = number + _LEAD
-        band.anchor(harmonics, cycle + centre // intervals, centre % intervals / intervals)
+        band.set_centre(harmonics, cycle + centre // intervals, centre % intervals / intervals)
     else:
-        band.rotate(harmonics, harmonics.hop)
+        band.rotate_centre(harmonics, harmonics.hop)
     extend(harmonics, samples)
 
 
@@ -58,7 +58,7 @@ def extend(harmonics, samples):
     for k in range(WIDTH - 1):
         samples[k] = samples[k + CHUNK]
     samples[WIDTH - 1 :] = 0.0
-    band.add_chunk(harmonics, HALF, samples[WIDTH - 1 :])
+    band.add_samples(harmonics, HALF, samples[WIDTH - 1 :])
 
 
 # Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.

@@ -23,15 +23,13 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_in, body_of, by_body
-from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.motion.events import reach
-from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered, noise_factor
-from fpk_rocking.physics.motion.particular import hyperbolic
-from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import Segment, flight, hyperbolic_turn, segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
+from fpk_rocking.physics.motion.flight import homogeneous_flight, slender_flight_end
+from fpk_rocking.physics.motion.gaussian import accumulated_covariance, covariance_factor, flight_covariance
+from fpk_rocking.physics.motion.particular import cosh_sinh
+from fpk_rocking.physics.motion.segment import Segment, segment_from_particular, value_and_slope
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo.engines import start as start_of
 from montecarlo.engines.approach import land, near
@@ -105,24 +103,24 @@ class Problem(NamedTuple):
 @kernel
 def _segments(particular, span, force, low, high, curvature, stages, drift, block):
     for j in range(low.size):
-        segment = segment_of(particular[j], force[j], span)
+        segment = segment_from_particular(particular[j], force[j], span)
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
         for k in range(3):
-            stages[j, k] = polynomial(force[j], 0.5 * k * span)[0]
+            stages[j, k] = value_and_slope(force[j], 0.5 * k * span)[0]
         for k in range(2):
-            drift[j, k, 0], drift[j, k, 1] = flight(0.0, 0.0, 2 * k - 1, segment, 0.0, span, block)
+            drift[j, k, 0], drift[j, k, 1] = slender_flight_end(0.0, 0.0, 2 * k - 1, segment, 0.0, span, block)
 
 
 def _factors(diffusions, envelope, span):
     """Return `spread` of a `Problem`, exact where the envelope is smooth."""
     if envelope is None:
-        return np.sqrt(diffusions)[:, None] * np.array(noise_factor(1.0, span))
+        return np.sqrt(diffusions)[:, None] * np.array(covariance_factor(1.0, span))
     nodes, weights = np.polynomial.legendre.leggauss(8)
     s = 0.5 * span * (1.0 + nodes)
     strength = envelope.value(span * np.arange(len(diffusions))[:, None] + s) ** 2
     means = strength @ weights / 2.0
     weights = span * weights * strength * (diffusions / np.where(means > 0.0, means, 1.0))[:, None]
-    xx, xv, vv = gathered(weights, span - s)
+    xx, xv, vv = accumulated_covariance(weights, span - s)
     x = np.sqrt(xx)
     v = np.divide(xv, x, out=np.zeros_like(x), where=x > 0.0)
     return np.stack([x, v, np.sqrt(np.maximum(vv - v * v, 0.0))], axis=-1)
@@ -157,17 +155,17 @@ def problem_of(scene, steps_per_cycle, times=None):
         np.empty((intervals, 2, 2)),
     )
     particular = scene.forcing.pieces(np.arange(intervals) * span)
-    _segments(particular, span, *tables, body_of(scene))
+    _segments(particular, span, *tables, block_of_scene(scene))
     xx, _, _ = flight_covariance(1.0, span)
     roots = np.sqrt(diffusions)
     return Problem(
-        *body_of(scene),
+        *block_of_scene(scene),
         *grid,
         diffusions,
         start_numbers(scene.start),
         particular,
         *tables,
-        hyperbolic(span),
+        cosh_sinh(span),
         _factors(diffusions, envelope, span),
         scene.forcing.time_scale / (FINEST * steps_per_cycle),
         BRIEF * span,
@@ -182,7 +180,7 @@ def _slender_draw(u, w, side, first, second, j, problem, block):  # noqa: ARG001
     drift = problem.drift[j, (side + 1) // 2]
     keep, swap = problem.hyperbolic
     xx, vx, vv = problem.spread[j, 0], problem.spread[j, 1], problem.spread[j, 2]
-    u, w = hyperbolic_turn(u, w, keep, swap)
+    u, w = homogeneous_flight(u, w, keep, swap)
     return u + side * (drift[0] + xx * first), w + side * (drift[1] + vx * first + vv * second)
 
 
@@ -194,7 +192,7 @@ def _exact_draw(u, w, side, first, second, j, problem, block):
     return u + side * strength * (xx * first), w + side * strength * (vx * first + vv * second)
 
 
-_draw = by_body(_slender_draw, _exact_draw)
+_draw = dispatch_on_block(_slender_draw, _exact_draw)
 """Folded angle and velocity after interval j without an event, by two normal numbers."""
 
 
@@ -210,7 +208,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
     segment = Segment(problem.particular[j], problem.force[j], problem.low[j], problem.high[j], problem.curvature[j])
     if start == 0.0 and end == span and is_clear(u, w, side, j, problem):
         first, second = normal(stream), normal(stream)
-        u, w = _draw(u, w, side, first, second, j, problem, body_in(problem))
+        u, w = _draw(u, w, side, first, second, j, problem, block_of(problem))
         if u >= 0.0:
             return u, w, side, span
         u, w, side, time = land(u, w, side, segment, 0.0, span, span, problem, impacts, origin)
@@ -218,7 +216,7 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
         return _undisturbed(u, w, side, segment, time, end, problem, impacts, origin)
     if u == 0.0 and w == 0.0:
         # At rest the first step would begin with an impact if the force pressed the block down.
-        side = 1 if polynomial(segment.force, time)[0] > 0.0 else -1
+        side = 1 if value_and_slope(segment.force, time)[0] > 0.0 else -1
     until = max(until, end)
     while time < end and u < cutoff:
         if u == 0.0 and w > 0.0:
@@ -234,7 +232,9 @@ def interval(stream, u, w, side, j, problem, impacts=None, origin=0.0, start=0.0
 def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
     """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
     side = 0 if u == 0.0 and w == 0.0 else side
-    x, v, side, time = advance(side * u, side * w, side, segment, start, end, body_in(problem), impacts, origin)
+    x, v, side, time = advance_through_events(
+        side * u, side * w, side, segment, start, end, block_of(problem), impacts, origin
+    )
     if side == 0:
         return 0.0, 0.0, 1, time
     return side * x, side * v, side, time
@@ -243,7 +243,7 @@ def _undisturbed(u, w, side, segment, start, end, problem, impacts, origin):
 @kernel(borrows=True)
 def is_clear(u, w, side, j, problem):
     """Whether neither barrier is within REACH standard deviations in all of interval j."""
-    below, above = reach(u, w, side, problem.low[j], problem.high[j], problem.spacing, body_in(problem))
+    below, above = folded_angle_bounds(u, w, side, problem.low[j], problem.high[j], problem.spacing, block_of(problem))
     return below >= problem.margin[j] and problem.cutoff - above >= problem.margin[j]
 
 

@@ -18,10 +18,11 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_in, body_of
-from fpk_rocking.physics.motion.contact import impact
-from fpk_rocking.physics.motion.events import IMPACT, OVERTURNING, next_event
-from fpk_rocking.physics.motion.slender import Segment, bounds, escape
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene
+from fpk_rocking.physics.motion.events import Event, next_event
+from fpk_rocking.physics.motion.flight import unstable_coordinate
+from fpk_rocking.physics.motion.impact import velocity_after_impact
+from fpk_rocking.physics.motion.segment import Segment, force_from_particular
 
 AHEAD = 7.0
 """Time for which the motion without noise is followed."""
@@ -86,26 +87,26 @@ def _course(scene, intervals, span):
     particular, force = scene.forcing.pieces(np.arange(intervals) * span), np.empty((intervals, TERMS))
     low, high, curvature = np.empty((3, intervals))
     for j in range(intervals):
-        low[j], high[j], curvature[j] = bounds(particular[j], duration, force[j])
-    ahead = (duration, stride, math.ceil(AHEAD / duration), *body_of(scene))
+        low[j], high[j], curvature[j] = force_from_particular(particular[j], duration, force[j])
+    ahead = (duration, stride, math.ceil(AHEAD / duration), *block_of_scene(scene))
     return Course(particular, force, low, high, curvature, *ahead)
 
 
 @kernel
 def _ahead(u, w, side, j, course):
     """Prospects of a state at time j of the cycle; a block is followed until it escapes or comes to rest."""
-    best = escape(u, w, side, course.particular[j], 0.0)
+    best = unstable_coordinate(u, w, side, course.particular[j], 0.0)
     x, v = side * u, side * w
     for _ in range(course.count):
         segment = Segment(course.particular[j], course.force[j], course.low[j], course.high[j], course.curvature[j])
         t = 0.0
         while t < course.duration and best <= 0.0:
-            kind, t, x, v = next_event(x, v, side, segment, t, course.duration, body_in(course))
-            if kind == OVERTURNING or (kind == IMPACT and abs(v) < _SLOW):
+            kind, t, x, v = next_event(x, v, side, segment, t, course.duration, block_of(course))
+            if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < _SLOW):
                 return best
-            if kind == IMPACT:
-                v, side = impact(v, course.restitution), -side
-                best = max(best, escape(0.0, side * v, side, course.particular[j], t))
+            if kind == Event.IMPACT:
+                v, side = velocity_after_impact(v, course.restitution), -side
+                best = max(best, unstable_coordinate(0.0, side * v, side, course.particular[j], t))
         j = (j + course.stride) % course.low.size
     return best
 

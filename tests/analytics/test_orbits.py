@@ -10,9 +10,9 @@ from oracle import Block
 from fpk_rocking.analytics.orbits import _speeds, symmetric_orbits
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.events import advance_through_events
+from fpk_rocking.physics.motion.segment import segment_from_particular
 
 CUTOFF = math.pi / 2
 STABLE = [(1.5, 2.7, 0.5), (3.0, 3.0, 0.9), (5.0, 5.0, 0.925)]
@@ -25,7 +25,7 @@ def segments_of(orbit, phase):
     """Forcing of one cycle in `SEGMENTS` parts, from a phase on, and their duration."""
     span = 2.0 * math.pi / orbit.frequency / SEGMENTS
     pieces = Harmonic(orbit.amplitude, orbit.frequency, phase).pieces(span * np.arange(SEGMENTS))
-    return [segment_of(piece, np.empty(TERMS), span) for piece in pieces], span
+    return [segment_from_particular(piece, np.empty(TERMS), span) for piece in pieces], span
 
 
 def half_cycles(orbit, phase, state, count):
@@ -36,7 +36,7 @@ def half_cycles(orbit, phase, state, count):
     for k in range(count):
         for i in range(SEGMENTS // 2):
             segment = segments[(k % 2) * SEGMENTS // 2 + i]
-            x, v, side, _ = advance(x, v, side, segment, 0.0, span, Body(orbit.restitution, CUTOFF))
+            x, v, side, _ = advance_through_events(x, v, side, segment, 0.0, span, Body(orbit.restitution, CUTOFF))
         states.append((x, v) if k % 2 else (-x, -v))
     return np.array(states)
 
@@ -227,13 +227,13 @@ def test_bad_parameters_are_refused(changed, error, message):
 def test_free_rocking_peaks_in_closed_form():
     # From a peak u the block falls as 1 - (1 - u) cosh t, meets x = 0 with w^2 = 1 - (1 - u)^2 and rises to the peak
     # 1 - sqrt(1 - e^2 w^2) at the time artanh(e w).
-    free, e, peak, side, time = segment_of(np.zeros(TERMS), np.empty(TERMS), 10.0), 0.5, 0.5, 1, 0.0
+    free, e, peak, side, time = segment_from_particular(np.zeros(TERMS), np.empty(TERMS), 10.0), 0.5, 0.5, 1, 0.0
     peaks = []
     for _ in range(8):
         speed = e * math.sqrt(1.0 - (1.0 - peak) ** 2)
         time += math.acosh(1.0 / (1.0 - peak)) + math.atanh(speed)
         peak, side = 1.0 - math.sqrt(1.0 - speed**2), -side
-        x, v, now, _ = advance(0.5, 0.0, 1, free, 0.0, time, Body(e, CUTOFF))
+        x, v, now, _ = advance_through_events(0.5, 0.0, 1, free, 0.0, time, Body(e, CUTOFF))
         assert (x, v, now) == (pytest.approx(side * peak, abs=1e-14), pytest.approx(0.0, abs=1e-13), side)
         peaks.append(peak)
     assert peaks[:3] == pytest.approx([0.098612, 0.023719, 0.005877], abs=5e-7)

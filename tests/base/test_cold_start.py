@@ -185,10 +185,10 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
     """
     code = """
 from fpk_rocking.base import ahead
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.contact import chatter_time
-ahead.TASKS["fpk_rocking.physics.motion.contact:chatter_time"] = 7
-ahead.before("fpk_rocking.physics.motion.contact:chatter_time")
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.impact import chatter_time
+ahead.TASKS["fpk_rocking.physics.motion.impact:chatter_time"] = 7
+ahead.before("fpk_rocking.physics.motion.impact:chatter_time")
 print(chatter_time(0.25, 0.0, Body(0.0, 1.5)), sum(chatter_time.stats.cache_misses.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
@@ -250,8 +250,8 @@ def test_kernels_give_the_same_where_each_is_compiled_apart(tmp_path):
     """As with a numba whose libraries cannot be extended."""
     code = """
 from fpk_rocking.base import jit
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.contact import chatter_time
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.impact import chatter_time
 print(jit.WHOLE, chatter_time(0.25, 0.3, Body(0.7, 1.5)))
 """
     answers = []

@@ -17,8 +17,8 @@ from fpk_rocking.base import calls, jit
 
 PROBE = """
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.contact import chatter_time
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.impact import chatter_time
 
 @kernel
 def probe(speed):
@@ -72,15 +72,15 @@ def test_the_cache_is_in_the_users_cache_folder_unless_chosen(package, tmp_path)
 COUNTED = """
 import sys
 from fpk_rocking.base import jit
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.equation import flight
-from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.flight import flight_end
+from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 import numpy as np
 
-segment = segment_of(Harmonic(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
-print(jit.BORROWS, *flight(0.1, 0.2, 1, segment, 0.0, 0.2, Body(0.9, 1.5)))
+segment = segment_from_particular(Harmonic(4.6, 2.7, 0.3).pieces([0.0])[0], np.empty(TERMS), 0.2)
+print(jit.BORROWS, *flight_end(0.1, 0.2, 1, segment, 0.0, 0.2, Body(0.9, 1.5)))
 """
 
 
@@ -101,11 +101,11 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.slender import Segment, bounds
+from fpk_rocking.physics.motion.segment import Segment, force_from_particular
 
 @kernel
 def make(particular, force, duration):
-    return Segment(particular, force, *bounds(particular, duration, force))
+    return Segment(particular, force, *force_from_particular(particular, duration, force))
 
 @kernel(borrows=True)
 def borrower(particular, force):

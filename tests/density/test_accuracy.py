@@ -15,7 +15,7 @@ from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.motion.gaussian import blur_variances
+from fpk_rocking.physics.motion.gaussian import shear_diffusion_variances
 from fpk_rocking.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)
@@ -85,7 +85,7 @@ def test_flight_and_noise_have_exact_moments(duration, same_mesh):
 @pytest.mark.parametrize("duration", [1e-3, 0.03, 0.0999, 0.1, 0.5])
 def test_blurs_have_the_covariance_of_the_flight(duration):
     """A blur of the angle, a velocity_shear's blur and another of the angle, carried on by the shears between them."""
-    velocity_shear, small = blur_variances(0.7, duration)
+    velocity_shear, small = shear_diffusion_variances(0.7, duration)
     early, middle, late = (
         [math.cosh(duration), math.sinh(duration)],
         [math.tanh(duration / 2.0), 1.0],

@@ -35,7 +35,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.output.summary import result_summary
-from fpk_rocking.physics.noise.state_space import transition
+from fpk_rocking.physics.noise.state_space import transition_and_factor
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -80,7 +80,7 @@ def test_mixing_between_near_nodes_is_of_fourth_order(noise):
     errors, lag, spacings = [], 0.1, (0.5, 0.35, 0.25)
     for spacing in spacings:
         nodes = Nodes(noise, (round(18.0 / spacing) + 1, 5), spacing)
-        phi, factor = transition(nodes.drift, nodes.input, lag)
+        phi, factor = transition_and_factor(nodes.drift, nodes.input, lag)
         means = (nodes.states.reshape(-1, 2)[:, : len(phi)] @ phi.T)[:, 0]
         spread, inner = factor[0] @ factor[0], np.abs(means) < 3.0
         mixing, y = nodes.mixing(lag), nodes.states[..., 0].ravel()

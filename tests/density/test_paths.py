@@ -14,7 +14,7 @@ from density_operators import affine, flight_noise, flow
 from fpk_rocking import Harmonic
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Trace
-from fpk_rocking.physics.motion import saltation
+from fpk_rocking.physics.motion import impact as saltation
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
 AMPLITUDE, FREQUENCY, PHASE = 4.6, 2.7, math.pi - 1.0
@@ -30,8 +30,8 @@ def forcing(time):
 
 def expansion(displacement, time, speed, side, duration=DURATION):
     """Displacement at the end and whether the impact came within the step, by the kernel."""
-    impact = saltation.encounter(speed, side, *forcing(START + time), DYNAMICS.block)
-    return saltation.through_impact_expanded(*displacement, time, duration - time, impact, DYNAMICS.block)
+    impact = saltation.linearize_impact(speed, side, *forcing(START + time), DYNAMICS.block)
+    return saltation.displacement_through_impact(*displacement, time, duration - time, impact, DYNAMICS.block)
 
 
 def flown(displacement, time, speed, side):
@@ -117,9 +117,9 @@ def test_nodes_lie_along_the_axes_of_the_noise_that_went_through_an_impact(side,
 def test_noise_has_one_diffusion_before_an_impact_and_another_after_it():
     """An exact block is moved by the noise as cos φ says where it is."""
     rest, before, after = DURATION - TIME, 2e-3, 5e-3
-    met = saltation.encounter(-0.7, 1, *forcing(START + TIME), DYNAMICS.block)
+    met = saltation.linearize_impact(-0.7, 1, *forcing(START + TIME), DYNAMICS.block)
     parts = [
-        saltation.through_impact(one, TIME, rest, met, DYNAMICS.restitution)
+        saltation.covariance_through_impact(one, TIME, rest, met, DYNAMICS.restitution)
         for one in ((before, after), (before, 0.0), (0.0, after))
     ]
     (final, early, _), (first, alone, _), (last, none, _) = parts

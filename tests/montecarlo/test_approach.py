@@ -6,7 +6,7 @@ import types
 import numpy as np
 import pytest
 
-from fpk_rocking.physics.motion import slender
+from fpk_rocking.physics.motion import equation, flight
 from montecarlo.engines import approach
 
 PROBLEM = types.SimpleNamespace(restitution=0.6, cutoff=1.5, critical_angle=None, shortest=1e-6)
@@ -15,10 +15,20 @@ PROBLEM = types.SimpleNamespace(restitution=0.6, cutoff=1.5, critical_angle=None
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
     """As Python, with what it calls, and normals of 0."""
-    for name in ("body_in", "impact", "land", "near", "noise_factor", "polynomial", "safe_step", "safe_time"):
+    for name in (
+        "block_of",
+        "velocity_after_impact",
+        "land",
+        "near",
+        "covariance_factor",
+        "value_and_slope",
+        "safe_step",
+        "least_closing_time",
+    ):
         monkeypatch.setattr(approach, name, getattr(approach, name).py_func)
-    for name in ("lift", "pulls", "flight"):
-        monkeypatch.setattr(approach, name, getattr(slender, name).py_func)
+    for name in ("acceleration", "acceleration_bounds"):
+        monkeypatch.setattr(approach, name, getattr(equation, f"slender_{name}").py_func)
+    monkeypatch.setattr(approach, "slender_flight_end", flight.slender_flight_end.py_func)
     monkeypatch.setattr(approach, "_mean", approach._slender_mean.py_func)
     monkeypatch.setattr(approach, "normal", lambda _: 0.0)
 
@@ -69,7 +79,7 @@ def test_a_step_ends_before_a_bound_of_the_acceleration_brings_a_block_to_a_barr
 
 
 def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
-    monkeypatch.setattr(approach, "lift", lambda *_: -1.5)
+    monkeypatch.setattr(approach, "acceleration", lambda *_: -1.5)
     segment = types.SimpleNamespace(force=np.zeros(16))
     for late in (0.01, 0.05, -0.02):  # a draw may end before its impact, if the step was to end with it
         u, w = -late * (0.8 + 0.75 * late), -(0.8 + 1.5 * late)
@@ -80,7 +90,7 @@ def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
 @pytest.mark.parametrize(("w", "lift"), [(0.2, 100.0), (0.0, 100.0), (-0.05, -1.0), (-0.1, 0.0)])
 def test_a_draw_beyond_an_impact_that_no_parabola_has_is_scaled(monkeypatch, w, lift):
     """It rises, its impact would be before the step, or there is none."""
-    monkeypatch.setattr(approach, "lift", lambda *_: lift)
+    monkeypatch.setattr(approach, "acceleration", lambda *_: lift)
     segment = types.SimpleNamespace(force=np.zeros(16))
     found = approach.land(-0.01, w, -1, segment, 0.25, 0.3, 0.3, PROBLEM, None, 0.0)
     assert found == pytest.approx((0.006, -0.6 * w, 1, 0.3))

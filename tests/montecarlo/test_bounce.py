@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from fpk_rocking.physics.motion.body import Body
+from fpk_rocking.physics.motion.equation import Body
 from fpk_rocking.physics.motion.events import next_event
-from fpk_rocking.physics.motion.slender import Segment
+from fpk_rocking.physics.motion.segment import Segment
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white

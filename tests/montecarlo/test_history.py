@@ -9,9 +9,9 @@ import pytest
 
 from fpk_rocking.envelopes import Table
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import body_of
-from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import Impacts, advance
+from fpk_rocking.physics.motion.equation import block_of_scene
+from fpk_rocking.physics.motion.events import ImpactRecord, advance_through_events
+from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import (
     BandNoise,
     Block,
@@ -35,13 +35,13 @@ ORBIT = dataclasses.replace(load_scene(SCENES / "fig05.toml"), noise=NoNoise())
 def exact(scene, x, v, side, times):
     """States at ascending times and the impacts up to the last, by closed-form flights of the noise-free motion."""
     forcing, t = scene.forcing, 0.0
-    impacts, states = Impacts(np.zeros(1, np.int64), np.empty(200), np.empty(200)), [(x, v)]
+    impacts, states = ImpactRecord(np.zeros(1, np.int64), np.empty(200), np.empty(200)), [(x, v)]
     for end in times[1:]:
         while t < end:
             span = min(end - t, 0.1)
-            segment = segment_of(forcing.pieces([t])[0], np.empty(TERMS), span)
-            numbers = (0.0, span, body_of(scene), impacts, t)
-            x, v, side, _ = advance(x, v, side, segment, *numbers)
+            segment = segment_from_particular(forcing.pieces([t])[0], np.empty(TERMS), span)
+            numbers = (0.0, span, block_of_scene(scene), impacts, t)
+            x, v, side, _ = advance_through_events(x, v, side, segment, *numbers)
             t = end if span < 0.1 else t + span
         states.append((x, v))
     count = impacts.count[0]

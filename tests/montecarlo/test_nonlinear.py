@@ -90,7 +90,7 @@ def test_paths_under_pulses_and_records_are_those_of_an_independent_integrator(n
 def realized(scene, seed, number):
     """Force of a realization as a function of time, from the numbers that the engine draws."""
     problem = nonlinear.problem_of(scene, 200, np.array([scene.period]))
-    drawn = band.allocate(problem.harmonics, 1)
+    drawn = band.allocate_realization(problem.harmonics, 1)
     shinozuka.draw_band(open_stream(stream_keys(seed), number), problem, drawn)
     count, lap = problem.harmonics, problem.count * problem.spacing
     rates, phases = 2.0 * math.pi * drawn.ratios[:count] / lap, 2.0 * math.pi * drawn.phases[:count]

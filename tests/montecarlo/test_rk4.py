@@ -11,10 +11,10 @@ from two_samples import survival_test
 
 import montecarlo
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.contact import side_of
-from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.events import advance_through_events
+from fpk_rocking.physics.motion.impact import side_of_start
+from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")
@@ -30,13 +30,13 @@ def noise_free(amplitude=0.0, restitution=0.5, frequency=2.7, phase=math.pi, sta
 def closed_form(scene, x, v, cycles):
     """Poincaré points (cycles + 1, 2) by exact flights; nan after overturning."""
     forcing, span = scene.forcing, scene.period / 16
-    side = side_of(x, v)
+    side = side_of_start(x, v)
     points = np.full((cycles + 1, 2), math.nan)
     points[0] = x, v
     for i in range(16 * cycles):
-        segment = segment_of(forcing.pieces([i * span])[0], np.empty(TERMS), span)
+        segment = segment_from_particular(forcing.pieces([i * span])[0], np.empty(TERMS), span)
         cutoff = scene.overturning.angle
-        x, v, side, _ = advance(x, v, side, segment, 0.0, span, Body(scene.block.restitution, cutoff))
+        x, v, side, _ = advance_through_events(x, v, side, segment, 0.0, span, Body(scene.block.restitution, cutoff))
         if abs(x) >= cutoff:
             break
         if i % 16 == 15:

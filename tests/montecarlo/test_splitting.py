@@ -8,7 +8,7 @@ import oracle
 import pytest
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
+from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
 from montecarlo.engines.random import open_stream, stream_keys, uniform

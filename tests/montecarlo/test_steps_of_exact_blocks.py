@@ -8,8 +8,8 @@ import white_paths
 from scipy.integrate import solve_ivp
 from whole_paths import followed
 
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.gaussian import noise_factor
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.gaussian import covariance_factor
 from fpk_rocking.scene import (
     BandNoise,
     Block,
@@ -53,7 +53,7 @@ def stepped(method, u, w, side, n):
     """State after n steps through a flight of .6, and its covariance by differences of the state in every step."""
     h, body, covariance = 0.6 / n, Body(0.8, CUTOFF, ALPHA), np.zeros((2, 2))
     factor = np.zeros((2, 2))
-    factor[np.tril_indices(2)] = noise_factor(1.0, h)
+    factor[np.tril_indices(2)] = covariance_factor(1.0, h)
     for k in range(n):
         forces = [force((k + part) * h) for part in (0.0, 0.5, 1.0)]
         states = [method(u + a, w + b, side, *forces, h, body) for a, b in ((0.0, 0.0), (1e-6, 0.0), (0.0, 1e-6))]

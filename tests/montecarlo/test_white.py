@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from two_samples import survival_test
 
-from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.contact import CRITICAL_RESTITUTION
-from fpk_rocking.physics.motion.equation import flight
+from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.flight import flight_end
 from fpk_rocking.physics.motion.gaussian import flight_covariance
-from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
@@ -34,8 +33,8 @@ def test_flight_has_its_gaussian_moments(covariance):
     period, forcing = scene.period, scene.forcing
     x, v = start.angle, start.velocity
     for i in range(16):
-        segment = segment_of(forcing.pieces([i * period / 16])[0], np.empty(TERMS), period / 16)
-        x, v = flight(x, v, 1, segment, 0.0, period / 16, Body(0.9, 1.5))
+        segment = segment_from_particular(forcing.pieces([i * period / 16])[0], np.empty(TERMS), period / 16)
+        x, v = flight_end(x, v, 1, segment, 0.0, period / 16, Body(0.9, 1.5))
     xx, xv, vv = flight_covariance(scene.noise.diffusion, period)
     grow = np.array([[math.cosh(period), math.sinh(period)], [math.sinh(period), math.cosh(period)]])
     truth = np.array([[xx, xv], [xv, vv]]) + grow @ np.array(covariance or np.zeros((2, 2))) @ grow.T

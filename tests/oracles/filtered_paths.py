@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.contact import side_of
+from fpk_rocking.physics.motion.impact import side_of_start
 from montecarlo.engines.filtered import begin_noise, carry, coast, draw_noise, on_grid, resolve, room_of
 from montecarlo.engines.grid import Grid
 from montecarlo.engines.random import open_stream, stream_keys
@@ -49,7 +49,7 @@ def _pair(stream, fine, coarse, factor, cycles):
     """Follow one path on both grids; return both times of overturning (inf: none) and both last angles."""
     rooms = room_of(fine), room_of(coarse)
     x, v = draw_start(stream, fine.start)
-    states = [(x, v, side_of(x, v)), (x, v, side_of(x, v))]
+    states = [(x, v, side_of_start(x, v)), (x, v, side_of_start(x, v))]
     times = [math.inf, math.inf]
     begin_noise(stream, fine, rooms[0])
     intervals = fine.low.size

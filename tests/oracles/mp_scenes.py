@@ -26,7 +26,7 @@ def follow_scene(scene, seed, realization, cycles, rounding=2e-14, digits=50):
     Frequencies and phases are the very numbers that the engines draw; what they are multiplied with is exact.
     """
     problem = rk4.problem_of(scene, 8)
-    harmonics = band.allocate(problem.harmonics, 1)
+    harmonics = band.allocate_realization(problem.harmonics, 1)
     angle, velocity = shinozuka.draw_band(open_stream(stream_keys(seed), realization), problem, harmonics)
     rows = harmonics.ratios, harmonics.phases, harmonics.weights
     ratios, phases, weights = (row[: problem.harmonics].tolist() for row in rows)

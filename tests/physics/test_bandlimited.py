@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.noise.bandlimited import OVERSAMPLING, WIDTH, compensate, compensation, pieces
+from fpk_rocking.physics.noise.band import (
+    OVERSAMPLING,
+    WIDTH,
+    evaluate_compensation,
+    interpolant_polynomials,
+    window_compensation,
+)
 
 
 def errors(frequencies, weights, phases, spacing, intervals=100):
     """Largest errors of value and slope of the interpolant over some intervals, the first beginning at 0."""
     bound = np.pi / (OVERSAMPLING * spacing)
-    gains = np.array([compensate(compensation(), frequency / bound) for frequency in frequencies])
+    gains = np.array([evaluate_compensation(window_compensation(), frequency / bound) for frequency in frequencies])
     times = spacing * (np.arange(intervals + WIDTH) - WIDTH // 2 + 1)
     samples = np.cos(np.outer(times, frequencies) + phases) @ (weights * gains)
-    shapes, place = pieces(spacing), spacing * np.linspace(-0.5, 0.5, 11)
+    shapes, place = interpolant_polynomials(spacing), spacing * np.linspace(-0.5, 0.5, 11)
     worst = np.zeros(2)
     for k in range(intervals):
         polynomial = np.polynomial.Polynomial(samples[k : k + WIDTH] @ shapes)
@@ -49,7 +55,7 @@ def test_beyond_the_band_the_interpolant_is_wrong():
 
 
 def test_neighbouring_pieces_join():
-    shapes = pieces(0.3)
+    shapes = interpolant_polynomials(0.3)
     assert shapes.shape == (WIDTH, TERMS)
     ends = np.polynomial.polynomial.polyval(np.array([-0.15, 0.15]), shapes.T)
     assert ends[1:, 1] == pytest.approx(ends[:-1, 0], abs=1e-14)

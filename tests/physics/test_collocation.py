@@ -5,8 +5,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import Body
 from fpk_rocking.physics.motion.collocation import NODES, _leaves, _without_begin
+from fpk_rocking.physics.motion.equation import Body
 
 BLOCK = Body(0.9, 2.0, 0.3)
 

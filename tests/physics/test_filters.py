@@ -25,7 +25,7 @@ from fpk_rocking import (
 )
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.physics.noise import equivalence
-from fpk_rocking.physics.noise.state_space import transition
+from fpk_rocking.physics.noise.state_space import transition_and_factor
 from fpk_rocking.results.remarks import noise_text
 
 NOISES = [
@@ -184,7 +184,7 @@ def test_transition_against_its_definition(noise, steps):
     """The covariance part by part, without doubling, and with what is left of the stationary one it is that again."""
     drift, source, _, spread = formulas.state_space(noise)
     duration = steps / noise.frequency
-    phi, factor = transition(drift, source, duration)
+    phi, factor = transition_and_factor(drift, source, duration)
     covariance = factor @ factor.T
     assert phi == pytest.approx(expm(drift * duration), rel=1e-9, abs=1e-13)
     part = duration / (1 + math.ceil(8.0 * steps))

@@ -19,7 +19,7 @@ from fpk_rocking import (
     solve_fpk,
 )
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
+from fpk_rocking.physics.motion.segment import move_origin, value_and_slope
 from montecarlo import histories, simulate, split, tally
 
 TWO = Harmonics(2.7, (2.4, 1.1), (0.0, 0.7))
@@ -252,7 +252,7 @@ def test_polynomials_move_their_origin():
     coefficients, moved = rng.normal(size=TERMS) / 2.0 ** np.arange(TERMS), np.empty(TERMS)
     move_origin(coefficients, 0.3, moved)
     for t in (-0.2, 0.0, 0.5):
-        assert polynomial(moved, t) == pytest.approx(polynomial(coefficients, t + 0.3), rel=1e-13)
+        assert value_and_slope(moved, t) == pytest.approx(value_and_slope(coefficients, t + 0.3), rel=1e-13)
 
 
 def test_melnikov_functions_of_several_harmonics():

@@ -17,7 +17,7 @@ VARIANCE, BAND = 0.04, (1.0, 6.0)
 
 def draw(realization, half=1, count=100):
     scene = Scene(Block(0.5), Harmonic(1.0, 2.7), BandNoise(VARIANCE, BAND, count))
-    harmonics = band.allocate(count, half)
+    harmonics = band.allocate_realization(count, half)
     draw_band(open_stream(stream_keys(5), realization), rk4.problem_of(scene, 8), harmonics)
     return harmonics
 
@@ -35,19 +35,19 @@ def exact(harmonics, cycles):
 @pytest.mark.parametrize(("steps", "chunks", "half"), [(50, 3, 17), (200, 10, 20)])
 def test_samples_by_rotation_are_exact_at_late_times(first, steps, chunks, half):
     harmonics = draw(3, half, count=99)
-    band.prepare(harmonics, half, 0.5 / steps)
-    band.set_rotation(harmonics.ratios, half / steps, harmonics.hop[0], harmonics.hop[1])
-    band.set_rotation(harmonics.ratios, 1.0 - half * (chunks - 1) / steps, harmonics.wrap[0], harmonics.wrap[1])
+    band.write_sample_rotations(harmonics, half, 0.5 / steps)
+    band.write_rotation(harmonics.ratios, half / steps, harmonics.hop[0], harmonics.hop[1])
+    band.write_rotation(harmonics.ratios, 1.0 - half * (chunks - 1) / steps, harmonics.wrap[0], harmonics.wrap[1])
     rng = np.random.default_rng(1)
     worst = 0.0
     for cycle in range(first, first + band.ANCHOR_CYCLES):
         for chunk in range(chunks):
             if cycle == first and chunk == 0:
-                band.anchor(harmonics, cycle, 0.5 * half / steps)
+                band.set_centre(harmonics, cycle, 0.5 * half / steps)
             else:
-                band.rotate(harmonics, harmonics.hop if chunk else harmonics.wrap)
+                band.rotate_centre(harmonics, harmonics.hop if chunk else harmonics.wrap)
             samples = np.zeros(2 * half + 1)
-            band.add_chunk(harmonics, half, samples)
+            band.add_samples(harmonics, half, samples)
             i = int(rng.integers(samples.size))
             truth = exact(harmonics, cycle + Fraction(2 * half * chunk + i, 2 * steps))
             worst = max(worst, abs(samples[i] - truth))

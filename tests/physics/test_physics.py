@@ -12,14 +12,11 @@ from scipy.optimize import brentq
 
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.equation import flight
-from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, next_event
-from fpk_rocking.physics.motion.exact import WORK, _expand
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.events import Event, advance_through_events, next_event
+from fpk_rocking.physics.motion.flight import SERIES, _expand, flight_end
 from fpk_rocking.physics.motion.gaussian import flight_covariance
-from fpk_rocking.physics.motion.polynomial import safe_time
-from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.segment import least_closing_time, segment_from_particular
 
 CUTOFF = math.pi / 2
 
@@ -27,7 +24,7 @@ CUTOFF = math.pi / 2
 def harmonic(start, amplitude, frequency, phase, duration):
     """Segment of A cos(Ω t + Ψ)/(1 + Ω²), of any sign."""
     piece = Harmonic(abs(amplitude), frequency, phase).pieces([start])[0]
-    return segment_of(math.copysign(1.0, amplitude) * piece, np.empty(TERMS), duration)
+    return segment_from_particular(math.copysign(1.0, amplitude) * piece, np.empty(TERMS), duration)
 
 
 def random_scene(rng, kind):
@@ -44,7 +41,7 @@ def random_scene(rng, kind):
 
 def test_how_long_a_gap_stays_open():
     """Until the root of gap + slope t - curvature t²/2; for ever where it has none, of a gap of 0 too."""
-    safe = safe_time.py_func
+    safe = least_closing_time.py_func
     assert [safe(1.0, 0.0, 2.0), safe(1.0, -1.0, 0.0), safe(1.0, 1.0, 4.0)] == [1.0, 1.0, 1.0]
     assert safe(0.0, 0.0, 0.0) == safe(1.0, 0.0, 0.0) == safe(1.0, 1.0, 0.0) == safe(1.0, -1.0, -1.0) == math.inf
 
@@ -54,15 +51,15 @@ def test_a_block_in_contact_that_is_pressed_down_has_an_impact_at_once_and_no_sp
     """A little faster it flies: for 2 w under the pull 1."""
     segment, block = harmonic(0.0, 0.0, 2.0, 0.0, 0.25), Body(0.9, CUTOFF)
     for speed in (0.0, 0.9e-9):
-        assert next_event(0.0, side * speed, side, segment, 0.1, 0.25, block) == (IMPACT, 0.1, 0.0, 0.0)
+        assert next_event(0.0, side * speed, side, segment, 0.1, 0.25, block) == (Event.IMPACT, 0.1, 0.0, 0.0)
     found, time, x, v = next_event(0.0, side * 1e-5, side, segment, 0.1, 0.25, block)
-    assert (found, x) == (IMPACT, 0.0)
+    assert (found, x) == (Event.IMPACT, 0.0)
     assert (time - 0.1, v) == (pytest.approx(2e-5, rel=1e-6), pytest.approx(-side * 1e-5, rel=1e-6))
 
 
 def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle():
     """(sin φ)² + (cos φ)² = 1, (sin φ)' = φ' cos φ and u'' = s f cos φ - sin φ/α, by products of series."""
-    work, alpha, orders = np.zeros(WORK), 0.7, np.arange(TERMS)
+    work, alpha, orders = np.zeros(SERIES), 0.7, np.arange(TERMS)
     force = np.random.default_rng(6).normal(size=TERMS) / 2.0**orders
     assert _expand.py_func(0.4, 0.9, -1, force, 0.1, 9.0, Body(0.8, 1.5, alpha), work) > 0.1
     angle, sine, cosine, push = (Polynomial(row) for row in work)
@@ -85,7 +82,9 @@ def test_paths_of_random_scenes_agree_with_a_general_integrator(rounds):
         count = math.ceil(4.0 * max(4.0, scene[1] / 0.79))
         h = 4.0 / count
         for k in range(count):
-            x, v, side, time = advance(x, v, side, harmonic(k * h, *scene[:3], h), 0.0, h, Body(scene[3], CUTOFF))
+            x, v, side, time = advance_through_events(
+                x, v, side, harmonic(k * h, *scene[:3], h), 0.0, h, Body(scene[3], CUTOFF)
+            )
             oracle.advance((k + 1) * h)
             if oracle.bound > 1e-9:
                 continue
@@ -107,13 +106,13 @@ def test_paths_of_random_scenes_agree_with_a_general_integrator(rounds):
 def test_grazing_is_met_exactly_and_stepped_over_never(side, depth):
     # At the time 0.1 the angle folded to u = s x has the minimum -depth under a force that lifts, and, under one that
     # presses down, the maximum cut-off + depth: above zero depth there are two crossings, the first of which counts.
-    for amplitude, level, sign, kind in ((-3.0, 0.0, -1, IMPACT), (2.0, CUTOFF, 1, OVERTURNING)):
+    for amplitude, level, sign, kind in ((-3.0, 0.0, -1, Event.IMPACT), (2.0, CUTOFF, 1, Event.OVERTURNING)):
         segment = harmonic(0.0, side * amplitude, 2.0, -0.2, 0.25)
         acceleration = level - 1.0 - amplitude
-        x, v = flight(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, Body(1.0, CUTOFF))
+        x, v = flight_end(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, Body(1.0, CUTOFF))
         found, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         if depth < 0.0:
-            assert found == NOTHING
+            assert found == Event.NONE
             continue
         early = math.sqrt(2.0 * depth / abs(acceleration))
         assert found == kind
@@ -135,9 +134,9 @@ def first_event(x, v, side, particular, duration):
     crossing = np.flatnonzero(margins[1:] <= 0.0)
     turns = margins[1:-1][(margins[1:-1] <= margins[:-2]) & (margins[1:-1] <= margins[2:])]
     if not crossing.size:
-        return NOTHING, duration, turns.min(initial=1.0)
+        return Event.NONE, duration, turns.min(initial=1.0)
     k = crossing[0]
-    kind, level = (IMPACT, 0.0) if u(t[k + 1]) < 0.5 else (OVERTURNING, CUTOFF)
+    kind, level = (Event.IMPACT, 0.0) if u(t[k + 1]) < 0.5 else (Event.OVERTURNING, CUTOFF)
     return kind, brentq(lambda s: u(s) - level, t[k], t[k + 1], xtol=1e-15), np.abs(turns).min(initial=1.0)
 
 
@@ -150,7 +149,7 @@ def test_first_event_for_any_polynomial_against_dense_sampling():
             particular[:] = np.r_[rng.uniform(-2, 2), np.zeros(TERMS - 1)]
         else:
             particular[:4] += rng.normal(size=4) * [0.3, 1.0, 5.0, 40.0]
-        segment = segment_of(particular, np.empty(TERMS), 0.25)
+        segment = segment_from_particular(particular, np.empty(TERMS), 0.25)
         side, u, w = int(rng.choice([-1, 1])), rng.uniform(0, 0.3) ** 2, rng.uniform(-2, 2)
         if trial % 3 == 0:
             u = CUTOFF - u
@@ -162,9 +161,9 @@ def test_first_event_for_any_polynomial_against_dense_sampling():
         found, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         kinds[kind] += 1
         assert (found, at) == (kind, pytest.approx(time, abs=1e-11))
-        there = flight(side * u, side * w, side, segment, 0.0, at, Body(1.0, CUTOFF))
+        there = flight_end(side * u, side * w, side, segment, 0.0, at, Body(1.0, CUTOFF))
         assert (x, v) == (pytest.approx(there[0], abs=1e-13), pytest.approx(there[1], abs=1e-13))
-    assert min(kinds[kind] for kind in (NOTHING, IMPACT, OVERTURNING)) > 200
+    assert min(kinds[kind] for kind in (Event.NONE, Event.IMPACT, Event.OVERTURNING)) > 200
 
 
 @pytest.mark.parametrize("duration", [1e-6, 1e-3, 0.0101, 0.0999, 0.1, 0.1001, 0.5, 1.0, 5.0])

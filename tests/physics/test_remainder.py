@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fpk_rocking.physics.motion.remainder import largest, saddle_speed
+from fpk_rocking.physics.motion.block import largest_correction, saddle_speed
 
 
 @pytest.mark.parametrize("force", [0.0, 0.4, 0.9])
@@ -29,5 +29,5 @@ def test_the_bound_of_what_an_exact_block_has_beyond_a_slender_one_is_reached(fo
     """At contact and at twice the critical angle, of all angles between."""
     alpha, y = 0.6, np.linspace(-1.0, 1.0, 201)
     beyond = [y - np.sin(alpha * y) / alpha - side * force * (1.0 - np.cos(alpha * y)) for side in (-1, 1)]
-    assert largest(force, alpha) == pytest.approx(np.abs(beyond).max(), rel=1e-12)
-    assert largest(force, None) == largest(force, 0.0) == 0.0
+    assert largest_correction(force, alpha) == pytest.approx(np.abs(beyond).max(), rel=1e-12)
+    assert largest_correction(force, None) == largest_correction(force, 0.0) == 0.0

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.physics.noise.state_space import transition
+from fpk_rocking.physics.noise.state_space import transition_and_factor
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -85,7 +85,7 @@ class Nodes:
         interpolated linearly between its values at whole steps. With Φ the step of the mean, the values are the first
         entries of Φ^k, and sums over k of Φ^k exp(-k duration) are geometric series.
         """
-        phi, _ = transition(self.drift, self.input, duration)
+        phi, _ = transition_and_factor(self.drift, self.input, duration)
         part = 0.5 * (_POINTS + 1.0)
         weights = duration * _WEIGHTS * np.exp(-duration * part)
         unit, step = np.eye(len(phi)), math.exp(-duration) * phi
@@ -98,7 +98,7 @@ class Nodes:
 
     def mixing(self, duration):
         """Return the matrix (nodes, nodes) that takes the masses of the nodes over a time; its columns sum to 1."""
-        phi, factor = (np.pad(part, (0, 2))[:2, :2] for part in transition(self.drift, self.input, duration))
+        phi, factor = (np.pad(part, (0, 2))[:2, :2] for part in transition_and_factor(self.drift, self.input, duration))
         if self._even:
             return self._moved(phi, factor)
         gain = _on_polynomials(phi, self._degrees)

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.density.memory.nodes import whitened
-from fpk_rocking.physics.noise.state_space import transition
+from fpk_rocking.physics.noise.state_space import transition_and_factor
 
 REACH = 8.0
 """Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""
@@ -112,7 +112,7 @@ def _joint_covariance(nodes, covariance, time):
     joint[0, 1] = joint[1, 0] = 1.0
     joint[1, 2] = nodes.sigma
     joint[2:, 2:] = nodes.drift
-    phi, factor = transition(joint, np.append([0.0, 0.0], nodes.input), time)
+    phi, factor = transition_and_factor(joint, np.append([0.0, 0.0], nodes.input), time)
     begin = np.eye(2 + count)
     begin[:2, :2] = covariance
     return phi @ begin @ phi.T + factor @ factor.T

@@ -28,7 +28,7 @@ from fpk_rocking.density.step.free_flight import angle_shear_of
 from fpk_rocking.density.step.occupied import occupy, with_neighbours
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
 from fpk_rocking.physics.forcing import periodic
-from fpk_rocking.physics.motion.transition import advance
+from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -190,5 +190,5 @@ class FilteredRun(CyclicRun):
 @kernel
 def carried_from_rest(segment, duration, block):
     """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin."""
-    x, v, side, _ = advance(0.0, 0.0, 0, segment, 0.0, duration, block)
+    x, v, side, _ = advance_through_events(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side

@@ -21,7 +21,7 @@ from fpk_rocking.base.types import Array
 from fpk_rocking.density.pilot import REST, in_rest
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Dynamics
-from fpk_rocking.physics.motion.remainder import contact_pull, saddle_speed
+from fpk_rocking.physics.motion.block import gravity_at_contact, saddle_speed
 
 _LOOK = 0.02
 """Longest interval in which force and diffusion are taken as constant."""
@@ -52,7 +52,11 @@ class Hold:
 
     def __init__(self, dynamics: Dynamics, end, memory):
         self._edges = np.linspace(0.0, end, max(math.ceil(end / _LOOK), 2) + 1)
-        alpha, level, self._pull = dynamics.critical_angle, dynamics.lift_off, contact_pull(dynamics.critical_angle)
+        alpha, level, self._pull = (
+            dynamics.critical_angle,
+            dynamics.lift_off,
+            gravity_at_contact(dynamics.critical_angle),
+        )
         values = np.array([dynamics.forcing.value(time) for time in self._edges]) / level
         forces = np.abs(values)
         most = np.minimum(np.maximum(forces[1:], forces[:-1]), 1.0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking.physics.motion.remainder import largest
+from fpk_rocking.physics.motion.block import largest_correction
 
 ANGLE_GRADING = 1.5
 VELOCITY_GRADING = 1.3
@@ -85,7 +85,11 @@ def velocity_bound(scene, diffusion):
     what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact
     block has beyond a slender one moves the separatrix by no more than the bound of it, as it grows like e^τ.
     """
-    forcing, start, exact = scene.forcing, scene.start, largest(scene.forcing.largest, scene.block.critical_angle)
+    forcing, start, exact = (
+        scene.forcing,
+        scene.start,
+        largest_correction(scene.forcing.largest, scene.block.critical_angle),
+    )
     bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + exact + DEVIATIONS * math.sqrt(diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     outward = abs(start.velocity) + DEVIATIONS * math.sqrt(vv)

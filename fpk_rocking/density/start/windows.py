@@ -12,7 +12,7 @@ from fpk_rocking.density.step.deposit import Flown
 from fpk_rocking.density.step.landing import points_of
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
 from fpk_rocking.density.step.step import Trace
-from fpk_rocking.physics.motion.slender import carried
+from fpk_rocking.physics.motion.flight import apply_affine
 
 DEGREE = 3
 """Degree of a window."""
@@ -126,7 +126,7 @@ def landing_sums(values, points, flown, events, states, codes, least):
                                 continue
                             xn, vn = states[row, p, q, n]
                         else:
-                            xn, vn = carried(x[p], v[q], affine)
+                            xn, vn = apply_affine(x[p], v[q], affine)
                             xn, vn = xn + flown.offsets[n, 0], vn + flown.offsets[n, 1]
                         total += mass
                         sx += mass * xn

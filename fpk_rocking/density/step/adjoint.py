@@ -19,7 +19,7 @@ from fpk_rocking.density.step.deposit import legendre
 from fpk_rocking.density.step.free_flight import transform
 from fpk_rocking.density.step.landed import collect_landed
 from fpk_rocking.density.step.landing import LOST, locate, points_of
-from fpk_rocking.physics.motion.slender import carried
+from fpk_rocking.physics.motion.flight import apply_affine
 
 _FASTMATH = {"contract", "reassoc", "nsz"}
 
@@ -63,7 +63,7 @@ def collect_free(function, exit_values, node_weights, x, v, affine, offsets, ang
     """Mean value over the nodes of every Gauss point of one cell that moves in affine flight."""
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
-            mean_x, mean_v = carried(x[p], v[q], affine)
+            mean_x, mean_v = apply_affine(x[p], v[q], affine)
             total = 0.0
             for k in range(len(node_weights)):
                 i, xi = locate(angle_grid, mean_x + offsets[k, 0])

@@ -15,7 +15,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH
 from fpk_rocking.density.step.landed import deposit_landed
 from fpk_rocking.density.step.landing import LOST, locate, points_of
-from fpk_rocking.physics.motion.slender import carried
+from fpk_rocking.physics.motion.flight import apply_affine
 
 CHUNKS = 8
 """Parts of the source mesh, each with a buffer: as many threads at most."""
@@ -94,7 +94,7 @@ def deposit_free(values, node_weights, x, v, affine, offsets, angle_grid, veloci
     """Deposit one cell from which nothing but affine flight is possible; x (g,) and v (h,) are its Gauss points."""
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
-            mean_x, mean_v = carried(x[p], v[q], affine)
+            mean_x, mean_v = apply_affine(x[p], v[q], affine)
             for k in range(len(node_weights)):
                 amount = values[p, q] * node_weights[k]
                 i, xi = locate(angle_grid, mean_x + offsets[k, 0])

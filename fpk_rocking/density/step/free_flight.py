@@ -23,8 +23,8 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
 from fpk_rocking.density.step.shifts import landing_range, prepare_shift
-from fpk_rocking.physics.motion.gaussian import blur_variances, shears
-from fpk_rocking.physics.motion.remainder import contact_pull, cosine, gravity
+from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact, gravity_correction
+from fpk_rocking.physics.motion.gaussian import flight_shears, shear_diffusion_variances
 
 _FINE_NODES = 3
 """Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
@@ -56,7 +56,7 @@ class FreeFlight:
     """
 
     def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_shear=None, critical_angle=None):
-        sinh, shifts = shears(duration)[1], affine.shifts
+        sinh, shifts = flight_shears(duration)[1], affine.shifts
         self.space, self.free = space, free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
         points, weights = gauss_legendre(space.degree + 1)
@@ -65,7 +65,7 @@ class FreeFlight:
         self.edges = legendre_basis([0.0, 1.0], space.degree) @ table.T
         self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
         sides, angle_shears, drift, fine, fine_weights = _angle_shears(
-            space, affine, diffusion * contact_pull(critical_angle) ** 2, duration
+            space, affine, diffusion * gravity_at_contact(critical_angle) ** 2, duration
         )
         alike = np.ones_like(angle_shears)
         by_side = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
@@ -74,18 +74,18 @@ class FreeFlight:
         velocity_shears = sinh * angles + pushes
         if critical_angle:
             away = np.repeat([-1.0, 1.0], (middle, limit - middle))[:, None]
-            more = cosine(angles, critical_angle) / contact_pull(critical_angle) - 1.0
-            velocity_shears += sinh * gravity(angles, away, critical_angle) + 0.5 * sum(by_side) * more
+            more = force_factors(angles, critical_angle) / gravity_at_contact(critical_angle) - 1.0
+            velocity_shears += sinh * gravity_correction(angles, away, critical_angle) + 0.5 * sum(by_side) * more
         whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
 
         first = hulls(angle_rows(free, middle))
         drifted = landing_range(space.angle_lines, sides, angle_shears, alike, fine, first)
         second = hulls(by_velocity(covered(drifted, limit)).T)
-        variance, (blur, blur_weights) = blur_variances(diffusion, duration)[0], gauss_hermite(nodes)
+        variance, (blur, blur_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
         spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
         if critical_angle and diffusion > 0.0 and second.any():
             # The least that all lines are blurred by, and on each of them what it lacks.
-            parts = cosine(angles, critical_angle) ** 2
+            parts = force_factors(angles, critical_angle) ** 2
             held = parts[second[:, 1] > second[:, 0]]
             least, most = held.min(), held.max()
             spreads, variance = np.sqrt(variance * np.maximum(parts - least, 0.0)), variance * least
@@ -153,15 +153,17 @@ def angle_shear_of(space, affine, diffusion, duration):
 
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """
-    sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_shift(space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides)
+    sides, flight_shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
+    return prepare_shift(
+        space.angle_lines, sides, flight_shears, np.ones_like(flight_shears), fine, weights, space.degree, sides
+    )
 
 
 def _angle_shears(space, affine, diffusion, duration):
     """Rows, how far their lines move, the part of it that is the forcing's by side, and the nodes of the blur."""
     (limit, across, *_), shifts = space.shape, affine.shifts
-    middle, shear = min(space.first_positive, limit), shears(duration)[0]
-    small = blur_variances(diffusion, duration)[1]
+    middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
+    small = shear_diffusion_variances(diffusion, duration)[1]
     nodes, weights = gauss_hermite(_FINE_NODES if small > 0.0 else 1)
     drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
     along = shear * _line_points(space.velocity_lines, gauss_legendre(space.degree + 1)[0])

@@ -12,7 +12,7 @@ from numba import prange
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, trace
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import cosine, pulls
+from fpk_rocking.physics.motion.equation import acceleration_bounds, force_factor
 
 LEFT, RIGHT, LOST, REST = -1, -2, -3, -4
 """Landing cells below zero: overturned to the left, to the right, outside the mesh, at rest."""
@@ -50,13 +50,13 @@ def free(low, high, slow, fast, side, segment, duration, block, margins):
     In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
     to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end.
     """
-    fall, rise = pulls(side, segment.force_low, segment.force_high, block)
+    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
     most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
     if least <= margins[0]:
         return False
     # The pull towards x = 0 is weaker than there by what the angle has gained, times the cosine that turns it.
-    fall -= (least - margins[0]) * min(cosine(0.0, block), cosine(block.cutoff, block))
+    fall -= (least - margins[0]) * min(force_factor(0.0, block), force_factor(block.cutoff, block))
     return most < block.cutoff - margins[0] or slow - max(fall, 0.0) * duration > margins[1]
 
 

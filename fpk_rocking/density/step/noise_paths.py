@@ -20,15 +20,20 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.body import Body, by_body
-from fpk_rocking.physics.motion.collocation import carried
-from fpk_rocking.physics.motion.equation import cosine, flight, lift, stays_below
-from fpk_rocking.physics.motion.events import IMPACT, NOTHING, OVERTURNING, is_eventless, next_event, reach
+from fpk_rocking.physics.motion.collocation import advance_collocated
+from fpk_rocking.physics.motion.equation import Body, acceleration, dispatch_on_block, force_factor, lift_off_level
+from fpk_rocking.physics.motion.events import (
+    CHATTER_TIME,
+    Event,
+    advance_through_events,
+    folded_angle_bounds,
+    next_event,
+    surely_eventless,
+)
+from fpk_rocking.physics.motion.flight import flight_end
 from fpk_rocking.physics.motion.gaussian import flight_covariance
-from fpk_rocking.physics.motion.polynomial import move_origin, polynomial
-from fpk_rocking.physics.motion.saltation import encounter, through_impact, through_impact_expanded
-from fpk_rocking.physics.motion.slender import segment_of
-from fpk_rocking.physics.motion.transition import SLOW, advance
+from fpk_rocking.physics.motion.impact import covariance_through_impact, displacement_through_impact, linearize_impact
+from fpk_rocking.physics.motion.segment import move_origin, segment_from_particular, value_and_slope
 
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
@@ -79,7 +84,7 @@ def bend(particular, duration, dx, dv, out):
 
 @kernel(inline="always")
 def _carry_slender(x, v, side, segment, end, slow, block):
-    return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+    return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
 @kernel(borrows=True)
@@ -89,10 +94,10 @@ def _carried_exact(x, v, side, segment, end, slow, block):
     rise = block.cutoff + max(high, -low)
     most = side * (x + end * v) + 0.5 * rise * end * end
     if most >= block.cutoff:
-        _, most = reach(side * x, side * v, side, low, high, end, block)
+        _, most = folded_angle_bounds(side * x, side * v, side, low, high, end, block)
     if side != 0 and most < block.cutoff:
-        return carried(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
-    return advance(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+        return advance_collocated(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
+    return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
 @kernel(inline="always")
@@ -100,7 +105,7 @@ def _carry_exact(x, v, side, segment, end, slow, block):
     return _carried_exact(x, v, side, segment, end, slow, block)
 
 
-_carry = by_body(_carry_slender, _carry_exact)
+_carry = dispatch_on_block(_carry_slender, _carry_exact)
 
 
 @kernel
@@ -126,23 +131,28 @@ def trace(x, v, side, segment, block, noise, scratch, states, codes):
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
-    quiet = noise.diffusion == 0.0 or is_eventless(side * x, side * end, side, low, high, duration, block, noise.margin)
-    if kind == NOTHING and quiet:
-        part = cosine(0.5 * side * (x + end), block)
+    quiet = noise.diffusion == 0.0 or surely_eventless(
+        side * x, side * end, side, low, high, duration, block, noise.margin
+    )
+    if kind == Event.NONE and quiet:
+        part = force_factor(0.5 * side * (x + end), block)
         for n in range(len(nodes)):
             states[n, 0], states[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
             codes[n] = side
         return
-    if kind == OVERTURNING and side * flight(x, v, side, segment, 0.0, duration, block)[0] > cutoff + noise.margin:
+    if (
+        kind == Event.OVERTURNING
+        and side * flight_end(x, v, side, segment, 0.0, duration, block)[0] > cutoff + noise.margin
+    ):
         codes[:] = OVERTURNED_SIDE * side
         return
     spread = math.sqrt(2.0 * noise.diffusion * duration)
     still, inside = spread == 0.0, min(time, duration - time) > 1e-6 * duration
-    if kind == IMPACT and inside and not still and abs(speed) > _RESOLVED * spread:
+    if kind == Event.IMPACT and inside and not still and abs(speed) > _RESOLVED * spread:
         smooth = abs(speed) > _SMOOTH * spread
         _fast_nodes(x, v, (time, speed, side, smooth), segment, block, noise, scratch, states, codes)
         return
-    if still or (kind == IMPACT and abs(polynomial(segment.force, time)[0]) < stays_below(block)):
+    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(block)):
         _jolt(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, states, codes)
         return
     _near_nodes(x, v, (end, time, side), segment, block, noise, scratch, states, codes)
@@ -157,11 +167,11 @@ def _near_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
     unit, near, particular = _near_contact(x, end, time, side, segment, duration, scratch[2], block)
-    part = cosine(0.5 * side * (x + end), block) / unit
+    part = force_factor(0.5 * side * (x + end), block) / unit
     for n in range(len(offsets)):
         bend(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
-        path = segment_of(scratch[0], scratch[1], duration)
-        xn, vn, sn, _ = advance(x / unit, v / unit, side, path, 0.0, duration, near)
+        path = segment_from_particular(scratch[0], scratch[1], duration)
+        xn, vn, sn, _ = advance_through_events(x / unit, v / unit, side, path, 0.0, duration, near)
         _put(n, xn, vn, sn, side, near.cutoff, states, codes)
         states[n, 0] *= unit
         states[n, 1] *= unit
@@ -175,9 +185,9 @@ def _near_contact_slender(x, end, time, side, segment, duration, out, block):  #
 @kernel(inline="always")
 def _near_contact_exact(x, end, time, side, segment, duration, out, block):
     alpha = block.critical_angle
-    unit, level = math.sin(alpha) / alpha, stays_below(block)
+    unit, level = math.sin(alpha) / alpha, lift_off_level(block)
     first = _beyond_contact(x, side, segment.force[0], unit, block)
-    last = _beyond_contact(end, side, polynomial(segment.force, time)[0], unit, block)
+    last = _beyond_contact(end, side, value_and_slope(segment.force, time)[0], unit, block)
     for k in range(TERMS):
         out[k] = segment.particular[k] / level
     out[0] -= first / unit
@@ -185,7 +195,7 @@ def _near_contact_exact(x, end, time, side, segment, duration, out, block):
     return unit, Body(block.restitution, block.cutoff / unit, None), out
 
 
-_near_contact = by_body(_near_contact_slender, _near_contact_exact)
+_near_contact = dispatch_on_block(_near_contact_slender, _near_contact_exact)
 """Unit of angle and velocity, the slender block that moves as a block does next to x = 0, and its particular solution.
 
 At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F) under the lift-off force F: it is a slender one under
@@ -197,7 +207,9 @@ without noise, from its begin to its `end` at a `time`.
 @kernel(inline="always")
 def _beyond_contact(x, side, force, unit, block):
     """Acceleration beyond that of a block next to x = 0."""
-    return side * lift(side * x, side, force, block) - (x - side * unit + force * math.cos(block.critical_angle))
+    return side * acceleration(side * x, side, force, block) - (
+        x - side * unit + force * math.cos(block.critical_angle)
+    )
 
 
 @kernel
@@ -207,14 +219,14 @@ def _jolt(x, v, side, half, rests, segment, block, noise, states, codes):
     The last one sets a block off from rest unless it `rests`. Nodes that begin alike follow each other.
     """
     nodes, duration = noise.nodes, noise.duration
-    xn, vn, sn, part = x, v, side, cosine(side * x, block)
+    xn, vn, sn, part = x, v, side, force_factor(side * x, block)
     for n in range(len(nodes)):
         if n == 0 or nodes[n, 0] != nodes[n - 1, 0]:
             first = half * nodes[n, 0] * part
             xn, vn, sn, _ = _carry(x, v + first, side, segment, duration, CHATTER * duration, block)
         vl, sl = vn, sn
         if abs(xn) < block.cutoff:
-            vl += half * nodes[n, 1] * cosine(abs(xn), block)
+            vl += half * nodes[n, 1] * force_factor(abs(xn), block)
             if xn == 0.0 and not rests:
                 sl = 1 if vl > 0.0 else -1
         _put(n, xn, vl, sl, 0 if rests else side, block.cutoff, states, codes)
@@ -238,19 +250,19 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff
     late, rest = scratch[2], duration - time
-    force, slope = polynomial(segment.force, time)
-    met = encounter(speed, side, force, slope, block)
+    force, slope = value_and_slope(segment.force, time)
+    met = linearize_impact(speed, side, force, slope, block)
     kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
-    before, after = cosine(0.5 * side * x, block), cosine(0.5 * abs(far_x), block)
+    before, after = force_factor(0.5 * side * x, block), force_factor(0.5 * abs(far_x), block)
     diffusions = noise.diffusion * before * before, noise.diffusion * after * after
-    final, early, (b11, b12, b21, b22) = through_impact(diffusions, time, rest, met, block.restitution)
+    final, early, (b11, b12, b21, b22) = covariance_through_impact(diffusions, time, rest, met, block.restitution)
     move_origin(segment.particular, time, late)
     after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
     long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
     long_x, long_v = long_x / long, long_v / long
     short_x, short_v = (short_x / short, short_v / short) if short > 0.0 else (0.0, 0.0)
-    smooth = smooth and kind == NOTHING
+    smooth = smooth and kind == Event.NONE
     for n in range(len(noise.nodes)):
         a, b = noise.nodes[n]
         p, q = a * long_x + b * short_x, a * long_v + b * short_v
@@ -258,16 +270,16 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
         if smooth:
-            dx, dv, inside = through_impact_expanded(early_x, early_v, time, rest, met, block)
+            dx, dv, inside = displacement_through_impact(early_x, early_v, time, rest, met, block)
             xn = far_x + dx + late_x
             if inside and 0.0 < -side * xn < cutoff:
                 _put(n, xn, far_v + dv + late_v, -side, -side, cutoff, states, codes)
                 continue
         bend(segment.particular, time, early_x / before, early_v / before, scratch[0])
-        path = segment_of(scratch[0], scratch[1], time)
-        xn, vn, sn, end = _carry(x, v, side, path, time, SLOW, block)
+        path = segment_from_particular(scratch[0], scratch[1], time)
+        xn, vn, sn, end = _carry(x, v, side, path, time, CHATTER_TIME, block)
         if end == time:
             bend(late, rest, late_x / after, late_v / after, scratch[3])
-            path = segment_of(scratch[3], scratch[1], rest)
-            xn, vn, sn, _ = _carry(xn, vn, sn, path, rest, SLOW, block)
+            path = segment_from_particular(scratch[3], scratch[1], rest)
+            xn, vn, sn, _ = _carry(xn, vn, sn, path, rest, CHATTER_TIME, block)
         _put(n, xn, vn, sn, side, cutoff, states, codes)

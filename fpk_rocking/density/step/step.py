@@ -18,11 +18,11 @@ from fpk_rocking.density.step.landing import Gauss, classify, trace_cells
 from fpk_rocking.density.step.noise_paths import Noise, principal_axes
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.body import Body
-from fpk_rocking.physics.motion.gaussian import flight_covariance, gathered
-from fpk_rocking.physics.motion.particular import affine
-from fpk_rocking.physics.motion.remainder import contact_pull
-from fpk_rocking.physics.motion.slender import segment_of
+from fpk_rocking.physics.motion.block import gravity_at_contact
+from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.gaussian import accumulated_covariance, flight_covariance
+from fpk_rocking.physics.motion.particular import affine_flights
+from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise.envelope import Envelope
 
 FAINTEST = 1e-3
@@ -82,16 +82,16 @@ class Dynamics:
         late = duration * points[::-1]
         strength = np.maximum(self.envelope.value(start + duration - late) ** 2, self.faintest)
         weights = 2.0 * self.diffusion * duration * weights * strength
-        return tuple(float(part) for part in gathered(weights, late))
+        return tuple(float(part) for part in accumulated_covariance(weights, late))
 
     def segment(self, start, duration):
         """Return the forcing over a step as the kernels take it."""
-        return segment_of(self.forcing.over(start, duration), np.empty(TERMS), duration)
+        return segment_from_particular(self.forcing.over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
         """Return the flight over a step as an `Affine` map; for an exact block `FreeFlight` adds the rest."""
-        ends, part = (start, start + duration), contact_pull(self.critical_angle)
-        return affine(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
+        ends, part = (start, start + duration), gravity_at_contact(self.critical_angle)
+        return affine_flights(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
 
     @property
     def block(self):

@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, Number
 from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, PHASES, Forcing, keep, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.particular import stiffness
+from fpk_rocking.physics.motion.particular import dynamic_stiffness
 
 
 class PeriodicForcing(Forcing):
@@ -338,7 +338,7 @@ _UNSEEN = 1e-30
 def _add_cosine(row, instant, amplitude, frequency, phase):
     """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²)."""
     angle = frequency * instant + phase
-    scale = amplitude / stiffness(frequency)
+    scale = amplitude / dynamic_stiffness(frequency)
     even, odd = scale * math.cos(angle), -scale * math.sin(angle)
     for k in range(0, TERMS, 2):
         row[k] += even

@@ -15,7 +15,7 @@ import numpy as np
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.physics.forcing.base import Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.particular import added, added_by_line, continued
+from fpk_rocking.physics.motion.particular import forced_response, linear_force_response, particular_series
 
 _LONGEST = 0.2
 """Longest interval of the grid on which P is held."""
@@ -72,14 +72,14 @@ class TransientForcing(Forcing):
         node = np.minimum((times / spacing + 1e-9).astype(np.int64), last)
         since = times - node * spacing
         p, q = states[node].T
-        near = continued(p, q, self.series(node * spacing))
+        near = particular_series(p, q, self.series(node * spacing))
         # After the end P = P(end) exp(-since); a piece from there need not reach as far.
         decay = np.exp(-since)
         ended = node == last
         powers, order = since[:, None] ** np.arange(TERMS), np.arange(1, TERMS)
         p = np.where(ended, p * decay, (near * powers).sum(axis=1))
         q = np.where(ended, q * decay, (near[:, 1:] * order * powers[:, :-1]).sum(axis=1))
-        return continued(p, q, self.series(times))
+        return particular_series(p, q, self.series(times))
 
     def over(self, start: float, duration: float) -> Array:
         """Coefficients (TERMS,) of P in the time since the start of a step.
@@ -93,8 +93,8 @@ class TransientForcing(Forcing):
             return self.pieces([start])[0]
         (p0, q0), (p1, q1) = self.particular(start), self.particular(start + duration)
         force = np.zeros((1, TERMS))
-        force[0, :2] = np.linalg.solve(added_by_line(duration), added(p0, q0, p1, q1, duration))
-        return continued(np.array([p0]), np.array([q0]), force)[0]
+        force[0, :2] = np.linalg.solve(linear_force_response(duration), forced_response(p0, q0, p1, q1, duration))
+        return particular_series(np.array([p0]), np.array([q0]), force)[0]
 
     @functools.cached_property
     def _grid(self) -> tuple[float, Array]:

@@ -8,7 +8,7 @@ angle from there, so that they cost a few products.
 
 An impact is located on that polynomial, and the flight up to it is made anew, which gives its time and velocity the
 order of the end. It is accepted only where a bound of the acceleration proves that it is the first event. Everything
-else goes to `fpk_rocking.physics.motion.transition.advance`.
+else goes to `events.advance_through_events`.
 """
 
 import math
@@ -20,12 +20,17 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.contact import impact
-from fpk_rocking.physics.motion.crossing import bend_bounds, meet, stays
-from fpk_rocking.physics.motion.events import IMPACT, NOTHING
-from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import force_segment
-from fpk_rocking.physics.motion.transition import SLOW, advance, record, settle, uplift_time
+from fpk_rocking.physics.motion.events import (
+    CHATTER_TIME,
+    Event,
+    advance_through_events,
+    lift_off_time,
+    record_impact,
+    rest_or_flight,
+)
+from fpk_rocking.physics.motion.impact import velocity_after_impact
+from fpk_rocking.physics.motion.segment import segment_from_force, value_and_slope
+from fpk_rocking.physics.motion.slender_interval import chord_excludes_event, curvature_bounds, downward_root
 
 NODES = WIDTH
 
@@ -51,9 +56,6 @@ _ROUNDING = 1e-9
 
 _NEAR = 1e-7
 """Time by which an impact may lie beside the root that was found on the polynomial of a flight."""
-
-UNKNOWN = -1
-"""No bound decides about what happens first in a flight."""
 
 
 def _tables():
@@ -85,7 +87,7 @@ _POINTS = np.stack(
 )
 
 
-class Cruise(NamedTuple):
+class FlightTables(NamedTuple):
     """Tables for flights over one duration: those without force, and what it adds, by the values of it at the points.
 
     `points` (4, NODES): cosh and sinh at the points; angle and velocity at the end by the value at a point. `inner`
@@ -98,8 +100,8 @@ class Cruise(NamedTuple):
     sinh: float
 
 
-def cruise_tables(span: float) -> Cruise:
-    """Return the `Cruise` of a duration."""
+def flight_tables(span: float) -> FlightTables:
+    """Return the `FlightTables` of a duration."""
     points, weights = np.polynomial.legendre.leggauss(24)
     ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
     lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
@@ -108,7 +110,7 @@ def cruise_tables(span: float) -> Cruise:
     angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
     velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
     rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
-    return Cruise(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
+    return FlightTables(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
 
 
 def _lagrange(j, places):
@@ -126,8 +128,7 @@ def _economized(start):
     return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
 
 
-S0, S1, S2, S3, S4, S5, S6, S7, S8 = _economized(1)
-C0, C1, C2, C3, C4, C5, C6, C7, C8 = _economized(0)
+_SINE, _COSINE = _economized(1), _economized(0)
 
 _polynomials = scratch(2, TERMS)
 
@@ -135,8 +136,8 @@ _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def integrals(m, a):
-    """Sum of the rows of a table (NODES, NODES), times eight numbers."""
+def lanes_times_table(m, a):
+    """Product of eight numbers, as a row, and a table (NODES, NODES)."""
     one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
     two = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
     three = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
@@ -155,8 +156,16 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
     q = turn * (near * near)
     qq = q * q
     r = qq * qq
-    sine = near * ((S0 + q * S1) + qq * (S2 + q * S3) + r * ((S4 + q * S5) + qq * (S6 + q * S7) + r * S8))
-    cosine = (C0 + q * C1) + qq * (C2 + q * C3) + r * ((C4 + q * C5) + qq * (C6 + q * C7) + r * C8)
+    sine = near * (
+        (_SINE[0] + q * _SINE[1])
+        + qq * (_SINE[2] + q * _SINE[3])
+        + r * ((_SINE[4] + q * _SINE[5]) + qq * (_SINE[6] + q * _SINE[7]) + r * _SINE[8])
+    )
+    cosine = (
+        (_COSINE[0] + q * _COSINE[1])
+        + qq * (_COSINE[2] + q * _COSINE[3])
+        + r * ((_COSINE[4] + q * _COSINE[5]) + qq * (_COSINE[6] + q * _COSINE[7]) + r * _COSINE[8])
+    )
     one, two = sine + force * cosine, cosine - turn * (force * sine)
     three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
     five = (-turn / 12.0) * three
@@ -164,7 +173,7 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
         one, two = one - near, two - 1.0
     lack, pull, last, ratio = base - near, one, 0.0, _FIRST
     for _ in range(_MOST):
-        off = lack + factor * integrals(table, pull)
+        off = lack + factor * lanes_times_table(table, pull)
         away = off * off
         new = (one + off * two) + away * ((three + off * four) + away * five)
         shift = new - pull
@@ -178,21 +187,21 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def cruise(u, w, force, tables, span, block):
-    """Carry a flight over the duration of tables; as `fly`."""
+def fly_by_tables(u, w, force, tables, span, block):
+    """Carry a flight over the duration of tables; as `fly_collocated`."""
     alpha, y = block.critical_angle, u - 1.0
     cosh = load(tables.points, 0)
     base = cosh * y + load(tables.points, 1) * w
     half = 0.5 * alpha * alpha
     fall, less = half / 3.0 * y * (y * y), 1.0 - half * (y * y) - half * span / 1.5 * (y * w)
-    near = (base - fall * (cosh - 1.0)) + less * integrals(tables.inner, force)
+    near = (base - fall * (cosh - 1.0)) + less * lanes_times_table(tables.inner, force)
     pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
     return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), pull + angle, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def fly(u, w, force, span, block, near):
+def fly_collocated(u, w, force, span, block, near):
     """Carry a flight over a time.
 
     Parameters
@@ -241,7 +250,7 @@ def _value(coefficients, terms, t):
 def _expand(u, w, span, bend, scratch, angle):
     """Write u as a polynomial in the time since the flight's middle, in halves of its duration."""
     half = 0.5 * span
-    store(scratch, 1, (half * half) * (load(_POINTS, 3) * integrals(_MONOMIALS, bend)))
+    store(scratch, 1, (half * half) * (load(_POINTS, 3) * lanes_times_table(_MONOMIALS, bend)))
     low, rise = u, half * w
     for k in range(NODES):
         c = scratch[1, k]
@@ -281,7 +290,7 @@ def _hop(u, w, side, force, start, until, block):
     """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
     if u != 0.0 or not 0.0 < w <= LOW:
         return 0.0, 0.0
-    (f, slope), alpha = polynomial(force, start), block.critical_angle
+    (f, slope), alpha = value_and_slope(force, start), block.critical_angle
     cosine, sine = math.cos(alpha), math.sin(alpha)
     bend, stiff = side * f * cosine - sine / alpha, cosine + alpha * side * f * sine
     jerk = stiff * w + side * slope * cosine
@@ -297,27 +306,27 @@ def _hop(u, w, side, force, start, until, block):
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
 def _flight(u, w, side, force, start, span, block):
-    """Carry a flight over a time from a start, under a force that is a polynomial; as `fly`."""
+    """Carry a flight over a time from a start, under a force that is a polynomial; as `fly_collocated`."""
     push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
     near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
-    return fly(u, w, push, span, block, near)
+    return fly_collocated(u, w, push, span, block, near)
 
 
 @kernel(forceinline=True, borrows=True)
 def _event(u, w, last, angle, quotient, block):
-    """Return what comes first in a flight, `NOTHING`, `IMPACT` or `UNKNOWN`, and its place in the polynomial's time."""
-    fall, rise = bend_bounds(angle, _BEND)
+    """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time."""
+    fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
-        sure = stays(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
-        return (NOTHING if sure else UNKNOWN), 1.0
+        sure = chord_excludes_event(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
+        return (Event.NONE if sure else Event.UNKNOWN), 1.0
     if u == 0.0:
         _without_begin(angle, quotient)
-        place, slope = meet(quotient, 1.0)
+        place, slope = downward_root(quotient, 1.0)
     else:
-        place, slope = meet(angle, 1.0)
+        place, slope = downward_root(angle, 1.0)
     square = (place + 1.0) ** 2
     sure = slope < 0.0 and u >= rise * square and u + 0.25 * fall * square < block.cutoff
-    return (IMPACT if sure else UNKNOWN), place
+    return (Event.IMPACT if sure else Event.UNKNOWN), place
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
@@ -326,7 +335,7 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     places = load(_POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
-    rest, speed, bend, found = fly(u, w, push, time, block, near)
+    rest, speed, bend, found = fly_collocated(u, w, push, time, block, near)
     late = -rest / speed
     if not (found and abs(late) < _NEAR):
         return 0.0, 0.0
@@ -337,19 +346,21 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
 def _land(side, speed, force, half, time, block, impacts, origin, slow):
     """Return x, v, side and time after an impact of a folded velocity, or those of rest."""
     if impacts is not None:
-        record(impacts, origin + time, side * speed)
-    v, side = impact(side * speed, block.restitution), -side
+        record_impact(impacts, origin + time, side * speed)
+    v, side = velocity_after_impact(side * speed, block.restitution), -side
     # Chatter takes longer than the speed is large.
     if abs(v) <= slow:
-        side, delay = settle(abs(v), side, force_segment(force, half), time, block, slow)
+        side, delay = rest_or_flight(abs(v), side, segment_from_force(force, half), time, block, slow)
         if side == 0:
             return 0.0, 0.0, side, time + delay
     return 0.0, v, side, time
 
 
 @kernel(borrows=True)
-def through(force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=SLOW):
-    """Carry an exact block through a part of an interval: as `transition.advance`, and as right.
+def advance_from_flight(
+    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=CHATTER_TIME
+):
+    """Carry an exact block through a part of an interval: as `events.advance_through_events`, and as right.
 
     Parameters
     ----------
@@ -358,22 +369,22 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
     half : float
         Largest |t| for which it is used.
     x, v, side, start, end, block, impacts, origin
-        As of `advance`; times are those of the polynomial.
+        As of `advance_through_events`; times are those of the polynomial.
     known, last, speed, bend : bool, float, float, Lanes
-        Whether the flight from `start` to `end`, on over impacts, is known, and what `fly` returned of it.
+        Whether the flight from `start` to `end`, on over impacts, is known, and what `fly_collocated` returned of it.
     slow : float
-        As of `advance`.
+        As of `advance_through_events`.
 
     Returns
     -------
     x, v, side, time : float, float, int, float
-        As of `advance`.
+        As of `advance_through_events`.
     """
     work, until, found = _polynomials(), end, True
     angle, quotient = work[0], work[1]
     while start < end:
         if side == 0:
-            start, side = uplift_time(force_segment(force, half), start, end, block)
+            start, side = lift_off_time(segment_from_force(force, half), start, end, block)
             x, v = 0.0, 0.0
             continue
         u, w, span = side * x, side * v, until - start
@@ -384,10 +395,10 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
             known = False
             _expand(u, w, span, bend, work, angle)
             event, place = _event(u, w, last, angle, quotient, block)
-            if found and event == NOTHING:
+            if found and event == Event.NONE:
                 x, v, start, until = side * last, side * speed, until, end
                 continue
-            if not found or event == UNKNOWN:
+            if not found or event == Event.UNKNOWN:
                 if span < _SHORTEST * half:
                     break
                 until = start + 0.4 * span
@@ -399,11 +410,13 @@ def through(force, half, x, v, side, start, end, block, impacts, origin, known, 
         x, v, side, start = _land(side, landing, force, half, start + time, block, impacts, origin, slow)
     if start >= end:
         return x, v, side, end
-    return advance(x, v, side, force_segment(force, half), start, end, block, impacts, origin, slow)
+    return advance_through_events(x, v, side, segment_from_force(force, half), start, end, block, impacts, origin, slow)
 
 
 @kernel(borrows=True)
-def carried(force, half, x, v, side, start, end, block, impacts, origin, slow=SLOW):
-    """Carry an exact block through a part of an interval of which nothing is known yet: as `through`."""
+def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
+    """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`."""
     nothing = load(_POINTS, 0)
-    return through(force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow)
+    return advance_from_flight(
+        force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow
+    )

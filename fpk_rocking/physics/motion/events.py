@@ -1,24 +1,64 @@
-"""The first impact or overturning in a flight.
+"""The motion of a block through a segment of time: flights joined by impacts, chatter, rest and lift-off.
 
 Events are found in the folded motion u = s x >= 0, w = s v. A bound of u'' over the segment gives a parabola that u
 cannot undercut; marching from one parabola's root to the next can approach the first event but never step over it,
 grazing included, and converges quadratically. Where a flight has no closed form it goes from one series to the next.
+Bounds of the acceleration are all that is used, so it holds for slender and exact blocks.
 """
+
+import enum
+from typing import NamedTuple
+
+import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.stack import scratch
-from fpk_rocking.physics.motion.equation import WORK, later, launch, pulls, rising_time, stays_below
-from fpk_rocking.physics.motion.polynomial import safe_time
+from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level
+from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
+from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
+from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
 
-NOTHING, IMPACT, OVERTURNING = 0, 1, 2
-"""What ends a flight: the segment's end, an impact, the cut-off angle."""
+
+class Event(enum.IntEnum):
+    """What ends a flight: the segment's end, an impact, the cut-off angle, or what no bound decides about."""
+
+    UNKNOWN = -1
+    NONE = 0
+    IMPACT = 1
+    OVERTURNING = 2
+
 
 SPEED_FLOOR = 1e-9
 """Slower than this at zero angle, a block that the force presses down is in contact rather than in flight."""
 
-_TOUCH = 2e-15
+CHATTER_TIME = 1e-6
+"""Chatter that ends within this time is summed in closed form; a segment that ends meanwhile sees it over already."""
 
-_work = scratch(*WORK)
+_TOUCH = 2e-15
+"""Distance from zero angle or from the cut-off that counts as contact: ten times the rounding of an angle."""
+
+_series = scratch(*SERIES)
+
+
+class ImpactRecord(NamedTuple):
+    """Room for the impacts of one block: `count` (1,), `time` and `velocity` (capacity,), the velocity before impact.
+
+    Impacts beyond the capacity are counted and not kept.
+    """
+
+    count: np.ndarray  # type: ignore[assignment]  # a field, in place of the method of a tuple
+    time: np.ndarray
+    velocity: np.ndarray
+
+
+@kernel(borrows=True)
+def record_impact(impacts, time, velocity):
+    """Add an impact's time and the velocity before it to an `ImpactRecord`."""
+    place = impacts.count[0]
+    if place < impacts.time.size:
+        impacts.time[place] = time
+        impacts.velocity[place] = velocity
+    impacts.count[0] = place + 1
 
 
 # Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
@@ -40,62 +80,147 @@ def next_event(x, v, side, segment, start, end, block):
 
     Returns
     -------
-    kind, time, x, v : int, float, float, float
-        NOTHING, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
+    event, time, x, v : Event, float, float, float
+        NONE, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
         (0 for a block in contact, see `SPEED_FLOOR`).
     """
-    cutoff, work = block.cutoff, _work()
+    cutoff, work = block.cutoff, _series()
     t, u, w = start, side * x, side * v
     while t < end:
-        course = launch(side * u, side * w, side, segment, t, end, work, block)
-        while t < course.end:
+        flight = start_flight(side * u, side * w, side, segment, t, end, work, block)
+        while t < flight.end:
             if u >= cutoff - _TOUCH and w > 0.0:
-                return OVERTURNING, t, side * cutoff, side * w
-            stay = safe_time(max(cutoff - u, 0.0), -w, course.rise)
+                return Event.OVERTURNING, t, side * cutoff, side * w
+            stay = least_closing_time(max(cutoff - u, 0.0), -w, flight.rise)
             if w < 0.0 and u <= _TOUCH:
-                return IMPACT, t, 0.0, side * w
-            fly = safe_time(max(u, 0.0), w, course.fall)
-            if w >= 0.0 and fly < course.end - t:
-                rising = rising_time(course, u, side, segment, t, work, block)
+                return Event.IMPACT, t, 0.0, side * w
+            fly = least_closing_time(max(u, 0.0), w, flight.fall)
+            if w >= 0.0 and fly < flight.end - t:
+                rising = outward_time(flight, u, side, segment, t, work, block)
                 if rising >= 0.0:
                     fly += rising
                 elif u <= _TOUCH and w < SPEED_FLOOR:
-                    return IMPACT, t, 0.0, 0.0
+                    return Event.IMPACT, t, 0.0, 0.0
             t_next = t + min(fly, stay)
             if not t_next > t:
                 if stay < fly:
-                    return OVERTURNING, t, side * cutoff, side * w
-                return IMPACT, t, 0.0, side * w
-            t = min(t_next, course.end)
-            x, v = later(course, side, segment, t, work, block)
+                    return Event.OVERTURNING, t, side * cutoff, side * w
+                return Event.IMPACT, t, 0.0, side * w
+            t = min(t_next, flight.end)
+            x, v = flight_state(flight, side, segment, t, work, block)
             u, w = side * x, side * v
-    return NOTHING, end, side * u, side * w
+    return Event.NONE, end, side * u, side * w
 
 
 @kernel(inline="always")
 def can_lift_off(low, high, block):
     """Whether a force between two bounds may lift a block off that is at rest."""
-    return max(high, -low) >= stays_below(block)
+    return max(high, -low) >= lift_off_level(block)
 
 
 @kernel
-def clearance(side, low, high, span, block):
+def chord_clearance(side, low, high, span, block):
     """How far a flight may leave the chord between its ends below and above it: |u''| span^2 / 8 within bounds of f."""
-    fall, rise = pulls(side, low, high, block)
+    fall, rise = acceleration_bounds(side, low, high, block)
     sag = 0.125 * span * span
     return sag * max(rise, 0.0), sag * max(fall, 0.0)
 
 
 @kernel
-def is_eventless(u, end, side, low, high, span, block, margin=0.0):
+def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
     """Whether a flight between two folded angles surely keeps a distance from x = 0 and from the cut-off."""
-    below, above = clearance(side, low, high, span, block)
+    below, above = chord_clearance(side, low, high, span, block)
     return min(u, end) - below > margin and max(u, end) + above < block.cutoff - margin
 
 
 @kernel(inline="always")
-def reach(u, w, side, low, high, span, block):
-    """Least and greatest folded angle at the end of a time, from that at its begin, of a flight that meets no event."""
-    fall, rise = pulls(side, low, high, block)
+def folded_angle_bounds(u, w, side, low, high, span, block):
+    """Least and greatest folded angle at the end of a time, from the state at its begin, of a flight without event."""
+    fall, rise = acceleration_bounds(side, low, high, block)
     half, straight = 0.5 * span * span, u + span * w
     return straight - half * max(fall, 0.0), straight + half * max(rise, 0.0)
+
+
+@kernel(borrows=True)
+def lift_off_time(segment, start, end, block):
+    """First time in [start, end] at which a block at rest lifts off, and the side it goes to (0: none).
+
+    |f| must pass its level by more than a margin above the rounding of f: the block then surely leaves, and whoever
+    asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot dwindle
+    to nothing.
+    """
+    margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
+    level = lift_off_level(block)
+    level, target = level + margin, level + 2.0 * margin
+    t = start
+    while t < end:
+        force, slope = value_and_slope(segment.force, t)
+        if abs(force) > level:
+            return t, (1 if force > 0.0 else -1)
+        below = least_closing_time(target + force, slope, segment.force_curvature)
+        above = least_closing_time(target - force, -slope, segment.force_curvature)
+        t += min(below, above)
+    return end, 0
+
+
+@kernel(borrows=True)
+def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
+    """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
+
+    `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `slow`
+    under a force that changes by less than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are
+    dropped.
+    """
+    force, slope = value_and_slope(segment.force, time)
+    gap = lift_off_level(block) - abs(force)
+    if gap > 0.0:
+        delay = chatter_time(speed, side * force, block)
+        if delay <= slow and abs(slope) * delay <= 0.01 * gap:
+            return 0, delay
+    return (side if speed >= SPEED_FLOOR else 0), 0.0
+
+
+@kernel(forceinline=True, borrows=True)  # see next_event
+def advance_through_events(x, v, side, segment, start, end, block, impacts=None, origin=0.0, slow=CHATTER_TIME):
+    """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
+
+    Parameters
+    ----------
+    x, v : float
+        Angle and velocity at `start`, nondimensional.
+    side : int
+        +1, -1, or 0 at rest (then x = v = 0).
+    segment : Segment
+        The forcing; times count from its start.
+    start, end : float
+        Times since the segment's start.
+    block : Body
+    impacts : ImpactRecord, optional
+        Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
+    origin : float
+        Time of the segment's start.
+    slow : float
+        Chatter that ends within this time is summed in closed form.
+
+    Returns
+    -------
+    x, v, side, time : float, float, int, float
+        The state at `time`, which is `end` unless the block overturned earlier, and then |x| = cutoff.
+    """
+    t = start
+    while t < end:
+        if side == 0:
+            t, side = lift_off_time(segment, t, end, block)
+            x, v = 0.0, 0.0
+            continue
+        event, t, x, v = next_event(x, v, side, segment, t, end, block)
+        if event == Event.OVERTURNING:
+            return x, v, side, t
+        if event == Event.IMPACT:
+            if impacts is not None and v != 0.0:
+                record_impact(impacts, origin + t, v)
+            v = velocity_after_impact(v, block.restitution)
+            side, delay = rest_or_flight(abs(v), -side, segment, t, block, slow)
+            if side == 0:
+                v, t = 0.0, t + delay
+    return x, v, side, min(t, end)

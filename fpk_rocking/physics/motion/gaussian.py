@@ -38,7 +38,7 @@ _TWO_THIRDS, _THREE_HALVES, _HALF = math.sqrt(2.0 / 3.0), math.sqrt(1.5), math.s
 
 
 @kernel
-def noise_factor(diffusion, duration):
+def covariance_factor(diffusion, duration):
     """Cholesky factor xx, vx, vv of the covariance of a flight of at most 0.1, to rounding (`flight_covariance`)."""
     root, square = math.sqrt(diffusion * duration), duration * duration
     xx = 1.0 + square * (1.0 / 10.0 + square * (19.0 / 4200.0 + square * (29.0 / 378000.0)))
@@ -47,20 +47,20 @@ def noise_factor(diffusion, duration):
     return _TWO_THIRDS * duration * root * xx, _THREE_HALVES * root * vx, _HALF * root * vv
 
 
-def gathered(weights: Array, left: Array) -> tuple[Array, Array, Array]:
+def accumulated_covariance(weights: Array, left: Array) -> tuple[Array, Array, Array]:
     """Covariance xx, xv, vv of noise of strengths `weights` (..., n), 2 D dt, at times `left` (n,) before the end."""
     sinh, cosh = np.sinh(left), np.cosh(left)
     return weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
 
 
-def shears(duration: float) -> tuple[float, float]:
+def flight_shears(duration: float) -> tuple[float, float]:
     """Shears (angle by velocity, velocity by angle) of which a flight is made: the first, the second, the first."""
     return math.tanh(0.5 * duration), math.sinh(duration)
 
 
-def blur_variances(diffusion: float, duration: float) -> tuple[float, float]:
-    """Variances of the velocity's blur and of each of the angle's two blurs, between these shears (docs/theory)."""
-    shear, sinh = shears(duration)
+def shear_diffusion_variances(diffusion: float, duration: float) -> tuple[float, float]:
+    """Variances by which velocity and angle (twice) diffuse between the three shears of a flight (docs/theory)."""
+    shear, sinh = flight_shears(duration)
     if duration < 0.1:
         square = duration * duration
         deficit = square / 6.0 * (1.0 - square * (7.0 / 60.0) * (1.0 - square * (31.0 / 294.0)))

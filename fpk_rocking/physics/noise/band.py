@@ -8,26 +8,40 @@ then the phase at a late cycle is reduced exactly, where the product nu_n t of a
 On a grid the samples are made in chunks of 2 m + 1 about a centre. Each sample is one rotation away from the centre, by
 the same angle in every chunk, so a chunk is a product of small matrices; and as cosines are even and sines odd, one
 product serves the samples on both sides. The centres move on by rotation and are anchored afresh now and then.
+
+Between coarse samples such a sum is interpolated to 3e-12, from 1.6 times the fewest possible: sampled at the spacing
+d <= pi/(OVERSAMPLING b), b its highest frequency, after each harmonic has been divided by the transform of a window
+psi; then the signal is sum_k psi((t - t_k)/d) g_k. What folds over from other bands is suppressed like
+exp(-pi WIDTH sqrt(1 - 1/OVERSAMPLING)), psi being a Kaiser-Bessel window of WIDTH samples
+(J. F. Kaiser, R. W. Schafer, IEEE Trans. ASSP 28, 105-107, 1980; as in nonuniform Fourier transforms, D. Potts,
+G. Steidl, M. Tasche, 2001). Between two samples each piece of psi is a polynomial, and so is the interpolant.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.types import Array
+from fpk_rocking.physics.motion import TERMS
 
 ANCHOR_CYCLES = 16
 """Cycles between fresh anchors; the rotations between them, some 200, cost about 1e-14 of the noise's amplitude."""
 
 _LANES = 8
-_GRAIN = 2.0**24
+"""Harmonics are padded to a multiple of it, the numbers in the widest vector registers."""
 
-# Taylor coefficients of sin(pi r)/r and cos(pi r) in r^2, for `circle`.
-S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10 = (
-    (-1) ** k * math.pi ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(11)
-)
-C1, C2, C3, C4, C5, C6, C7, C8, C9, C10 = ((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in range(1, 11))
+WIDTH, OVERSAMPLING = 16, 1.6
+"""Samples under the window of the interpolation, and samples over the fewest possible: together they give 3e-12."""
+
+_SHAPE, _ORDER = math.pi * WIDTH * (1.0 - 0.5 / OVERSAMPLING), 20
+"""Shape of the Kaiser-Bessel window, and terms of the polynomial of `window_compensation`."""
+
+_SINE = tuple((-1) ** k * math.pi ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(11))
+_COSINE = tuple((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in range(11))
+"""Taylor coefficients of sin(pi r)/r and cos(pi r) in r^2, for `cos_sin_of_turns`."""
 
 
 class Realization(NamedTuple):
@@ -51,7 +65,7 @@ class Realization(NamedTuple):
 
 
 @kernel
-def allocate(count, half):
+def allocate_realization(count, half):
     """Make room for `count` harmonics sampled in chunks of 2 * half + 1; the realization is still to be written."""
     padded = (count + _LANES - 1) // _LANES * _LANES
     rows = (half + 3) // 4 * 4
@@ -69,23 +83,25 @@ def allocate(count, half):
 
 
 @kernel
-def turns(ratio, phase, cycle, fraction):
+def phase_in_turns(ratio, phase, cycle, fraction):
     """Phase of a harmonic in turns, less whole turns of full cycles; exact to rounding for ratio * cycle < 5e8."""
-    coarse = math.floor(ratio * _GRAIN) / _GRAIN
+    coarse = math.floor(ratio * 2.0**24) / 2.0**24
     whole = coarse * cycle
     return (whole - math.floor(whole)) + (ratio - coarse) * cycle + ratio * fraction + phase
 
 
 @kernel(inline="always")
-def circle(angle):
+def cos_sin_of_turns(angle):
     """Cosine and sine of an angle in turns, to 1e-15; free of branches and calls, so that loops become vectors."""
     r = angle - math.floor(angle + 0.5)
     q = r * r
     # Taylor series at half the angle, at most a quarter turn.
-    s = S4 + q * (S5 + q * (S6 + q * (S7 + q * (S8 + q * (S9 + q * S10)))))
-    c = C4 + q * (C5 + q * (C6 + q * (C7 + q * (C8 + q * (C9 + q * C10)))))
-    s = r * (S0 + q * (S1 + q * (S2 + q * (S3 + q * s))))
-    c = 1.0 + q * (C1 + q * (C2 + q * (C3 + q * c)))
+    s = _SINE[4] + q * (_SINE[5] + q * (_SINE[6] + q * (_SINE[7] + q * (_SINE[8] + q * (_SINE[9] + q * _SINE[10])))))
+    c = _COSINE[4] + q * (
+        _COSINE[5] + q * (_COSINE[6] + q * (_COSINE[7] + q * (_COSINE[8] + q * (_COSINE[9] + q * _COSINE[10]))))
+    )
+    s = r * (_SINE[0] + q * (_SINE[1] + q * (_SINE[2] + q * (_SINE[3] + q * s))))
+    c = 1.0 + q * (_COSINE[1] + q * (_COSINE[2] + q * (_COSINE[3] + q * c)))
     return 1.0 - 2.0 * s * s, 2.0 * s * c
 
 
@@ -109,16 +125,16 @@ def noise_at(harmonics, cycle, fraction):
     """
     value = 0.0
     for n in range(harmonics.ratios.size):
-        angle = turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction)
+        angle = phase_in_turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction)
         value += harmonics.weights[n] * math.cos(2.0 * math.pi * angle)
     return value
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def prepare(harmonics, half, spacing):
+def write_sample_rotations(harmonics, half, spacing):
     """Write the rotations `even`, `odd` to `half` samples beside a centre, `spacing` cycles apart."""
     ratios, even, odd = harmonics.ratios, harmonics.even, harmonics.odd
-    set_rotation(ratios, spacing, even[0], odd[0])
+    write_rotation(ratios, spacing, even[0], odd[0])
     for j in range(1, half):
         for n in range(ratios.size):
             even[j, n] = even[0, n] * even[j - 1, n] - odd[0, n] * odd[j - 1, n]
@@ -126,25 +142,25 @@ def prepare(harmonics, half, spacing):
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def set_rotation(ratios, cycles, cosines, sines):
+def write_rotation(ratios, cycles, cosines, sines):
     """Write the rotations of the harmonics over a time given in cycles, as for `hop` and `wrap`."""
     for n in range(ratios.size):
-        c, s = circle(ratios[n] * cycles)
+        c, s = cos_sin_of_turns(ratios[n] * cycles)
         cosines[n] = c
         sines[n] = s
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def anchor(harmonics, cycle, fraction):
+def set_centre(harmonics, cycle, fraction):
     """Put the centre at a time given in cycles, directly."""
     for n in range(harmonics.ratios.size):
-        c, s = circle(turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction))
+        c, s = cos_sin_of_turns(phase_in_turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction))
         harmonics.cosines[n] = harmonics.weights[n] * c
         harmonics.sines[n] = harmonics.weights[n] * s
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def rotate(harmonics, rotation):
+def rotate_centre(harmonics, rotation):
     """Move the centre on by a rotation (2, M): `hop` or `wrap`."""
     for n in range(harmonics.ratios.size):
         c, s = harmonics.cosines[n], harmonics.sines[n]
@@ -153,7 +169,7 @@ def rotate(harmonics, rotation):
 
 
 @kernel(fastmath={"contract", "reassoc"}, borrows=True)
-def add_chunk(harmonics, half, out):
+def add_samples(harmonics, half, out):
     """Add the noise at the centre and at `half` samples on each side of it to `out` (2 * half + 1,).
 
     The centre is sample `half`. Four offsets at a time share the loads of the centre's harmonics.
@@ -187,3 +203,65 @@ def _pair(out, half, offset, even, odd):
     if offset <= half:
         out[half + offset] += even - odd
         out[half - offset] += even + odd
+
+
+def interpolant_polynomials(spacing: float) -> Array:
+    """Polynomials of the interpolant between two samples.
+
+    Parameters
+    ----------
+    spacing : float
+        Distance d of the samples, nondimensional.
+
+    Returns
+    -------
+    ndarray, shape (WIDTH, TERMS)
+        Row i belongs to sample i - WIDTH/2 + 1 (0: at the interval's begin, 1: at its end); coefficients in the time
+        since the interval's middle.
+    """
+    return (_window_pieces() * (2.0 / np.longdouble(spacing)) ** np.arange(TERMS, dtype=np.longdouble)).astype(float)
+
+
+@functools.cache
+def _window_pieces():
+    """Polynomials (WIDTH, TERMS) of `interpolant_polynomials` for samples 2 apart; not to be written to."""
+    # In long double where there is one: rounding of the window is what limits the derivative otherwise.
+    order = np.arange(TERMS, dtype=np.longdouble)
+    angles = np.longdouble("3.14159265358979323846264") * (order + 0.5) / TERMS
+    nodes = np.cos(angles)
+    window = _bessel(1.0 - ((nodes - 2.0 * order[:WIDTH, None] + (WIDTH - 1.0)) / WIDTH) ** 2) / _bessel(1.0)
+    rows = window @ np.cos(order * angles[:, None]) * (2.0 / TERMS)
+    rows[:, 0] *= 0.5
+    return np.array([np.polynomial.chebyshev.cheb2poly(row) for row in rows])
+
+
+def _bessel(square):
+    """Evaluate I0(_SHAPE sqrt(square)) by its power series, all terms of which are positive."""
+    square = np.asarray(square, np.longdouble) * np.longdouble(0.5 * _SHAPE) ** 2
+    term = total = np.ones_like(square)
+    for k in range(1, 120):
+        term = term * square / (k * k)
+        total = total + term
+    return total
+
+
+@functools.cache
+def window_compensation() -> Array:
+    """Return coefficients of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1.
+
+    Not to be written to.
+    """
+    nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
+    argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
+    inverse = float(np.i0(_SHAPE)) * argument / (WIDTH * np.sinh(argument))
+    return np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebfit(nodes, inverse, _ORDER - 1))
+
+
+@kernel(inline="always")
+def evaluate_compensation(coefficients, ratio):
+    """Evaluate `window_compensation` at frequency * spacing * OVERSAMPLING / pi."""
+    square = 2.0 * ratio * ratio - 1.0
+    value = coefficients[_ORDER - 1]
+    for k in range(_ORDER - 2, -1, -1):
+        value = value * square + coefficients[k]
+    return value

@@ -211,7 +211,7 @@ class StateSpace(NamedTuple):
         return self.correlation @ self.output
 
 
-def transition(drift: Array, source: Array, duration: float) -> tuple[Array, Array]:
+def transition_and_factor(drift: Array, source: Array, duration: float) -> tuple[Array, Array]:
     """Exact step of a linear system dz = drift z dτ + source dW.
 
     Parameters

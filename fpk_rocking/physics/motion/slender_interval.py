@@ -2,7 +2,7 @@
 
 An impact between two grid points is met by Halley's iteration on the flight written as a polynomial, and accepted only
 where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
-impacts, chatter, rest, uplift, grazing and overturning, goes to `fpk_rocking.physics.motion.transition.advance`.
+impacts, chatter, rest, lift-off, grazing and overturning, goes to `events.advance_through_events`.
 
 A flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
 as they are at the interval's begin and returned as they are at its end.
@@ -16,12 +16,13 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.polynomial import polynomial
-from fpk_rocking.physics.motion.slender import fold, join, segment_of, split
-from fpk_rocking.physics.motion.transition import advance, record
+from fpk_rocking.physics.motion.events import advance_through_events, record_impact
+from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
+from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
+from fpk_rocking.physics.motion.segment import segment_from_particular, value_and_slope
 
 LEAST_SPEED = 1e-4
-"""Impacts that leave with less speed go to `advance`, which decides about chatter and rest."""
+"""Impacts that leave with less speed go to `advance_through_events`, which decides about chatter and rest."""
 
 _CLOSE, _ROUNDS = 1e-7, 8
 """Last change of the time at which the iteration for a root ends, and its most rounds: it converges cubically."""
@@ -62,7 +63,7 @@ def _fold(interval, grow, decay, sign):
 
 
 @kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
-def bend_bounds(folded, bend):
+def curvature_bounds(folded, bend):
     """Half of the bounds of -u'' and u'' over the interval, at least 0."""
     spread = 0.0
     for k in range(folded.size):
@@ -71,8 +72,8 @@ def bend_bounds(folded, bend):
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def meet(q, half):
-    """Find where the polynomial q passes zero downwards; return time and slope, or slope 0 if that does not work."""
+def downward_root(q, half):
+    """Time in [-half, half] at which a polynomial q (TERMS,) falls through zero, and its slope; 0 if none is found."""
     square = q[1] * q[1] - 4.0 * q[2] * q[0]
     if square <= 0.0:
         return 0.0, 0.0
@@ -83,7 +84,7 @@ def meet(q, half):
     for _ in range(_ROUNDS):
         if not -half <= t <= half:
             break
-        value, slope = polynomial(q, t)
+        value, slope = value_and_slope(q, t)
         if slope >= 0.0:
             break
         bend = t * (30.0 * q[6] + t * (42.0 * q[7] + t * (56.0 * q[8] + t * 72.0 * q[9])))
@@ -98,7 +99,7 @@ def meet(q, half):
 
 
 @kernel(forceinline=True, borrows=True)
-def stays(u, end, square, rise, fall, cutoff):
+def chord_excludes_event(u, end, square, rise, fall, cutoff):
     """Whether a flight with these angles at its ends has no event between them: the parabolas over its chord tell.
 
     `square` is that of the duration; `rise`, `fall` are half of the bounds of u'' and -u''.
@@ -108,23 +109,23 @@ def stays(u, end, square, rise, fall, cutoff):
 
 
 @kernel(borrows=True)
-def _carry(particular, force, half, x, v, side, begin, end, block, impacts, origin):
-    """Carry a block from one time in the interval to another through whatever happens; returns as `advance`."""
-    segment = segment_of(particular, force, half)
-    return advance(x, v, side, segment, begin, end, block, impacts, origin)
+def _through_events(particular, force, half, x, v, side, begin, end, block, impacts, origin):
+    """Carry a block from one time in the interval to another; returns as `advance_through_events`."""
+    segment = segment_from_particular(particular, force, half)
+    return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
 
 
 @kernel(borrows=True)
-def begin_of(particular, half, grow, decay, side):
+def state_at_begin(particular, half, grow, decay, side):
     """Angle and velocity at the interval's begin."""
     if side == 0:
         return 0.0, 0.0
-    return join(grow, decay, side, particular, -half)
+    return state_from_exponentials(grow, decay, side, particular, -half)
 
 
 @kernel(forceinline=True, borrows=True)
-def pass_through(interval, node, grow, decay, u, end, side, block, impacts, origin):
-    """Carry a block through an interval in which it may meet an event.
+def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, origin):
+    """Carry a block through an interval in which it may downward_root an event.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ def pass_through(interval, node, grow, decay, u, end, side, block, impacts, orig
     side : int
         +1, -1, or 0 at rest.
     block : Body
-    impacts : Impacts
+    impacts : ImpactRecord
         Records the impacts.
     origin : float
         Time of the interval's middle.
@@ -153,43 +154,47 @@ def pass_through(interval, node, grow, decay, u, end, side, block, impacts, orig
     if side != 0:
         middle_grow, middle_decay = grow * factor, decay / factor
         _fold(interval, middle_grow, middle_decay, float(side))
-        fall, rise = bend_bounds(interval.folded, interval.bend)
-        if end > 0.0 and u > 0.0 and stays(u, end, 4.0 * half * half, rise, fall, cutoff):
+        fall, rise = curvature_bounds(interval.folded, interval.bend)
+        if end > 0.0 and u > 0.0 and chord_excludes_event(u, end, 4.0 * half * half, rise, fall, cutoff):
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
-        time, slope = meet(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
-        speed, square = -block.restitution * slope, (time + half) ** 2
+        time, slope = downward_root(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
+        speed, square = -velocity_after_impact(slope, block.restitution), (time + half) ** 2
         if speed > LEAST_SPEED and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
-            record(impacts, origin + time, v)
-            shift, shrink = 0.5 * (block.restitution - 1.0) * v, math.exp(-time)
+            record_impact(impacts, origin + time, v)
+            shift, shrink = 0.5 * velocity_jump(v, block.restitution), math.exp(-time)
             middle_grow += (side + shift) * shrink
             middle_decay += (side - shift) / shrink
             side = -side
             grow, decay = middle_grow * factor, middle_decay / factor
-            old, end = end, fold(side, node, grow, decay)
+            old, end = end, folded_angle(side, node, grow, decay)
             # Seen from the new side, u'' is that of the old flight turned round, plus the sum of both angles less 2.
             rise, fall = max(1.01 * fall + 0.5 * cutoff - 1.0, 0.0), 1.01 * rise + 1.0 - 0.5 * old
-            if end > 0.0 and stays(0.0, end, (half - time) ** 2, rise, fall, cutoff):
+            if end > 0.0 and chord_excludes_event(0.0, end, (half - time) ** 2, rise, fall, cutoff):
                 return grow, decay, end, side, math.inf
-            v, begin = block.restitution * v, time
+            v, begin = velocity_after_impact(v, block.restitution), time
         else:
-            x, v = begin_of(interval.particular, half, grow, decay, side)
+            x, v = state_at_begin(interval.particular, half, grow, decay, side)
     particular = interval.particular
-    x, v, side, time = _carry(particular, interval.force, half, x, v, side, begin, half, block, impacts, origin)
+    x, v, side, time = _through_events(
+        particular, interval.force, half, x, v, side, begin, half, block, impacts, origin
+    )
     if abs(x) >= cutoff:
         return 0.0, 0.0, cutoff, side, origin + time
     if side == 0:
         return 0.0, 0.0, 0.0, 0, math.inf
-    grow, decay = split(x, v, side, particular, half)
+    grow, decay = exponential_parts(x, v, side, particular, half)
     return grow, decay, side * x, side, math.inf
 
 
 @kernel(forceinline=True, borrows=True)
-def state_at(interval, grow, decay, side, time, block):
-    """Angle and velocity at a time in the interval, nan if overturned; arguments as for `pass_through`."""
-    x, v = begin_of(interval.particular, interval.half, grow, decay, side)
+def state_in_interval(interval, grow, decay, side, time, block):
+    """Angle and velocity at a time in the interval, nan if overturned; arguments as for `cross_interval`."""
+    x, v = state_at_begin(interval.particular, interval.half, grow, decay, side)
     begin = -interval.half
-    x, v, _, _ = _carry(interval.particular, interval.force, interval.half, x, v, side, begin, time, block, None, 0.0)
+    x, v, _, _ = _through_events(
+        interval.particular, interval.force, interval.half, x, v, side, begin, time, block, None, 0.0
+    )
     if abs(x) >= block.cutoff:
         return math.nan, math.nan
     return x, v

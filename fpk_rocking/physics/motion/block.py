@@ -1,0 +1,89 @@
+"""A block in plain numbers, without a compiler: what its exact equation adds to the slender one, and its corner forces.
+
+With φ = α (1 - s x), gravity turns the block by -s sin φ/α in place of x - s, and the base by f cos φ in place of f; so
+x'' = x - s + f + δ, and the *exact correction* δ = -s [sin φ/α - (1 - s x)] - f (1 - cos φ) is a function of angle and
+time only. White noise is sqrt(2 D) cos φ dW. A critical angle of None or 0 is a slender block.
+"""
+
+import math
+
+import numpy as np
+
+from fpk_rocking.base.types import Array
+from fpk_rocking.physics.motion import LIFT_OFF, lift_off
+
+
+def gravity_at_contact(critical_angle: float | None) -> float:
+    """Return -u'' at zero angle without a force: sin α/α, which is also the mean of cos φ from there to the saddle."""
+    return math.sin(critical_angle) / critical_angle if critical_angle else 1.0
+
+
+def tilt_angle(angles: Array, critical_angle: float) -> Array:
+    """Angle φ (n, ...) between the vertical and the line from the corner to the centre of mass, radians."""
+    return critical_angle * (1.0 - np.abs(angles))
+
+
+def force_factors(angles: Array, critical_angle: float) -> Array:
+    """Part of the base's acceleration that turns the block (n, ...): cos φ."""
+    return np.cos(tilt_angle(angles, critical_angle))
+
+
+def gravity_correction(angles: Array, sides: Array, critical_angle: float) -> Array:
+    """Gravity's part of the exact correction δ (n, ...) at angles on sides (+1, -1)."""
+    phi = tilt_angle(angles, critical_angle)
+    return -sides * (np.sin(phi) - phi) / critical_angle
+
+
+def largest_correction(force: float, critical_angle: float | None) -> float:
+    """Bound of the exact correction |δ| from zero angle to twice the critical one, under |f| up to a force."""
+    if not critical_angle:
+        return 0.0
+    return 1.0 - gravity_at_contact(critical_angle) + force * (1.0 - math.cos(critical_angle))
+
+
+def saddle_speed(force: float, critical_angle: float | None) -> float:
+    """Speed at zero angle from which a block just reaches the saddle, under a constant force s f up to lift-off.
+
+    It is 1 - s f for a slender block, and 2 sin(α/2)/α without a force (the integral of u'' over the angle).
+    """
+    if not critical_angle:
+        return max(1.0 - force, 0.0)
+    alpha = critical_angle
+    square = math.hypot(1.0, alpha * force) - math.cos(alpha) - alpha * force * math.sin(alpha)
+    return math.sqrt(2.0 * max(square, 0.0)) / alpha
+
+
+def contact_forces(angle: Array, velocity: Array, force: Array, critical_angle: float, slender: bool = False) -> Array:
+    """Return the forces of the floor on a block, over its weight mg.
+
+    With φ = α (1 - s x) the centre of mass has the horizontal acceleration ¾ (α x'' cos φ + s α² v² sin φ) relative to
+    the base and the vertical one ¾ (s α x'' sin φ - α² v² cos φ), in units of g; the base itself has -α f. The forces
+    of an impact are not among them.
+
+    Parameters
+    ----------
+    angle, velocity, force : ndarray
+        x, v and f at some times, nondimensional, of shapes that broadcast. A block at (0, 0) rests where f cannot lift
+        it off.
+    critical_angle : float
+        α of the block's dimensions, above 0, radians.
+    slender : bool
+        Whether the motion obeys x'' = x - s + f in place of the exact equation.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        The horizontal force, positive towards x > 0, and the normal force. nan where the angle is.
+    """
+    x, v, f = np.broadcast_arrays(angle, velocity, force)
+    alpha, level = critical_angle, LIFT_OFF if slender else lift_off(critical_angle)
+    lifted = np.where(np.abs(f) > level, np.sign(f), 0.0)
+    side = np.where(x != 0.0, np.sign(x), np.where(v != 0.0, np.sign(v), lifted))
+    phi = alpha * (1.0 - side * x)
+    sine, cosine = np.sin(phi), np.cos(phi)
+    turning = alpha * (x - side + f if slender else f * cosine - side * sine / alpha)
+    square = (alpha * v) ** 2
+    moving = side != 0.0
+    horizontal = np.where(moving, 0.75 * (turning * cosine + side * square * sine), 0.0) - alpha * f
+    normal = 1.0 + np.where(moving, 0.75 * (side * turning * sine - square * cosine), 0.0)
+    return np.where(np.isnan(x), np.nan, np.stack([horizontal, normal]))

@@ -1,0 +1,231 @@
+"""Flights of a block between events: in closed form for a slender block, by Taylor series for an exact one.
+
+A slender block has y = x - s - P with y'' = y, a growing and a decaying exponential (derived in docs/theory). For an
+exact block the force over a segment is a polynomial, and the series of the angle about any time in it follows from
+three Cauchy products an order: (sin φ)' = φ' cos φ, (cos φ)' = -φ' sin φ and the equation itself. It is used for as
+long as its last terms are below rounding, and then made anew.
+
+`start_flight`, `flight_state` and `outward_time` march through a flight in search of events; `flight_end` goes straight
+to its end. Times count from the segment's start.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.stack import scratch
+from fpk_rocking.physics.motion import TERMS, particular
+from fpk_rocking.physics.motion.equation import dispatch_on_block, slender_acceleration, slender_acceleration_bounds
+from fpk_rocking.physics.motion.segment import least_closing_time, move_origin, value_and_slope
+
+# Arguments that one of two forms does not use are there for the other.
+# ruff: noqa: ARG001
+
+dynamic_stiffness = kernel(inline="always")(particular.dynamic_stiffness)
+
+
+@kernel(forceinline=True, borrows=True)
+def exponential_parts(x, v, side, particular, t):
+    """Growing and decaying part of y = x - s - P, for a slender flight that is at (x, v) at a time."""
+    p, q = value_and_slope(particular, t)
+    y, z = x - side - p, v - q
+    return 0.5 * (y + z), 0.5 * (y - z)
+
+
+@kernel(forceinline=True, borrows=True)
+def state_from_exponentials(grow, decay, side, particular, t):
+    """Angle and velocity of a slender flight at a time, from its parts there: the inverse of `exponential_parts`."""
+    p, q = value_and_slope(particular, t)
+    return side + p + grow + decay, q + grow - decay
+
+
+@kernel(inline="always")
+def folded_angle(side, p, grow, decay):
+    """Folded angle u of a slender flight, from P and its parts at one time."""
+    return 1.0 + side * (p + grow + decay)
+
+
+class SlenderFlight(NamedTuple):
+    """A slender flight: growing and decaying part at `begin`, and bounds of -u'' and u'' up to `end`."""
+
+    begin: float
+    end: float
+    fall: float
+    rise: float
+    grow: float
+    decay: float
+
+
+@kernel(forceinline=True, borrows=True)
+def _start_slender(x, v, side, segment, start, end, work, block):
+    """Return the `SlenderFlight` that is at (x, v) at `start`."""
+    p, q = value_and_slope(segment.particular, start)
+    fall, rise = slender_acceleration_bounds(side, segment.force_low, segment.force_high, block)
+    return SlenderFlight(start, end, fall, rise, 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q))
+
+
+@kernel(forceinline=True, borrows=True)
+def _slender_state(flight, side, segment, t, work, block):
+    """Angle and velocity of a `SlenderFlight` at t."""
+    factor = math.exp(t - flight.begin)
+    return state_from_exponentials(flight.grow * factor, flight.decay / factor, side, segment.particular, t)
+
+
+@kernel(forceinline=True, borrows=True)
+def _slender_outward_time(flight, u, side, segment, t, work, block):
+    """Time for which u'' surely stays >= 0 from t on, where the folded angle is u; -1 where u'' < 0 at t."""
+    force, jerk = value_and_slope(segment.force, t)
+    rising = slender_acceleration(u, side, force, block)
+    return least_closing_time(rising, side * jerk, segment.force_curvature) if rising >= 0.0 else -1.0
+
+
+@kernel(borrows=True)
+def slender_flight_end(x, v, side, segment, start, end, block):
+    """Angle and velocity at `end` of a flight that is at (x, v) at `start`."""
+    p, q = value_and_slope(segment.particular, start)
+    factor = math.exp(end - start)
+    grow, decay = 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
+    return state_from_exponentials(grow * factor, decay / factor, side, segment.particular, end)
+
+
+_ROUNDING, _BELOW = 1e-16, 1e-18
+"""Last term of a series that has all its terms, and sum of the last two of one that ends before, over the angle."""
+
+_RECIPROCALS = 1.0 / np.maximum(np.arange(TERMS), 1)
+
+SERIES = 4, TERMS
+"""Shape of what `start_flight` writes for an exact block: the series of u, sin φ, cos φ and s f."""
+
+_series = scratch(*SERIES)
+
+
+class ExactFlight(NamedTuple):
+    """An exact flight: its series holds from `begin` to `end`, with these bounds of -u'', u'' and of |u''''|."""
+
+    begin: float
+    end: float
+    fall: float
+    rise: float
+    snap: float
+
+
+@kernel(borrows=True)
+def _expand(u, w, side, force, t, span, block, work):
+    """Write the series (4, TERMS) of u, sin φ, cos φ and s f about a time; return for how long that of u holds.
+
+    It ends where its terms are below rounding at the end of a span, for which it then holds.
+    """
+    angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
+    move_origin(force, t, push)
+    phi = alpha * (1.0 - u)
+    angle[0], angle[1], sine[0], cosine[0] = u, w, math.sin(phi), math.cos(phi)
+    size, power, before, weight = max(1.0, abs(u)), span * span, math.inf, 1.0 / alpha
+    angle[2] = 0.5 * (side * push[0] * cosine[0] - weight * sine[0])
+    for k in range(1, TERMS - 2):
+        s, c, total = 0.0, 0.0, 0.0
+        for i in range(1, k + 1):
+            turn = i * angle[i]
+            s -= turn * cosine[k - i]
+            c += turn * sine[k - i]
+            total += push[i] * cosine[k - i]
+        share = alpha * _RECIPROCALS[k]
+        sine[k], cosine[k] = share * s, share * c
+        total += push[0] * cosine[k]
+        angle[k + 2] = (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
+        power *= span
+        term = abs(angle[k + 2]) * power
+        if before + term < _BELOW * size:
+            angle[k + 3 :] = 0.0
+            return span
+        before = term
+    last = max(abs(angle[TERMS - 1]), 1e-300)
+    before = max(abs(angle[TERMS - 2]), 1e-300)
+    reach = (_ROUNDING * size / last) ** (1.0 / (TERMS - 1))
+    return min(reach, (_ROUNDING * size / before) ** (1.0 / (TERMS - 2)))
+
+
+@kernel(borrows=True)
+def _start_exact(x, v, side, segment, start, end, work, block):
+    """Return the `ExactFlight` that is at (x, v) at `start`; write its series to `work`, of the shape `SERIES`."""
+    reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
+    angle, step = work[0], min(reach, end - start)
+    spread, snap, power = 0.0, 0.0, 1.0
+    for k in range(3, TERMS):
+        term = k * (k - 1) * abs(angle[k]) * power
+        if k > 3:
+            snap += (k - 2) * (k - 3) * term
+        power *= step
+        spread += term * step
+    end = start + step if step < end - start else end
+    return ExactFlight(start, end, spread - 2.0 * angle[2], spread + 2.0 * angle[2], snap / step)
+
+
+@kernel(borrows=True)
+def _exact_state(flight, side, segment, t, work, block):
+    """Angle and velocity at t of an `ExactFlight` whose series is in `work`."""
+    u, w = value_and_slope(work[0], t - flight.begin)
+    return side * u, side * w
+
+
+@kernel(borrows=True)
+def _exact_outward_time(flight, u, side, segment, t, work, block):
+    """Time for which u'' surely stays >= 0 from t on, within the series; -1 where u'' < 0 at t."""
+    angle, since = work[0], t - flight.begin
+    rising, jerk = 0.0, 0.0
+    for k in range(TERMS - 1, 1, -1):
+        jerk = jerk * since + rising
+        rising = rising * since + k * (k - 1) * angle[k]
+    return least_closing_time(rising, jerk, flight.snap) if rising >= 0.0 else -1.0
+
+
+@kernel(borrows=True)
+def _exact_flight_end(x, v, side, segment, start, end, block):
+    """Angle and velocity at `end` of a flight that is at (x, v) at `start`."""
+    work, t, u, w = _series(), start, side * x, side * v
+    while t < end:
+        reach = _expand(u, w, side, segment.force, t, end - t, block, work)
+        u, w = value_and_slope(work[0], min(reach, end - t))
+        t = t + reach if reach < end - t else end
+    return side * u, side * w
+
+
+start_flight = dispatch_on_block(_start_slender, _start_exact)
+flight_state = dispatch_on_block(_slender_state, _exact_state)
+outward_time = dispatch_on_block(_slender_outward_time, _exact_outward_time)
+flight_end = dispatch_on_block(slender_flight_end, _exact_flight_end)
+
+
+@kernel
+def unstable_coordinate(u, w, side, particular, t):
+    """Coordinate z = u + w - 1 - s (P + P'): above 0 a slender flight without noise or impact escapes."""
+    value, slope = value_and_slope(particular, t)
+    return u + w - 1.0 - side * (value + slope)
+
+
+@kernel(inline="always")
+def homogeneous_flight(y, v, cosh, sinh):
+    """Carry y = x - s and v over a time with this cosh and sinh, for a slender block; the force adds to both."""
+    return cosh * y + sinh * v, sinh * y + cosh * v
+
+
+@kernel(inline="always")
+def apply_affine(x, v, affine):
+    """Angle and velocity after a flight that is given as an affine map: its cosh, its sinh, and its shift (2,)."""
+    cosh, sinh, shift = affine
+    return shift[0] + cosh * x + sinh * v, shift[1] + sinh * x + cosh * v
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def runge_kutta_coefficients(h):
+    """Return what a step h of the classical method of order 4 has in place of cosh, sinh and cosh - 1."""
+    keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
+    return keep, swap, h * h * (3.0 + 0.25 * h * h) / 6.0
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def runge_kutta_forcing(begin, middle, end, h):
+    """Angle and velocity that a force of these values adds to a step h of that method."""
+    x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
+    return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0

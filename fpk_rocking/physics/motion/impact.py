@@ -1,0 +1,189 @@
+"""The impact law v⁺ = e v⁻ at zero angle (paper 3), its derivative, and the chatter that ends in rest.
+
+The side is +1 where the angle is positive, -1 where it is negative and 0 for a block at rest. The law itself stands in
+`velocity_after_impact` alone. Its derivative carries a displacement from a path, or its covariance, through an impact;
+in flight a displacement grows as that of a slender block, which for an exact one is right to second order in the time
+(derived in docs/theory). All quantities are nondimensional.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
+from fpk_rocking.physics.motion.flight import homogeneous_flight
+from fpk_rocking.physics.motion.gaussian import flight_covariance
+
+
+class Side(enum.IntEnum):
+    """Side on which a block rocks: the sign of its angle; 0 where it rests."""
+
+    LEFT = -1
+    REST = 0
+    RIGHT = 1
+
+
+@kernel(inline="always")
+def velocity_after_impact(velocity, restitution):
+    """Velocity just after an impact: the block passes through zero angle with the fraction e of its velocity."""
+    return restitution * velocity
+
+
+@kernel(inline="always")
+def velocity_jump(velocity, restitution):
+    """Change of the velocity at an impact: that after it less that before it."""
+    return (restitution - 1.0) * velocity
+
+
+@kernel(inline="always")
+def impact_jump(pull, far_pull, speed, restitution):
+    """Change of the velocity after an impact with the angle before it: the entry (v, x) of the saltation matrix.
+
+    The matrix is [[e, 0], [jump, e]], by the accelerations before and after the impact and the velocity before it: a
+    displaced path meets x = 0 earlier or later, and has the other side's acceleration meanwhile.
+    """
+    return (far_pull - restitution * pull) / speed
+
+
+@kernel
+def side_of_start(x, v):
+    """Side at a start: that of the angle, else of the velocity, else 0 for rest, which may end at once."""
+    if x == 0.0:
+        return 0 if v == 0.0 else (1 if v > 0.0 else -1)
+    return 1 if x > 0.0 else -1
+
+
+@kernel
+def chatter_time(speed, force, block):
+    """Time in which ever smaller bounces bring a block to rest, under a force held constant (a geometric sum).
+
+    A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' at zero angle, which is 1 - s f
+    for a slender block; the next one starts at e w on the other side.
+
+    Parameters
+    ----------
+    speed : float
+        Speed just after an impact, nondimensional.
+    force : float
+        s f: the forcing seen from the side that the impact leads to.
+    block : Body
+
+    Returns
+    -------
+    float
+        The time to rest; inf where the force or e = 1 allows no rest.
+    """
+    near, far, restitution = (
+        -acceleration(0.0, 1, force, block),
+        -acceleration(0.0, 1, -force, block),
+        block.restitution,
+    )
+    if near <= 0.0 or far <= 0.0 or restitution >= 1.0:
+        return float("inf")
+    return 2.0 * speed * (1.0 / near + restitution / far) / (1.0 - restitution * restitution)
+
+
+class LinearizedImpact(NamedTuple):
+    """An impact of an undisturbed path, and its motion next to it, by which displacements are carried through.
+
+    Parameters
+    ----------
+    speed, leaving : float
+        Velocity just before and just after it.
+    pull, far_pull : float
+        Acceleration just before and just after it.
+    stiff, far_stiff : float
+        Derivative of the acceleration by the angle, before and after.
+    jerk : float
+        Rate at which the forcing changes the acceleration.
+    """
+
+    speed: float
+    leaving: float
+    pull: float
+    far_pull: float
+    stiff: float
+    far_stiff: float
+    jerk: float
+
+
+@kernel
+def linearize_impact(speed, side, force, slope, block):
+    """Return the `LinearizedImpact` of a velocity before an impact, the side before it, the forcing and its slope."""
+    return LinearizedImpact(
+        speed, velocity_after_impact(speed, block.restitution),
+        side * acceleration(0.0, side, force, block), -side * acceleration(0.0, -side, force, block),
+        acceleration_gradient(0.0, side, force, block), acceleration_gradient(0.0, -side, force, block),
+        slope * force_factor(0.0, block),
+    )  # fmt: skip
+
+
+@kernel
+def covariance_through_impact(diffusions, before, after, impact, restitution):
+    """Covariance of angle and velocity that white noise gathers in a flight with one impact, by the saltation matrix.
+
+    Parameters
+    ----------
+    diffusions : tuple (float, float)
+        D, as it moves the block before the impact and after it.
+    before, after : float
+        The times before and after the impact.
+    impact : LinearizedImpact
+    restitution : float
+        Velocity ratio e.
+
+    Returns
+    -------
+    final, early : tuple (xx, xv, vv)
+        Covariance at the end, and the part gathered before the impact, taken at it.
+    map : tuple (b11, b12, b21, b22)
+        Carries a displacement from the impact time to the end.
+    """
+    jump = impact_jump(impact.pull, impact.far_pull, impact.speed, restitution)
+    c, s = math.cosh(after), math.sinh(after)
+    b11, b12, b21, b22 = c * restitution + s * jump, s * restitution, s * restitution + c * jump, c * restitution
+    xx, xv, vv = flight_covariance(diffusions[0], before)
+    final_xx, final_xv, final_vv = flight_covariance(diffusions[1], after)
+    final_xx += b11 * b11 * xx + 2.0 * b11 * b12 * xv + b12 * b12 * vv
+    final_xv += b11 * b21 * xx + (b11 * b22 + b12 * b21) * xv + b12 * b22 * vv
+    final_vv += b21 * b21 * xx + 2.0 * b21 * b22 * xv + b22 * b22 * vv
+    return (final_xx, final_xv, final_vv), (xx, xv, vv), (b11, b12, b21, b22)
+
+
+@kernel(borrows=True)
+def displacement_through_impact(x, v, time, rest, impact, block):
+    """Carry a displacement at the time of a fast impact through it and on to the step's end, without further noise.
+
+    The flight before the impact, and that after it, are Taylor polynomials about the undisturbed impact: the error is
+    of third order in the displacement (derived in docs/theory, "Noise in a flight and through an impact").
+
+    Parameters
+    ----------
+    x, v : float
+        Displacement from the path without noise, at the time of its impact.
+    time, rest : float
+        The step's time before and after that impact.
+    impact : LinearizedImpact
+        The undisturbed one.
+    block : Body
+
+    Returns
+    -------
+    x, v, inside : float, float, bool
+        Displacement at the end of the step, and whether the impact came within the step.
+    """
+    leaving, onset = impact.leaving, impact.speed + v
+    pull, jerk = impact.pull + impact.stiff * x, impact.stiff * onset + impact.jerk
+    late = -x / onset
+    for _ in range(2):
+        height = x + late * (onset + late * (0.5 * pull + late * jerk / 6.0))
+        late -= height / (onset + late * (pull + 0.5 * late * jerk))
+    arrival = onset + late * (pull + 0.5 * late * jerk)
+    pull, jerk = impact.far_pull, impact.far_stiff * leaving + impact.jerk
+    x = -late * (leaving + late * (0.5 * pull + late * jerk / 6.0))
+    v = velocity_after_impact(arrival, block.restitution) - leaving - late * (pull + 0.5 * late * jerk)
+    grow = math.exp(rest - late)
+    decay = 1.0 / grow
+    x, v = homogeneous_flight(x, v, 0.5 * (grow + decay), 0.5 * (grow - decay))
+    return x, v, -time < late < rest
