@@ -153,9 +153,9 @@ def angle_shear_of(space, affine, diffusion, duration):
 
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """
-    sides, flight_shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
+    sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
     return prepare_shift(
-        space.angle_lines, sides, flight_shears, np.ones_like(flight_shears), fine, weights, space.degree, sides
+        space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides
     )
 
 
