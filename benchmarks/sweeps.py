@@ -1,6 +1,6 @@
 """What a sweep costs beside its scenes, what a second worker gains, and how long a fragility curve takes.
 
-The cost of a sweep is measured twice: as the processor time, of this process and all that it started, of a verb that
+The cost of a sweep is measured twice: as the processor time, of this process and all that it started, of a task that
 does nothing, and by the clock, on real scenes of about 0.1 s against a plain loop, in rounds in which the ways take
 turns, so that whatever slows one slows all. What two plain loops in processes of their own reach over one is what the
 machine allows: two threads of one core are no two cores. Scenes that only wait tell what a second worker gains whatever
@@ -23,7 +23,7 @@ from report import ROOT
 
 from fpk_rocking import BandNoise, load_scene
 from fpk_rocking.studies import fragility, grid, scaled, sweep
-from fpk_rocking.studies.execution.cells import seed_of
+from fpk_rocking.studies.execution import seed_of
 from montecarlo import simulate
 
 SCENES, ROUNDS, SCENE_S = 1000, 20, 0.1
@@ -68,7 +68,7 @@ SOME = grid(scene, {"forcing.amplitude": np.linspace(3.0, 5.0, SCENES)}).scenes
 
 
 def cost():
-    """Print the processor time of a sweep of verbs that do nothing."""
+    """Print the processor time of a sweep of tasks that do nothing."""
     ways = {
         "in this process": lambda: contextlib.nullcontext(1),
         "two processes": lambda: contextlib.nullcontext(2),

@@ -10,6 +10,9 @@ import pathlib
 import sys
 import time
 import tomllib
+import types
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from fpk_rocking import console
 
@@ -39,138 +42,144 @@ examples:
 
 fpk-rocking COMMAND --help lists the options of a command
 """
-_PRINTED = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
-_SCENE = "scene file (TOML), or the name of a scene of the package"
-_CYCLES, _REALIZATIONS, _BLOCKS = 40, 10_000, 20
+_DENSITY = "--tol --bins-tol --noise-replacement --no-check"
+_SAMPLE = "--realizations --seed --method --steps-per-cycle --tally --checkpoint"
+_SEVERAL = {"nargs": "+"}
 
 
-def _value(metavar, text, kind=None, **more):
-    """Return what argparse is told of an option with a value."""
-    return {"metavar": metavar, "type": kind, "help": text} | more
+class _Option(NamedTuple):
+    """An option of the command line: what stands for its value, in words, and the type of the value.
+
+    Without a `metavar` it is a switch. `nargs`, `required` and `action` are those of argparse.
+    """
+
+    metavar: str | None
+    text: str
+    type: Callable[[str], Any] | None = None
+    more: Mapping[str, Any] = types.MappingProxyType({})
+
+    def add_to(self, parser, name):
+        """Add the option to a parser of argparse."""
+        switch = {"action": "store_true", "default": None}
+        own = switch if self.metavar is None else {"metavar": self.metavar, "type": self.type}
+        parser.add_argument(name, help=self.text, **own, **self.more)
 
 
-_ROWS = {
-    "--cycles": _value("N", f"forcing cycles (default {_CYCLES})", int),
-    "--times": _value(
-        "T",
-        "for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its end)",
-        float,
-        nargs="+",
+_OPTIONS = {
+    "scene": _Option("SCENE", "scene file (TOML), or the name of a scene of the package"),
+    "scenes": _Option(
+        "SCENE", "scene file (TOML), or the name of a scene of the package; several give a curve each", None, _SEVERAL
     ),
-}
-_CHANGED = {
-    "--set": _value(
+    "inputs": _Option(
+        "FILE", "a scene (file or name) to solve by both engines, or two saved results (.npz)", None, _SEVERAL
+    ),
+    "--set": _Option(
         "KEY=VALUE",
         "value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3 g'; may be "
         "repeated",
-        action="append",
-    )
-}
-_SHOWN = {
-    "--report": _value(
+        more={"action": "append"},
+    ),
+    "--cycles": _Option("N", "forcing cycles (default 40)", int),
+    "--times": _Option(
+        "T",
+        "for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its end)",
+        float,
+        _SEVERAL,
+    ),
+    "--out": _Option("DIR", "folder for files", pathlib.Path),
+    "--report": _Option(
         "FILE", "HTML file to write: numbers, verdict, pictures and the density after every cycle", pathlib.Path
     ),
-    "--json": {"action": "store_true", "help": "print one JSON object instead of a table"},
-}
-_SEEDED = {"--seed": _value("N", "seed of the random numbers (default 1)", int)}
-_DENSITY = {
-    "--tol": _value(
-        "X", "error of survival that the density solver aims at (default 0.001; for a pulse or a record 0.01)", float
+    "--json": _Option(None, "print one JSON object instead of a table"),
+    "--tol": _Option(
+        "X",
+        "error of survival that the density solver aims at (default 0.001; for a pulse, a record or fragility 0.01)",
+        float,
     ),
-    "--bins-tol": _value(
+    "--bins-tol": _Option(
         "X",
         "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; for a pulse "
         "or a record, and with inf: any)",
         float,
     ),
-    "--noise-replacement": _value(
+    "--noise-replacement": _Option(
         "NAME", "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
     ),
-    "--no-check": {
-        "action": "store_true",
-        "default": None,
-        "help": "where the density solver replaces noise, do not sample the noise of the scene beside it",
-    },
-}
-_ENSEMBLE = {
-    "--realizations": _value("N", f"number of paths (default {_REALIZATIONS:,}, or 1 where nothing is random)", int),
-    **_SEEDED,
-    "--method": _value(
+    "--no-check": _Option(
+        None, "where the density solver replaces noise, do not sample the noise of the scene beside it"
+    ),
+    "--realizations": _Option(
+        "N",
+        "number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing is random)",
+        int,
+    ),
+    "--seed": _Option("N", "seed of the random numbers (default 1)", int),
+    "--method": _Option(
         "NAME",
         "for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other noise by "
         "white noise; filtered, which replaces band noise by low-pass noise (default: exact, white or filtered, "
         "whichever fits the noise)",
     ),
-    "--steps-per-cycle": _value("N", "time steps in a forcing cycle (default 200; the method exact takes none)", int),
-    "--tally": {
-        "action": "store_true",
-        "default": None,
-        "help": "keep survival, histograms and moments alone, which takes little memory for any number of paths",
-    },
-    "--checkpoint": _value(
+    "--steps-per-cycle": _Option("N", "time steps in a forcing cycle (default 200; the method exact takes none)", int),
+    "--tally": _Option(
+        None, "keep survival, histograms and moments alone, which takes little memory for any number of paths"
+    ),
+    "--checkpoint": _Option(
         "FILE",
         "with --tally: file that keeps the state of the run; where it exists, the run goes on from it",
         pathlib.Path,
     ),
-}
-_UNCERTAIN = {
-    "--uncertain": _value(
+    "--scales": _Option("LIST", "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"),
+    "--pga": _Option(
+        "LIST",
+        "in place of --scales: peak accelerations in g of the shaking without noise; the column scale is then the PGA",
+    ),
+    "--engine": _Option(
+        "NAME", "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
+    ),
+    "--levels": _Option(
+        "LIST", "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
+    ),
+    "--over": _Option("NAME=LIST", "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"),
+    "--keep-noise": _Option(None, "scale the motion alone and keep the noise as it is"),
+    "--uncertain": _Option(
         "NAME=DIST",
         "distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a name of the "
         "scene file such as block.restitution, each in its own unit; NAME_factor is a multiple of the scene's own "
         "value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or lognormal:MEDIAN:DISPERSION, as in "
         "size_factor=lognormal:1:0.05; may be repeated",
-        action="append",
+        more={"action": "append"},
     ),
-    "--blocks": _value(
+    "--blocks": _Option(
         "N",
         "with --uncertain: blocks drawn for each scene (default 20) or record (default 1; of one record 5 or more)",
         int,
     ),
-}
-_FRAGILITY = {
-    "--engine": _value(
-        "NAME", "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
-    ),
-    "--levels": _value(
-        "LIST", "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
-    ),
-    "--over": _value("NAME=LIST", "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"),
-    "--keep-noise": {"action": "store_true", "help": "scale the forcing alone and keep the noise as it is"},
-    "--realizations": _value("N", f"number of paths at each scale (default {_REALIZATIONS:,})", int),
-    "--tol": _value("X", "error that the engine density aims at (default 0.01)", float),
-    **_SEEDED,
-    **_UNCERTAIN,
-    "--workers": _value(
+    "--workers": _Option(
         "N", "worker processes, one processor each (default 1: this process alone, on all processors)", int
     ),
-    "--store": _value(
+    "--store": _Option(
         "FILE", "file that keeps the points as they come; where it exists, the run goes on from it", pathlib.Path
     ),
-}
-
-
-_RISK = {
-    "--records": _value(
-        "FILE", "recorded motions (.AT2, .ASC or two columns); the scene gives block and noise", nargs="+"
+    "--records": _Option(
+        "FILE", "recorded motions (.AT2, .ASC or two columns); the scene gives block and noise", None, _SEVERAL
     ),
-    "--hazard": _value(
+    "--synthetic": _Option("N", "in place of records: as many synthetic motions on firm ground", int),
+    "--hazard": _Option(
         "FILE|K0:K",
         "file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard K0 im^-K",
-        required=True,
+        more={"required": True},
     ),
-    "--intensities": _value(
-        "LIST", "intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing", required=True
+    "--intensities": _Option(
+        "LIST",
+        "intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing",
+        more={"required": True},
     ),
-    "--measure": _value("NAME", "intensity of the motion: PGV in m/s (default) or PGA in g"),
-    "--units": _value("NAME", "unit of the records where their files do not say it: g, m/s2 or cm/s2"),
-    "--realizations": _value("N", f"number of paths of a record at each intensity (default {_REALIZATIONS:,})", int),
-    "--keep-noise": {"action": "store_true", "help": "scale the records alone and keep the noise as it is"},
-    "--synthetic": _value("N", "in place of records: as many synthetic motions on firm ground", int),
-    **_UNCERTAIN,
-    "--name": _value("NAME", "identifier of the block in the exported files (default rocking_block)"),
-    **_SEEDED,
+    "--measure": _Option("NAME", "intensity of the motion: PGV in m/s (default) or PGA in g"),
+    "--units": _Option("NAME", "unit of the records where their files do not say it: g, m/s2 or cm/s2"),
+    "--name": _Option("NAME", "identifier of the block in the exported files (default rocking_block)"),
 }
+"""Every argument of the command line."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -235,45 +244,32 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def command(name, run, does, told="", **options):
-        made = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {told}")
-        for flag, how in options.items():
-            made.add_argument(flag, **how)
-        made.set_defaults(run=run)
+    def command(name, run, does, more="", options="", files=""):
+        added = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {more}")
+        for option in options.split():
+            folder = f"{_OPTIONS[option].text}: {files}"
+            (_OPTIONS[option]._replace(text=folder) if option == "--out" else _OPTIONS[option]).add_to(added, option)
+        added.set_defaults(run=run)
 
-    def common(files):
-        return _CHANGED | _ROWS | {"--out": _value("DIR", f"folder for files: {files}", pathlib.Path)} | _SHOWN
-
-    scene = {"scene": _value("SCENE", _SCENE)}
+    rows = "--set --cycles --times --out --report --json"
+    printed = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
     does = "probability density by finite elements (Fokker-Planck equation)"
-    files = common("result.npz, summary.json and a VTK series jpdf.pvd")
-    command("fpk", _fpk, does, _PRINTED, **scene, **files, **_DENSITY)
-    does, files = "Monte Carlo simulation of many realizations", common("result.npz and summary.json")
-    command("mc", _mc, does, _PRINTED, **scene, **files, **_ENSEMBLE)
-    inputs = "a scene (file or name) to solve by both engines, or two saved results (.npz)"
+    files = "result.npz, summary.json and a VTK series jpdf.pvd"
+    command("fpk", _fpk, does, printed, f"scene {rows} {_DENSITY}", files)
+    does = "Monte Carlo simulation of many realizations"
+    command("mc", _mc, does, printed, f"scene {rows} {_SAMPLE}", "result.npz and summary.json")
     does = "both engines on one scene, or two saved results, side by side"
-    files = common("summary.json, survival.png and, of a scene, density.npz and ensemble.npz")
-    several = {"inputs": _value("FILE", inputs, nargs="+")}
-    command("compare", _compare, does, _PRINTED, **several, **files, **_DENSITY, **_ENSEMBLE)
-    scenes = {"scenes": _value("SCENE", f"{_SCENE}; several give a curve each", nargs="+")}
-    scales = "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"
-    scenes["--scales"] = _value("LIST", scales)
-    peaks = (
-        "in place of --scales: peak accelerations in g of the shaking without noise; the column scale is then the PGA"
-    )
-    scenes["--pga"] = _value("LIST", peaks)
+    files = "summary.json, survival.png and, of a scene, density.npz and ensemble.npz"
+    command("compare", _compare, does, printed, f"inputs {rows} {_DENSITY} {_SAMPLE}", files)
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
-    files = common("result.npz, summary.json, fragility.csv and fragility.png")
-    command("fragility", _fragility, does, **scenes, **files, **_FRAGILITY)
+    options = f"scenes --scales --pga {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
+    files = "result.npz, summary.json, fragility.csv and fragility.png"
+    command("fragility", _fragility, does, "", f"{options} --uncertain --blocks --workers --store", files)
     does = "annual rate of overturning, from records and a hazard curve"
-    files = {
-        "--out": _value(
-            "DIR", "folder for files: all of --json, report.html, risk.png, curves for other programs", pathlib.Path
-        )
-    }
-    command("risk", _risk, does, **scene, **_CHANGED, **_RISK, **files, **{"--json": _SHOWN["--json"]})
-    does = "compile all engines for this machine now, so that no first run has to wait for it"
-    command("warmup", _warmup, does)
+    options = "scene --set --records --hazard --intensities --measure --units --realizations --keep-noise --synthetic"
+    options += " --uncertain --blocks --name --seed --out --json"
+    command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
+    command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser
 
 
@@ -326,10 +322,8 @@ def _fragility(options):
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.results.layout import plain
     from fpk_rocking.risk.curve import at_intensity
-    from fpk_rocking.studies import drawn, fragility
-    from fpk_rocking.studies.drawing import dispersions
-    from fpk_rocking.studies.picture import curves_figure, surface_figure
-    from fpk_rocking.studies.tables import fragility_table
+    from fpk_rocking.studies import dispersions, drawn, fragility
+    from fpk_rocking.studies.picture import curves_figure, fragility_table, surface_figure
 
     scenes, over = [_scene(options, path) for path in options.scenes], None
     if options.over is not None:
@@ -345,7 +339,7 @@ def _fragility(options):
     if uncertain:
         if over is not None:
             raise ValueError(f"--uncertain: got {options.uncertain}, accepted: nothing beside --over")
-        draws = drawn(scenes, uncertain, **_given(options, "seed"), count=options.blocks or _BLOCKS)
+        draws = drawn(scenes, uncertain, **_given(options, "seed"), count=options.blocks or 20)
         scenes = draws.scenes
     with reporting("fragility") as progress:
         result = fragility(
@@ -384,7 +378,7 @@ def _risk(options):
     intensities = _numbers("--intensities", options.intensities)
     records = options.records or ()
     if options.synthetic:
-        from fpk_rocking.studies.suites import synthetic_records
+        from fpk_rocking.studies.drawing import synthetic_records
 
         if records:
             raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
@@ -483,34 +477,32 @@ def _setting(text):
 
 
 def _solved(options, scene):
+    """Solve a scene with the options of the density solver; return the density."""
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.progress import reporting
+    from fpk_rocking.studies import tasks
 
     own = _rows(options, scene) | _given(options, "tol", "bins_tol", "noise_replacement")
     if not options.no_check:
-        from fpk_rocking.studies import checking
-
-        checking.expect(scene)
+        tasks.expect_check(scene)
     with reporting("density") as progress:
         return solve_fpk(scene, progress=progress, **own)
 
 
 def _checked(options, density, beside=None):
-    """Measure what a replacement of noise changes, by an ensemble beside the density where it is large enough."""
-    if options.no_check or not density.closure:
-        return density
+    """Measure what a replacement of the noise changes in a density, by the ensemble `beside` if that suffices."""
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.studies import checking
+    from fpk_rocking.studies import tasks
 
-    if beside is not None and beside.scene == density.scene and beside.realizations >= checking.PATHS:
-        return density.checked(beside)
+    if options.no_check:
+        return density
     with reporting("check of the noise") as progress:
-        return checking.checked(density, progress=progress)
+        return tasks.checked(density, beside=beside, progress=progress)
 
 
 def _rows(options, scene):
     """Return the cycles or the times that are asked for; without either, the default ones."""
-    return _given(options, "cycles", "times") or ({} if scene.period is None else {"cycles": _CYCLES})
+    return _given(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
 
 
 def _given(options, *names):
@@ -526,7 +518,7 @@ def _simulated(options, scene):
         scene = scene.white_equivalent()
     if options.method == "filtered":
         scene = scene.filtered_equivalent()
-    own = {} if scene.deterministic else {"realizations": _REALIZATIONS}
+    own = {} if scene.deterministic else {"realizations": 10_000}
     own |= _rows(options, scene)
     own |= _given(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
     with reporting("Monte Carlo") as progress:
@@ -538,7 +530,7 @@ def _loaded(options) -> list:
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
-    for flag in _CHANGED | _ROWS | _DENSITY | _ENSEMBLE:
+    for flag in f"--set --cycles --times {_DENSITY} {_SAMPLE}".split():
         if _given(options, flag.removeprefix("--").replace("-", "_")):
             raise ValueError(f"{flag}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}

@@ -7,8 +7,7 @@ intensity. `IntensityCurve.of` reads the curve, over all records of a suite. `an
 
 from fpk_rocking.risk.curve import IntensityCurve, at_intensity
 from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
-from fpk_rocking.risk.frequency import Risk, annual_frequency
-from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.risk.study import Study, study
 
 __all__ = [

@@ -11,11 +11,10 @@ from fpk_rocking.base.types import Number
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
-from fpk_rocking.studies.drawing import Draws, dispersions
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, refitted
-from fpk_rocking.studies.measures import intensities
+from fpk_rocking.studies.drawing import Draws
+from fpk_rocking.studies.lognormal import LognormalFit, dispersions, fit_lognormal, refitted
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import scaled
+from fpk_rocking.studies.scenes import intensities, scaled
 
 _EQUAL = 1e-6
 """Relative difference up to which records have the same intensity at scale 1."""

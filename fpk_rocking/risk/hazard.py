@@ -1,15 +1,34 @@
-"""Seismic hazard: how often a year an intensity is exceeded."""
+"""Seismic hazard, how often a year an intensity is exceeded, and the annual frequency of a limit state under it."""
 
 import dataclasses
+import itertools
+import math
 import re
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File, Number
+from fpk_rocking.results.layout import plain
+from fpk_rocking.results.trust import CAUTION, Doubt
+from fpk_rocking.risk.curve import IntensityCurve
 
-_MOST_POINTS = 10_000
+_NODES = 12
+"""Gauss-Legendre nodes in a panel."""
+
+_PANEL, _TAIL = 0.25, 12.0
+"""Width of a panel in dispersions, and how many of them, or of units of 1/k, are looked at to either side."""
+
+_BINS, _LEFT_OUT = 24, 5e-4
+"""Bins of intensity of `Risk.contribution`, and the share of the frequency below and above them."""
+
+_DEVIATIONS = 1.96
+
+_AT_ONCE = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
+
+FOREIGN = 0.05
+"""Share of a rate from beyond the points of hazard or fragility above which `Risk.sentences` says so."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -41,9 +60,9 @@ class Hazard:
 
     def __post_init__(self):
         for name in ("intensity", "rate"):
-            accepted = f"2 to {_MOST_POINTS:,} finite numbers above 0"
+            accepted = "2 to 10,000 finite numbers above 0"
             values = np.array(checks.sequence(f"hazard.{name}", getattr(self, name), accepted), float)
-            if not 2 <= values.size <= _MOST_POINTS or not np.all((values > 0.0) & np.isfinite(values)):
+            if not 2 <= values.size <= 10_000 or not np.all((values > 0.0) & np.isfinite(values)):
                 raise ValueError(checks.refusal(f"hazard.{name}", getattr(self, name), accepted))
             object.__setattr__(self, name, values)
         if self.intensity.size != self.rate.size:
@@ -129,3 +148,255 @@ class Hazard:
         y = np.log(intensity)
         place = np.clip(np.searchsorted(logs, y) - 1, 0, slopes.size - 1)
         return np.exp(np.log(self.rate)[place] - slopes[place] * (y - logs[place]))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Risk:
+    """Annual frequency of a limit state.
+
+    Parameters
+    ----------
+    rate : float
+        λ = ∫ P(im) |dH(im)|, 1/year.
+    interval : tuple of (float, float)
+        95 % limits from the sample of the fragility: its replicates, or, of points of one scene, all of their lower or
+        upper limits at once, which is wider. The hazard counts as known.
+    edges : ndarray, shape (b + 1,)
+        Intensities between which `contribution` is.
+    contribution : ndarray, shape (b,)
+        Share of λ that motions between two edges have (disaggregation); a thousandth of λ lies outside.
+    beyond_hazard : float
+        Share of λ from intensities below or above the points of the hazard, to which its last power laws go on.
+    beyond_curve : float
+        Share of λ from intensities below or above those of the fragility.
+    curve : IntensityCurve
+    hazard : Hazard
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+    >>> from fpk_rocking.studies import fragility
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard.power_law(rate=1e-3, exponent=2.5))
+    >>> print(f"every {risk.return_period:.0f} years, {risk.probability(50.0):.2f} in 50 years")
+    every 310 years, 0.15 in 50 years
+    """
+
+    rate: float
+    interval: tuple[float, float]
+    edges: np.ndarray
+    contribution: np.ndarray
+    beyond_hazard: float
+    beyond_curve: float
+    curve: IntensityCurve
+    hazard: Hazard
+
+    @property
+    def return_period(self) -> float:
+        """Mean time between two events, 1/λ, years; inf where there is none."""
+        return 1.0 / self.rate if self.rate > 0.0 else math.inf
+
+    def probability(self, years: float = 50.0) -> float:
+        """Return the probability of at least one event in a time, 1 - exp(-λt), the events being independent.
+
+        Parameters
+        ----------
+        years : float
+            At least 0.
+
+        Returns
+        -------
+        float
+        """
+        return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """What speaks against it: shares from beyond what is known."""
+        known = "its lognormal curve goes on" if self.curve.fitted else "the probability is 0 below, the last one above"
+        beyond = {
+            "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
+            "the fragility": (self.beyond_curve, known),
+        }
+        return [
+            Doubt(
+                CAUTION,
+                f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where {done}: "
+                "give more of them.",
+                what,
+            )
+            for what, (share, done) in beyond.items()
+            if share > FOREIGN
+        ]
+
+    @property
+    def relative_error(self) -> float:
+        """Relative standard error of the frequency, from its interval; nan where that is not known."""
+        low, high = self.interval
+        return (high - low) / (2.0 * _DEVIATIONS * self.rate) if self.rate > 0.0 else math.nan
+
+    @property
+    def sentences(self) -> list[str]:
+        """The result in words, with what its interval leaves out."""
+        sampled = " and ".join(
+            ["records"] * (self.curve.records > 1) + ["blocks"] * bool(self.curve.blocks) + ["noise"]
+        )
+        through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
+        wide = "" if self.curve.fitted or len(self.curve.redrawn) else _AT_ONCE
+        text = (
+            f"{self.headline}: return period {self.return_period:.4g} years, probability in 50 years "
+            f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
+            "hazard and the model of the block count as known."
+        )
+        return [text, *(doubt.sentence for doubt in self.doubts)]
+
+    @property
+    def headline(self) -> str:
+        """The rate with its limits, as a line of text."""
+        name = "overturning" if self.curve.name == "overturned" else self.curve.name
+        low, high = map(_told, self.interval)
+        limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
+        return f"annual rate of {name} = {_told(self.rate)}{limits}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures as plain values, for JSON."""
+        found = {
+            "rate": self.rate,
+            "interval": list(self.interval),
+            "return_period": self.return_period if self.rate > 0.0 else None,
+            "probability_50_years": self.probability(),
+            "measure": self.curve.measure,
+            "unit": self.curve.unit,
+            "edges": self.edges.tolist(),
+            "contribution": self.contribution.tolist(),
+            "beyond_hazard": self.beyond_hazard,
+            "beyond_curve": self.beyond_curve,
+            "median": self.curve.fit.median,
+            "dispersion": self.curve.fit.dispersion,
+            "sentences": self.sentences,
+        }
+        return {name: plain(value) for name, value in found.items()}
+
+
+def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
+    """Return the annual frequency of a limit state.
+
+    The integral is taken over the logarithm of the intensity by Gauss-Legendre rules between the points of the hazard;
+    for a lognormal curve and a power law it is right to rounding (λ = k₀ M^(-k) exp(k²β²/2)).
+
+    Parameters
+    ----------
+    curve : IntensityCurve
+    hazard : Hazard
+        In the measure and the unit of the curve.
+
+    Returns
+    -------
+    Risk
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+    >>> from fpk_rocking.studies import fragility
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard.power_law(rate=1e-3, exponent=2.5))
+    >>> print(f"{risk.rate:.1e} per year")
+    3.2e-03 per year
+    """
+    checks.instance("curve", curve, IntensityCurve)
+    checks.instance("hazard", hazard, Hazard)
+    y, weights = _rule(curve, hazard)
+    share = weights * _density(curve, hazard, y)
+    rate, (edges, contribution) = float(share.sum()), _contributions(curve, hazard, y, share)
+    return Risk(
+        rate,
+        _limits(curve, y, weights * _density(np.ones_like, hazard, y)),
+        edges,
+        contribution,
+        _beyond(y, share, hazard.intensity),
+        _beyond(y, share, curve.intensity),
+        curve,
+        hazard,
+    )
+
+
+def _told(rate):
+    """Return a rate as a text of three digits."""
+    return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
+
+
+def _rule(curve, hazard):
+    """Nodes in ln(im) and weights, which part at the points of the hazard, and at those of a curve without a fit."""
+    steep, gentle = hazard.exponents.max(), hazard.exponents.min()
+    points = np.log(hazard.intensity)
+    if curve.fitted:
+        spread, middle = curve.fit.dispersion, math.log(curve.fit.median)
+        # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
+        low = middle - steep * spread**2 - _TAIL * spread
+        high = middle + _TAIL * spread + _TAIL * math.log(10.0) / gentle
+        width = _PANEL * spread
+    else:
+        points = np.concatenate([points, np.log(curve.intensity)])
+        low, high = math.log(curve.intensity[0]), math.log(curve.intensity[-1]) + _TAIL * math.log(10.0) / gentle
+        width = math.inf
+    width = min(width, 1.0 / steep)
+    points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
+    parts = [
+        np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
+    ]
+    edges = np.append(np.concatenate(parts), high)
+    return _gauss(edges)
+
+
+def _gauss(edges):
+    """Nodes and weights of the Gauss-Legendre rules between edges."""
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
+
+
+def _density(curve, hazard, y):
+    """Frequency in a unit of y = ln(im): |dH| = k H dy between two points of the hazard."""
+    place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
+    return hazard.exponents[place] * hazard(np.exp(y)) * curve(np.exp(y))
+
+
+def _limits(curve, y, density):
+    """95 % limits of the frequency from those of the fragility."""
+    if curve.fitted and len(curve.replicates):
+        from scipy import special
+
+        rates = [density @ special.ndtr((y - math.log(median)) / spread) for median, spread in curve.replicates]
+        low, high = np.quantile(rates, [0.025, 0.975]).tolist()
+        return low, high
+    if curve.fitted:
+        return math.nan, math.nan
+    known, sides = np.log(curve.intensity), curve.redrawn if len(curve.redrawn) else curve.interval.T
+    rates = [density @ np.interp(y, known, np.maximum.accumulate(side), left=0.0) for side in sides]
+    low, high = np.quantile(rates, [0.025, 0.975]).tolist() if len(curve.redrawn) else rates
+    return float(low), float(high)
+
+
+def _contributions(curve, hazard, y, share):
+    """Edges of bins of intensity, in which all but a thousandth of the frequency lies, and its shares there."""
+    total = share.sum()
+    if not total > 0.0:
+        return np.exp(y[[0, -1]]), np.zeros(1)
+    part = np.cumsum(share) / total
+    low, high = y[np.searchsorted(part, [_LEFT_OUT, 1.0 - _LEFT_OUT])].tolist()
+    edges = np.linspace(low, high, _BINS + 1)
+    nodes, weights = _gauss(edges)
+    return np.exp(edges), (weights * _density(curve, hazard, nodes)).reshape(_BINS, -1).sum(axis=1) / total
+
+
+def _beyond(y, share, points):
+    """Share of the frequency from outside the range of some intensities."""
+    outside = (y < math.log(points[0])) | (y > math.log(points[-1]))
+    total = share.sum()
+    return float(share[outside].sum() / total) if total > 0.0 else 0.0

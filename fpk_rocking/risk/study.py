@@ -1,7 +1,6 @@
 """A whole study of risk: records at equal intensities, their curve, the hazard, and the files to hand on."""
 
 import dataclasses
-import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,14 +15,12 @@ from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import CAUTION, Doubt, Trust, trust_of
 from fpk_rocking.risk.curve import FEWEST, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
-from fpk_rocking.risk.frequency import Risk, annual_frequency
-from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.curves import fragility
-from fpk_rocking.studies.doubts import model_doubts
+from fpk_rocking.studies.diagnostics import model_doubts
 from fpk_rocking.studies.drawing import Draws, drawn
-from fpk_rocking.studies.lognormal import MISFIT, REJECTED
-from fpk_rocking.studies.ranking import ranked
+from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
 
 _POINTS = "In its place stand the points, joined by lines"
@@ -122,8 +119,7 @@ class Study:
             sources = ", ".join(f"{name} {value:.3g}" for name, value in curve.sources.items())
             text += f", of which {sources}" * bool(sources)
             misfit = f"largest misfit of a probability {fit.misfit:.2g}"
-            rule = f"above {MISFIT:g}" if math.isnan(fit.p_value) else f"p = {fit.p_value:.2g}, below {REJECTED:g}"
-            misfit += f": the fit is rejected ({rule}). {_POINTS}" if fit.rejected else ", the fit is accepted"
+            misfit += f": the fit is rejected ({fit.rejected}). {_POINTS}" if fit.rejected else ", the fit is accepted"
             told.append(f"{text}; {misfit}.")
         told += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
         return "\n".join([*told, *self._ordered()])
@@ -168,8 +164,7 @@ class Study:
             left out where it could not take the curve: `not_for_pelicun` says why, and so does risk.json.
         """
         from fpk_rocking.output.summary import write_summary
-        from fpk_rocking.risk.picture import risk_figure
-        from fpk_rocking.risk.report import write_risk_report
+        from fpk_rocking.risk.report import risk_figure, write_risk_report
 
         out, curve = pathlib.Path(folder), self.risk.curve
         self.fragility.save(out / "result.npz")

@@ -9,16 +9,13 @@ measures by sampling what the replacement of its noise changes, and ``slendernes
 as slender.
 """
 
-from fpk_rocking.studies.checking import checked, solve_checked
 from fpk_rocking.studies.curves import fragility
-from fpk_rocking.studies.drawing import Draws, dispersions, drawn
-from fpk_rocking.studies.measures import Intensities, intensities
-from fpk_rocking.studies.ranking import Ranking, ranked
+from fpk_rocking.studies.drawing import Draws, drawn, synthetic_records
+from fpk_rocking.studies.lognormal import Ranking, dispersions, ranked
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import Grid, grid, resized, scaled
-from fpk_rocking.studies.slenderness import SlendernessCost, slenderness_cost
-from fpk_rocking.studies.suites import synthetic_records
+from fpk_rocking.studies.scenes import Grid, Intensities, grid, intensities, resized, scaled
 from fpk_rocking.studies.sweeping import Sweep, sweep
+from fpk_rocking.studies.tasks import SlendernessCost, checked, slenderness_cost, solve_checked
 
 __all__ = [
     "Draws",

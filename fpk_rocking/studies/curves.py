@@ -11,11 +11,11 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.execution.cells import Cell, seed_of
+from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import grid, scaled
-from fpk_rocking.studies.sweeping import checked_scenes, run
-from fpk_rocking.studies.verbs import VERBS
+from fpk_rocking.studies.sweeping import checked_scenes
+from fpk_rocking.studies.tasks import TASKS
 from montecarlo.engines.choice import engine_of
 
 _ENGINES = ("exact", "rk4", "white", "filtered", "density")
@@ -118,13 +118,13 @@ def fragility(
     lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
     options, realizations = _options(engine, shaken, lasting, realizations, tol)
     shape = len(scenes), 1 + len(levels), len(factors)
-    cells: list[Cell] = []
+    jobs: list[Job] = []
     for m, which, n in np.ndindex(shape):
         own = seed_of(seed, n if over else m * len(factors) + n)
         level = levels[which - 1] if which else None
-        cells.append(Cell(len(cells), _at(shaken[m], factors[n], level, scale_noise), own))
-    verb = VERBS["fpk" if engine == "density" else "mc"]
-    rows = run(verb, cells, options, workers=workers, store=store, progress=progress)
+        jobs.append(Job(len(jobs), _at(shaken[m], factors[n], level, scale_noise), own))
+    task = TASKS["fpk" if engine == "density" else "mc"]
+    rows = run_jobs(task, jobs, options, workers=workers, store=store, progress=progress)
     values = [row["values"] for row in rows]
     if not any(values):
         raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
@@ -191,7 +191,7 @@ def _engine(engine, scenes):
 
 
 def _options(engine, scenes, lasting, realizations, tol):
-    """Return the options of the verb, and the realizations of a sample, 0 of a density."""
+    """Return the options of the task, and the realizations of a sample, 0 of a density."""
     if engine == "density":
         return lasting | {"tol": tol}, 0
     realizations = checks.count("realizations", realizations)

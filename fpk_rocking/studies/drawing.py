@@ -1,4 +1,4 @@
-"""Blocks whose values are uncertain: scenes with values drawn from distributions, and what each of them scatters."""
+"""Random inputs of a study: scenes with values drawn from distributions, and synthetic ground motions."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.physics.forcing import Record
+from fpk_rocking.physics.noise.envelope import Envelope, Trapezoid
+from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.lognormal import maximize
 from fpk_rocking.studies.scenes import varied
 
 _FACTOR = "_factor"
@@ -173,47 +174,109 @@ def _distribution(name, given):
     return stats.norm(first, second) if kind == "normal" else stats.lognorm(second, scale=first)
 
 
-def dispersions(scale: ArrayLike, shares: Array, values: Mapping[str, ArrayLike]) -> dict[str, float]:
-    """Return the dispersion of the capacity, the scale that a block withstands, that each drawn parameter causes.
+def synthetic_records(
+    count: int,
+    *,
+    duration: float = 25.0,
+    interval: float = 0.01,
+    frequency_hz: float = 2.4,
+    damping: float = 0.6,
+    low_frequency_hz: float = 0.24,
+    low_damping: float = 0.6,
+    spread: float = 0.4,
+    envelope: Envelope | None = None,
+    rms: float = 1.0,
+    seed: int = 1,
+) -> tuple[Record, ...]:
+    """Make ground motions: nonstationary Kanai-Tajimi noise without its lowest frequencies (Clough-Penzien).
 
-    Probit regression over all scenes: P = N(b₀ + b₁ ln s + Σ c_j x_j) with the normal scores x_j of the drawn values.
-    A change of x_j by 1, a standard deviation, moves the capacity by c_j/b₁ in the logarithm, which is the dispersion.
-    What else differs between the scenes flattens the curve, b₁ and c_j by the same factor.
+    White noise is multiplied by the envelope and then passes the soil and a high-pass filter, so that the velocity of
+    the ground ends at 0. The default frequencies and dampings are those of firm ground.
 
     Parameters
     ----------
-    scale : array_like, shape (n,)
-        Scales or intensities, above 0.
-    shares : ndarray, shape (m, n)
-        Probabilities of each scene.
-    values : dict of str to array_like, (m,)
-        What was drawn for it.
+    count : int
+        Number of motions.
+    duration, interval : float
+        Of each, and between samples, seconds.
+    frequency_hz, damping : float
+        Of the soil (Kanai-Tajimi).
+    low_frequency_hz, low_damping : float
+        Of the filter that takes out the lowest frequencies (Clough-Penzien).
+    spread : float
+        Dispersion of ``frequency_hz`` from motion to motion, lognormal; 0 for the same soil under all.
+    envelope : Envelope, optional
+        In seconds, see `fpk_rocking.envelopes`; by default a trapezoid that rises in a tenth of the duration, holds for
+        three and decays in four tenths.
+    rms : float
+        Root mean square of the acceleration above the soil where the envelope is 1, m/s², before the lowest frequencies
+        are taken out.
+    seed : int
+        Seed of the random numbers.
 
     Returns
     -------
-    dict of str to float
-        |c_j/b₁| by name; nan where the probabilities do not determine it.
+    tuple of Record
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from scipy.stats import norm
-    >>> from fpk_rocking.studies import dispersions
-    >>> scale, values = np.geomspace(0.5, 2.0, 5), np.array([0.9, 1.0, 1.1, 1.2])
-    >>> shares = norm.cdf(np.log(scale / values[:, None]) / 0.3)
-    >>> print({name: round(beta, 2) for name, beta in dispersions(scale, shares, {"size": values}).items()})
-    {'size': 0.13}
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import intensities, synthetic_records
+    >>> for motion in synthetic_records(2, duration=5.0):
+    ...     print(f"PGV {intensities(Scene.from_block(0.5, 1.8, record=motion)).pgv:.2f} m/s")
+    PGV 0.33 m/s
+    PGV 0.23 m/s
     """
-    from scipy import special, stats
+    count, seed = checks.count("count", count, at_most=_MOST), checks.count("seed", seed, at_least=0)
+    interval = checks.number("interval", interval, above=0.0)
+    duration = checks.number("duration", duration, above=2.0 * interval)
+    spread, rms = checks.number("spread", spread, at_least=0.0), checks.number("rms", rms, above=0.0)
+    frequency = checks.number("frequency_hz", frequency_hz, above=0.0)
+    damping, low_damping = (
+        checks.number(name, value, above=0.0) for name, value in (("damping", damping), ("low_damping", low_damping))
+    )
+    low = 2.0 * math.pi * checks.number("low_frequency_hz", low_frequency_hz, above=0.0)
+    envelope = envelope or Trapezoid(0.1 * duration, 0.3 * duration, 0.4 * duration)
+    times = interval * np.arange(round(duration / interval) + 1)
+    strength = checks.instance("envelope", envelope, Envelope).value(times[:-1] + 0.5 * interval)
+    made = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        own = 2.0 * math.pi * frequency * math.exp(spread * rng.standard_normal())
+        soil = rms * _filtered(FILTERS["kanai-tajimi"].space(own, damping), interval, strength, rng)
+        samples = _without_lowest(soil, interval, low, low_damping)
+        source = f"synthetic motion {number + 1} of seed {seed}, {own / (2.0 * math.pi):.3g} Hz"
+        made.append(Record(interval, tuple(samples.tolist()), "m/s2", source=source))
+    return tuple(made)
 
-    logs, (scenes, points) = np.log(np.asarray(scale, float)), np.shape(shares)
-    scores = [special.ndtri((stats.rankdata(column) - 0.5) / scenes) for column in values.values()]
-    design = np.stack([np.ones(scenes * points), np.tile(logs, scenes), *(np.repeat(one, points) for one in scores)])
-    share = np.clip(np.ravel(shares), 0.0, 1.0)
-    if not 0.0 < share.mean() < 1.0:
-        return dict.fromkeys(values, math.nan)
-    curve = maximize(design, share[None], np.ones(share.size))[0][0]
-    known = 0.0 < curve[1] < _STEEPEST
-    return {
-        name: abs(float(term / curve[1])) if known else math.nan for name, term in zip(values, curve[2:], strict=True)
-    }
+
+def _filtered(space, interval, strength, rng):
+    """Return samples (n + 1,) of the output of a filter, at rest at first, for white noise of a strength (n,)."""
+    from scipy.linalg import expm
+
+    move = expm(space.drift * interval)
+    # What the noise of an interval adds to the states, where its strength is constant.
+    covariance = space.correlation - move @ space.correlation @ move.T
+    values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    kicks = (rng.standard_normal((strength.size, space.order)) * strength[:, None]) @ (
+        axes * np.sqrt(np.maximum(values, 0.0))
+    ).T
+    states, found = np.zeros(space.order), np.zeros(strength.size + 1)
+    for k, kick in enumerate(kicks):
+        states = move @ states + kick
+        found[k + 1] = space.output @ states
+    return found
+
+
+def _without_lowest(samples, interval, frequency, damping):
+    """Return y'' of y'' + 2 ζ ω y' + ω² y = u for samples (n,) between which u is linear, as a record is."""
+    from scipy import signal
+
+    system = [1.0, 0.0, 0.0], [1.0, 2.0 * damping * frequency, frequency**2]
+    upper, lower, _ = signal.cont2discrete(system, interval, method="foh")
+    return signal.lfilter(np.ravel(upper), lower, samples)

@@ -1,4 +1,4 @@
-"""The lognormal fragility curve N(ln(s/m)/β) by maximum likelihood, its uncertainty, and whether it fits at all.
+"""The lognormal fragility curve N(ln(s/m)/β) by maximum likelihood: fit, test, regression and ranking with it.
 
 With z = b₀ + b₁ ln s the curve is N(z), N being the normal distribution function, m = exp(-b₀/b₁) its median and
 β = 1/b₁ its dispersion. The log-likelihood of independent binomial counts is concave in (b₀, b₁) (probit regression),
@@ -8,7 +8,8 @@ using dynamic structural analysis", Earthquake Spectra 31(1), 579-599, 2015.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -16,15 +17,8 @@ import scipy
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 
-P_VALUE = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
-"""What stands below fits with a p-value."""
-
-REJECTED, MISFIT = 0.01, 0.05
-"""The p-value below which a fit is rejected; for probabilities that are no counts, the misfit above which it is."""
-
-_ROUNDS, _SMALL = 100, 1e-9
-_LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 _STEEPEST = 1e6
+"""Factor of a term above which a likelihood counts as one without a maximum."""
 
 
 class LognormalFit(NamedTuple):
@@ -43,8 +37,9 @@ class LognormalFit(NamedTuple):
     deviance : float
         Twice the log-likelihood ratio of the data to the curve; nan where the fit is not to counts.
     p_value : float
-        Probability that counts drawn from the fitted curve have at least this deviance. A small one says that the data
-        are not lognormal. nan where the fit is not to counts.
+        Probability that counts drawn from the fitted curve have at least this deviance, by the chi-square distribution
+        with n - 2 degrees of freedom. A small one says that the data are not lognormal. nan where the fit is not to
+        counts.
     level : float
         Confidence of the intervals.
     reason : str
@@ -69,11 +64,11 @@ class LognormalFit(NamedTuple):
     reason: str = ""
 
     @property
-    def rejected(self) -> bool:
-        """Whether there is a fit and the data reject it: p below 0.01; without counts, a misfit above 0.05."""
-        if self.reason:
-            return False
-        return self.misfit > MISFIT if math.isnan(self.p_value) else self.p_value < REJECTED
+    def rejected(self) -> str:
+        """Why the data reject the fit, p below 0.01, or without counts a misfit above 0.05; empty where they do not."""
+        if not math.isnan(self.p_value):
+            return f"p = {self.p_value:.2g}, below 0.01" if self.p_value < 0.01 else ""
+        return "misfit above 0.05" if self.misfit > 0.05 else ""
 
     def __call__(self, scale: Number) -> Number:
         """Evaluate the curve.
@@ -97,8 +92,6 @@ def fit_lognormal(
     realizations: ArrayLike | None = None,
     *,
     level: float = 0.95,
-    samples: int = 999,
-    seed: int = 1,
 ) -> LognormalFit:
     """Fit a lognormal curve of greatest likelihood to probabilities at several scales.
 
@@ -113,10 +106,6 @@ def fit_lognormal(
         not sampled: each is clipped to [0, 1] and counts like one realization, and there is no interval and no test.
     level : float
         Confidence of the intervals, in (0, 1).
-    samples : int
-        Number of sets of counts that are drawn from the fitted curve for `LognormalFit.p_value` (parametric bootstrap).
-    seed : int
-        Seed of these draws.
 
     Returns
     -------
@@ -126,20 +115,20 @@ def fit_lognormal(
     --------
     >>> from fpk_rocking.studies.lognormal import fit_lognormal
     >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
-    >>> print(f"median {fit.median:.2f}, dispersion {fit.dispersion:.2f}, rejected: {fit.rejected}")
-    median 1.03, dispersion 0.54, rejected: False
+    >>> print(f"median {fit.median:.2f}, dispersion {fit.dispersion:.2f}, p = {fit.p_value:.2f}")
+    median 1.03, dispersion 0.54, p = 0.00
     """
     level = checks.part("level", level)
     scale, probability = np.asarray(scale, float), np.asarray(probability, float)
-    known = np.isfinite(probability)
-    trials = np.broadcast_to(np.asarray(1.0 if realizations is None else realizations, float), scale.shape)[known]
-    logs, share = np.log(scale[known]), np.clip(probability[known], 0.0, 1.0)
+    finite = np.isfinite(probability)
+    trials = np.broadcast_to(np.asarray(1.0 if realizations is None else realizations, float), scale.shape)[finite]
+    logs, share = np.log(scale[finite]), np.clip(probability[finite], 0.0, 1.0)
     count = share * trials if realizations is None else np.round(share * trials)
     reason = _undetermined(logs, count, trials)
     if reason:
         return LognormalFit(level=level, reason=reason)
     design = np.stack([np.ones_like(logs), logs])
-    curve, information = maximize(design, count[None], trials)
+    curve, information = _maximize(design, count[None], trials)
     if not 0.0 < curve[0, 1] < _STEEPEST:
         return LognormalFit(level=level, reason="the probability does not rise with the scale")
     intercept, slope = curve[0]
@@ -153,15 +142,11 @@ def fit_lognormal(
     errors = np.sqrt(np.diag(change @ np.linalg.inv(information[0]) @ change.T))
     reach = np.exp(scipy.special.ndtri(0.5 + 0.5 * level) * errors)
     deviance = float(_deviance(logs, count[None], trials, curve)[0])
-    drawn = np.random.default_rng(seed).binomial(trials.astype(int), fitted, (samples, logs.size)).astype(float)
-    lost = _deviance(logs, drawn, trials, maximize(design, drawn, trials, curve)[0])
-    # What rounding leaves of two equal deviances is no difference.
-    as_far = np.count_nonzero(lost >= deviance - _SMALL * (1.0 + deviance))
     return fit._replace(
         median_interval=(float(median / reach[0]), float(median * reach[0])),
         dispersion_interval=(float(dispersion / reach[1]), float(dispersion * reach[1])),
         deviance=deviance,
-        p_value=float((1 + as_far) / (samples + 1)),
+        p_value=float(scipy.special.chdtrc(max(logs.size - 2, 1), max(deviance, 0.0))),
     )
 
 
@@ -181,29 +166,138 @@ def refitted(scale: ArrayLike, shares: Array) -> Array:
         Median and dispersion, of those sets that determine a curve.
     """
     logs, trials = np.log(np.asarray(scale, float)), np.ones(np.size(scale))
-    known = np.array([not _undetermined(logs, share, trials) for share in shares], bool)
-    if not known.any():
+    determined = np.array([not _undetermined(logs, share, trials) for share in shares], bool)
+    if not determined.any():
         return np.empty((0, 2))
-    intercept, slope = maximize(np.stack([np.ones_like(logs), logs]), shares[known], trials)[0].T
+    intercept, slope = _maximize(np.stack([np.ones_like(logs), logs]), shares[determined], trials)[0].T
     rises = (slope > 0.0) & (slope < _STEEPEST)
     return np.stack([np.exp(-intercept[rises] / slope[rises]), 1.0 / slope[rises]], axis=-1)
 
 
-def shares_deviance(scale: ArrayLike, probability: ArrayLike, fit: LognormalFit) -> float:
-    """Return twice the log-likelihood that probabilities, each counting like one outcome, lose by a fit.
+def dispersions(scale: ArrayLike, shares: Array, values: Mapping[str, ArrayLike]) -> dict[str, float]:
+    """Return the dispersion of the capacity, the scale that a block withstands, that each drawn parameter causes.
+
+    Probit regression over all scenes: P = N(b₀ + b₁ ln s + Σ c_j x_j) with the normal scores x_j of the drawn values.
+    A change of x_j by 1, a standard deviation, moves the capacity by c_j/b₁ in the logarithm, which is the dispersion.
+    What else differs between the scenes flattens the curve, b₁ and c_j by the same factor.
 
     Parameters
     ----------
-    scale, probability : array_like, shape (n,)
-    fit : LognormalFit
+    scale : array_like, shape (n,)
+        Scales or intensities, above 0.
+    shares : ndarray, shape (m, n)
+        Probabilities of each scene.
+    values : dict of str to array_like, (m,)
+        What was drawn for it.
 
     Returns
     -------
-    float
+    dict of str to float
+        |c_j/b₁| by name; nan where the probabilities do not determine it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.stats import norm
+    >>> from fpk_rocking.studies import dispersions
+    >>> scale, values = np.geomspace(0.5, 2.0, 5), np.array([0.9, 1.0, 1.1, 1.2])
+    >>> shares = norm.cdf(np.log(scale / values[:, None]) / 0.3)
+    >>> print({name: round(beta, 2) for name, beta in dispersions(scale, shares, {"size": values}).items()})
+    {'size': 0.13}
     """
-    logs, share = np.log(np.asarray(scale, float)), np.clip(np.asarray(probability, float), 0.0, 1.0)
-    curve = np.array([[-math.log(fit.median), 1.0]]) / fit.dispersion
-    return float(_deviance(logs, share[None], np.ones(share.size), curve)[0])
+    from scipy import stats
+
+    logs, (scenes, points) = np.log(np.asarray(scale, float)), np.shape(shares)
+    scores = [scipy.special.ndtri((stats.rankdata(column) - 0.5) / scenes) for column in values.values()]
+    design = np.stack(
+        [np.ones(scenes * points), np.tile(logs, scenes), *(np.repeat(score, points) for score in scores)]
+    )
+    share = np.clip(np.ravel(shares), 0.0, 1.0)
+    if not 0.0 < share.mean() < 1.0:
+        return dict.fromkeys(values, math.nan)
+    curve = _maximize(design, share[None], np.ones(share.size))[0][0]
+    rises = 0.0 < curve[1] < 1e3
+    return {
+        name: abs(float(term / curve[1])) if rises else math.nan for name, term in zip(values, curve[2:], strict=True)
+    }
+
+
+class Ranking(NamedTuple):
+    """How well an intensity measure orders the outcomes of many motions.
+
+    Parameters
+    ----------
+    measure : str
+        Its name, with its unit.
+    deviance : float
+        Of the lognormal curve over the measure: twice the log-likelihood that it loses to the probabilities themselves,
+        each of which counts like one outcome. The smaller, the better does the measure alone say what happens.
+    median, dispersion : float
+        Of that curve.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
+    >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
+    >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
+    >>> best = ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0]))[0]
+    >>> print(f"{best.measure}: median {best.median:.2f}, dispersion {best.dispersion:.2f}")
+    p PGV / (g tan θ_cr): median 0.88, dispersion 0.17
+    """
+
+    measure: str
+    deviance: float
+    median: float
+    dispersion: float
+
+
+def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
+    """Order intensity measures by how well they tell overturning, over all scenes and scales of a fragility.
+
+    Parameters
+    ----------
+    fragility : Fragility
+        Of several motions, not pooled.
+    which : int
+        Index of the probability: 0 overturning, 1, 2, ... the levels.
+
+    Returns
+    -------
+    list of Ranking
+        The best first; without those that a scene does not have, that determine no curve, or that are another one in
+        other units, as p PGV/(g tan θ_cr) is for motions of one block.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
+    >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
+    >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
+    >>> for found in ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0])):
+    ...     print(f"{found.measure}: deviance {found.deviance:.1f}")
+    p PGV / (g tan θ_cr): deviance 5.1
+    PGV, m/s: deviance 8.0
+    PGA, g: deviance 13.3
+    """
+    shares, rankings = fragility.probability[:, which].ravel(), []
+    taken: list[Array] = []
+    names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "relative_velocity": "p PGV / (g tan θ_cr)"}
+    for field, name in names.items():
+        rows = [measure.columns(1.0)[field] * fragility.scale for measure in fragility.intensities]
+        values = np.concatenate(rows)
+        positive = np.isfinite(shares) & np.isfinite(values) & (values > 0.0)
+        if not positive.all() or (fit := fit_lognormal(values, shares)).reason:
+            continue
+        # A constant ratio but for rounding: one measure in two units.
+        if any(np.ptp(values / other) < 1e-9 * (values / other).max() for other in taken):
+            continue
+        taken.append(values)
+        curve = np.array([[-math.log(fit.median), 1.0]]) / fit.dispersion
+        share = np.clip(shares, 0.0, 1.0)
+        deviance = float(_deviance(np.log(values), share[None], np.ones(share.size), curve)[0])
+        rankings.append(Ranking(name, deviance if math.isfinite(deviance) else math.inf, fit.median, fit.dispersion))
+    return sorted(rankings, key=lambda ranking: ranking.deviance)
 
 
 def _undetermined(logs, count, trials):
@@ -223,7 +317,7 @@ def _likelihood(z, count, trials):
     return (count * scipy.special.log_ndtr(z) + (trials - count) * scipy.special.log_ndtr(-z)).sum(axis=-1)
 
 
-def maximize(design: Array, count: Array, trials: Array, start: Array | None = None) -> tuple[Array, Array]:
+def _maximize(design, count, trials):
     """Maximize the likelihood of sets of counts under probits that are linear in some terms.
 
     Parameters
@@ -233,8 +327,6 @@ def maximize(design: Array, count: Array, trials: Array, start: Array | None = N
     count : ndarray, shape (r, n)
         Sets of counts.
     trials : ndarray, shape (n,)
-    start : ndarray, shape (r or 1, k), optional
-        Where to begin.
 
     Returns
     -------
@@ -244,33 +336,32 @@ def maximize(design: Array, count: Array, trials: Array, start: Array | None = N
         Observed information.
     """
     sets, terms = count.shape[0], len(design)
-    if start is None:
-        middle, spread = design[1].mean(), max(design[1].std(), _SMALL)
-        start = np.array([[-middle / spread, 1.0 / spread, *[0.0] * (terms - 2)]])
+    middle, spread = design[1].mean(), max(design[1].std(), 1e-9)
+    start = np.array([[-middle / spread, 1.0 / spread, *[0.0] * (terms - 2)]])
     curve = np.broadcast_to(start, (sets, terms)).copy()
     reached = _likelihood(curve @ design, count, trials)
-    for _ in range(_ROUNDS):
+    for _ in range(100):
         gradient, information = _derivatives(curve @ design, count, trials, design)
         # Sets that a scale separates have no maximum: their information vanishes, and their steps are held back.
         ridge = 1e-12 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(terms) + 1e-300 * np.eye(terms)
         step = np.linalg.solve(information + ridge, gradient[..., None])[..., 0]
         step *= np.minimum(1.0, 0.5 * _STEEPEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1.0))
-        for _ in range(_ROUNDS):
+        for _ in range(100):
             tried = _likelihood((curve + step) @ design, count, trials)
-            worse = tried < reached - _SMALL * np.abs(reached)
+            worse = tried < reached - 1e-9 * np.abs(reached)
             if not worse.any():
                 break
             step[worse] *= 0.5
         curve += step
         gained, reached = tried - reached, tried
-        if np.all(np.abs(gained) <= _SMALL * (1.0 + np.abs(reached))) or np.abs(curve).max() > _STEEPEST:
+        if np.all(np.abs(gained) <= 1e-9 * (1.0 + np.abs(reached))) or np.abs(curve).max() > _STEEPEST:
             break
     return curve, _derivatives(curve @ design, count, trials, design)[1]
 
 
 def _derivatives(z, count, trials, design):
     """Gradient (r, k) of the log-likelihood, and its observed information (r, k, k)."""
-    density = -0.5 * z * z - _LOG_ROOT
+    density = -0.5 * z * z - 0.5 * math.log(2.0 * math.pi)
     rise, fall = np.exp(density - scipy.special.log_ndtr(z)), np.exp(density - scipy.special.log_ndtr(-z))
     gradient = (count * rise - (trials - count) * fall) @ design.T
     weight = count * rise * (rise + z) + (trials - count) * fall * (fall - z)

@@ -15,9 +15,9 @@ from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.storage import Saved, write_csv
 from fpk_rocking.results.trust import Doubt, Trust, trust_of
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.doubts import doubts_of
+from fpk_rocking.studies.diagnostics import doubts_of
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
-from fpk_rocking.studies.measures import Intensities, intensities
+from fpk_rocking.studies.scenes import Intensities, intensities
 from montecarlo.results.sample import EXACT_PATH
 
 _LEVEL = 0.95
@@ -171,11 +171,6 @@ class Fragility(Saved, Shown):
         """
         found = zip(self.probability, self.deterministic, strict=True)
         return [[self._fit(curve, still) for curve in curves] for curves, still in found]
-
-    @property
-    def tested(self) -> bool:
-        """Whether a fit has a p-value."""
-        return any(np.isfinite(fit.p_value) for fits in self.fits for fit in fits)
 
     def _fit(self, curve, deterministic):
         if deterministic and not self.mixture:

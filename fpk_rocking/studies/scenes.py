@@ -1,4 +1,4 @@
-"""Scenes of a study: scaled shaking, blocks of another size under the same shaking, and grids over parameters.
+"""Scenes of a study: scaled shaking, blocks of another size, grids over parameters, and how strong a motion is.
 
 All of it is a change of the scene's numbers. A base acceleration a enters as a/(g θ_cr) and a frequency as ω/p
 (docs/theory.md, section 1), so a block of another size has other numbers under the same shaking.
@@ -14,7 +14,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike
 from fpk_rocking.scene.parts import Block, Start
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.scene.units import Dimensions
+from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 
 _PARTS = ("block", "forcing", "noise", "start", "overturning")
 SIZES = ("width", "height", "size", "slenderness")
@@ -236,3 +236,82 @@ def dimensions_of(scene: Scene, name: str) -> Dimensions:
             checks.refusal("parameter", name, "only where the scene has [block.dimensions]; this one has none")
         )
     return scene.block.dimensions
+
+
+class Intensities(NamedTuple):
+    """Intensity measures of the forcing of a scene, without its noise.
+
+    Parameters
+    ----------
+    acceleration : float
+        Largest |f|: the peak ground acceleration over g θ_cr.
+    velocity : float
+        Largest |∫f dτ|: the peak ground velocity over g θ_cr / p.
+    pga, pgv : float
+        Peak ground acceleration, m/s², and velocity, m/s; nan for a block without dimensions.
+    relative_velocity : float
+        p PGV / (g tan θ_cr) (E. G. Dimitrakopoulos, T. S. Paraskeva, "Dimensionless fragility curves for rocking
+        response to near-fault excitations", Earthquake Eng. Struct. Dyn. 44(12), 2015-2033, 2015). A block without
+        dimensions counts as slender, tan θ_cr = θ_cr.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import intensities
+    >>> motion = intensities(load_scene("main"))
+    >>> print(motion.acceleration, f"{motion.velocity:.3f}", motion.pga)
+    4.6 1.704 nan
+    """
+
+    acceleration: float
+    velocity: float
+    pga: float
+    pgv: float
+    relative_velocity: float
+
+    def columns(self, scale: float) -> dict[str, float]:
+        """Return the measures at a scale by names that say their units, for tables."""
+        return {
+            "acceleration": scale * self.acceleration,
+            "velocity": scale * self.velocity,
+            "pga_g": scale * self.pga / STANDARD_GRAVITY,
+            "pgv_m_per_s": scale * self.pgv,
+            "relative_velocity": scale * self.relative_velocity,
+        }
+
+    def at(self, scale: float) -> str:
+        """Return peak acceleration and velocity at a scale as a text; empty for a block without dimensions."""
+        found = {"PGA {:.4g} g": self.pga / STANDARD_GRAVITY, "PGV {:.4g} m/s": self.pgv}
+        return ", ".join(text.format(scale * value) for text, value in found.items() if math.isfinite(value))
+
+
+def intensities(scene: Scene) -> Intensities:
+    """Return the intensity measures of a scene's forcing.
+
+    The ground velocity of a periodic forcing has mean 0; that of a pulse or a record is 0 at τ = 0.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its forcing is measured; block dimensions give the measures with units.
+
+    Returns
+    -------
+    Intensities
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import intensities
+    >>> motion = intensities(Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"))
+    >>> print(f"PGA {motion.pga:.2f} m/s², PGV {motion.pgv:.2f} m/s")
+    PGA 2.94 m/s², PGV 0.31 m/s
+    """
+    forcing, size = checks.instance("scene", scene, Scene).forcing, scene.block.dimensions
+    acceleration, velocity = forcing.largest, forcing.largest_velocity
+    if size is None:
+        return Intensities(acceleration, velocity, math.nan, math.nan, velocity)
+    unit = size.gravity * size.critical_angle
+    pgv = velocity * unit / size.frequency_parameter
+    relative = velocity * size.critical_angle / math.tan(size.critical_angle)
+    return Intensities(acceleration, velocity, acceleration * unit, pgv, relative)

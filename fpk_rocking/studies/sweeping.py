@@ -1,10 +1,8 @@
-"""`sweep`: a verb on every scene of a list or a grid, on any workers, kept as it comes."""
+"""`sweep`: a task on every scene of a list or a grid, on any workers, with rows that are kept as they come."""
 
 import concurrent.futures
-import contextlib
 import dataclasses
 import functools
-import importlib.metadata
 import itertools
 import time
 from collections.abc import Callable, Sequence
@@ -12,17 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base import ahead, checks
+from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.results.shown import Shown
 from fpk_rocking.results.storage import write_csv
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, Trust, verdict
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.execution.cells import Cell, seed_of
-from fpk_rocking.studies.execution.store import Store
-from fpk_rocking.studies.execution.workers import rows_of
+from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.scenes import Grid
-from fpk_rocking.studies.verbs import VERBS, tasks_of
+from fpk_rocking.studies.tasks import TASKS
 
 _LABELLED = 8
 
@@ -192,7 +188,7 @@ class Sweep(Shown):
 
 def sweep(
     scenes: Sequence[Scene] | Grid,
-    verb: str | Callable[..., dict[str, Any]] = "mc",
+    task: str | Callable[..., dict[str, Any]] = "mc",
     *,
     workers: int | concurrent.futures.Executor = 1,
     seed: int = 1,
@@ -209,9 +205,9 @@ def sweep(
     ----------
     scenes : sequence of Scene, or Grid
         The scenes, such as those of `fpk_rocking.studies.grid`.
-    verb : str or callable
+    task : str or callable
         "mc" for `montecarlo.simulate`; "fpk" for `fpk_rocking.solve_fpk`; or a function that is called as
-        ``verb(scene, seed=seed, **options)`` and returns a dict of numbers, texts and lists. Return only what you need
+        ``task(scene, seed=seed, **options)`` and returns a dict of numbers, texts and lists. Return only what you need
         of a result: rows are sent over the network and stored. Worker processes have to be able to import the function.
     workers : int or concurrent.futures.Executor
         1 runs one scene after the other, each on all processors. A larger number starts as many processes, each on one
@@ -245,19 +241,19 @@ def sweep(
     --------
     >>> from fpk_rocking import load_scene
     >>> from fpk_rocking.studies import grid, sweep
-    >>> cells = grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6]})
-    >>> print(sweep(cells, cycles=4, realizations=500).values("survival"))
+    >>> blocks = grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6]})
+    >>> print(sweep(blocks, cycles=4, realizations=500).values("survival"))
     [0.974 0.834]
     """
     given, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
     checked = checked_scenes("scenes", given)
     seed = checks.count("seed", seed, at_least=0)
-    function = VERBS.get(verb, verb) if isinstance(verb, str) else verb
+    function = TASKS.get(task, task) if isinstance(task, str) else task
     if not callable(function):
-        raise ValueError(checks.refusal("verb", verb, f"{', '.join(map(repr, VERBS))}, or a function"))
-    cells = [Cell(number, scene, seed_of(seed, number)) for number, scene in enumerate(checked)]
+        raise ValueError(checks.refusal("task", task, f"{', '.join(map(repr, TASKS))}, or a function"))
+    jobs = [Job(number, scene, seed_of(seed, number)) for number, scene in enumerate(checked)]
     started = time.perf_counter()
-    rows = run(function, cells, options, workers=workers, store=store, progress=progress)
+    rows = run_jobs(function, jobs, options, workers=workers, store=store, progress=progress)
     return Sweep(rows, axes, time.perf_counter() - started)
 
 
@@ -268,42 +264,3 @@ def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
     if not scenes:
         raise ValueError(checks.refusal(name, scenes, accepted))
     return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))
-
-
-def run(
-    verb: Callable[..., Any],
-    cells: Sequence[Cell],
-    options: dict[str, Any],
-    *,
-    workers: int | concurrent.futures.Executor,
-    store: File | None = None,
-    progress: Progress | None = None,
-) -> tuple[dict[str, Any], ...]:
-    """Run a verb on cells, or take their rows from a store; parameters as in `sweep`.
-
-    Returns
-    -------
-    tuple of dict
-        Rows in the order of the cells.
-    """
-    if not isinstance(workers, concurrent.futures.Executor):
-        workers = checks.count("workers", workers)
-    checks.report(progress)
-    about = {
-        "verb": f"{verb.__module__}.{getattr(verb, '__qualname__', type(verb).__qualname__)}",
-        "options": options,
-        "version": importlib.metadata.version("fpk-rocking"),
-    }
-    with contextlib.closing(Store(store, about, cells)) as kept:
-        left = [cell for cell in cells if cell.number not in kept.rows]
-        if progress is not None:
-            progress(len(kept.rows), len(cells))
-        if left and workers != 1:
-            for task in tasks_of(verb, left, options):
-                ahead.ready(task)
-        with contextlib.closing(rows_of(verb, left, options, workers)) as rows:
-            for row in rows:
-                kept.add(row)
-                if progress is not None:
-                    progress(len(kept.rows), len(cells))
-    return tuple(kept.rows[cell.number] for cell in cells)

@@ -17,7 +17,7 @@ import pytest
 import fpk_rocking.density
 from fpk_rocking import cli, load_scene
 from fpk_rocking.output import vtk
-from fpk_rocking.studies import checking
+from fpk_rocking.studies import tasks
 
 MAIN = pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml"
 
@@ -61,7 +61,7 @@ def engines(monkeypatch):
     package = types.SimpleNamespace(simulate=stands.simulate, tally=stands.tally)
     package.Ensemble = package.Tally = fakes.FakeEnsemble
     monkeypatch.setitem(sys.modules, "montecarlo", package)
-    monkeypatch.setattr(checking, "simulate", stands.check)
+    monkeypatch.setattr(tasks, "simulate", stands.check)
     return stands
 
 

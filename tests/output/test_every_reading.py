@@ -20,7 +20,7 @@ from fpk_rocking import studies
 from fpk_rocking.compare import compare
 from fpk_rocking.output import report, summary, tables, vtk
 from fpk_rocking.results.shown import Shown
-from fpk_rocking.studies.tables import fragility_table
+from fpk_rocking.studies.picture import fragility_table
 
 CURVES = ["fragility", "fragility by density", "surface"]
 

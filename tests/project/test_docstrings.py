@@ -11,7 +11,7 @@ from test_types import functions_of, shown
 
 import fpk_rocking
 from fpk_rocking import melnikov
-from fpk_rocking.studies import checking
+from fpk_rocking.studies import tasks
 
 SECTION = re.compile(r"^(Parameters|Attributes)\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", re.MULTILINE | re.DOTALL)
 
@@ -103,7 +103,7 @@ def test_examples_print_what_they_show(module, name, _, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for solver, solved in SOLVED.items():
         monkeypatch.setattr(fpk_rocking, solver, solved)
-    monkeypatch.setattr(checking, "solve_fpk", SOLVED["solve_fpk"])
+    monkeypatch.setattr(tasks, "solve_fpk", SOLVED["solve_fpk"])
     assert failures(public(module, name)) == ""
 
 

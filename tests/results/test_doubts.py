@@ -14,7 +14,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results import trust
 from fpk_rocking.results.remarks import doubts, remarks, scene_doubts
 from fpk_rocking.results.replacement import Replacement
-from fpk_rocking.studies.doubts import doubts_of
+from fpk_rocking.studies.diagnostics import doubts_of
 from fpk_rocking.studies.lognormal import LognormalFit
 from montecarlo import Splitting
 

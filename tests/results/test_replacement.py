@@ -11,7 +11,7 @@ from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.output import summary, tables
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.remarks import remarks
-from fpk_rocking.studies import checking
+from fpk_rocking.studies import tasks
 from montecarlo import simulate
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
@@ -162,22 +162,22 @@ def test_a_density_without_a_replacement_is_refused():
 
 
 def solved(monkeypatch, result):
-    monkeypatch.setattr(checking, "solve_fpk", lambda scene, **asked: result(scene, asked))
+    monkeypatch.setattr(tasks, "solve_fpk", lambda scene, **asked: result(scene, asked))
 
 
 def test_solving_and_checking_are_one_call(monkeypatch):
     """The paths are those of `simulate` with this number and seed; noise that is not replaced is not sampled."""
     solved(monkeypatch, lambda scene, asked: fakes.FakeEvolution(scene, **asked))
-    found = checking.solve_checked(MAIN, cycles=3, tol=1e-2, realizations=500, seed=7)
+    found = tasks.solve_checked(MAIN, cycles=3, tol=1e-2, realizations=500, seed=7)
     paths = simulate(MAIN, cycles=3, realizations=500, seed=7)
     assert found.tol == 1e-2
     assert found.replacement.difference[:, 0] == pytest.approx(paths.survival - found.survival)
     assert found.replacement.difference[:, 1:] == pytest.approx(paths.overturned - found.overturned)
-    white = checking.solve_checked(MAIN.white_equivalent(), cycles=3)
+    white = tasks.solve_checked(MAIN.white_equivalent(), cycles=3)
     assert white.replacement is None
     for name, bad in (("realizations", 0), ("seed", -1)):
         with pytest.raises(ValueError, match=name):
-            checking.solve_checked(MAIN, cycles=3, **{name: bad})
+            tasks.solve_checked(MAIN, cycles=3, **{name: bad})
 
 
 def test_a_motion_that_does_not_repeat_is_checked_at_its_times(monkeypatch):
@@ -187,7 +187,7 @@ def test_a_motion_that_does_not_repeat_is_checked_at_its_times(monkeypatch):
         times = np.array([0.0, 1.0, 5.0])
 
     solved(monkeypatch, lambda scene, _: Once(scene, cycles=2))
-    found = checking.solve_checked(pulse, realizations=200)
+    found = tasks.solve_checked(pulse, realizations=200)
     paths = simulate(pulse, times=[1.0, 5.0], realizations=200, seed=2)
     assert found.replacement.difference[:, 0] == pytest.approx(paths.survival - found.survival)
 

@@ -291,9 +291,10 @@ def test_fragility_and_sweeps_are_doubted_where_answers_are_missing(kinds):
     assert whole.trust.verdict == "ok"
     half = dataclasses.replace(whole, probability=np.round(0.5 * whole.probability, 3))
     (reason,) = half.trust.reasons
+    worst = max(half.fits[0], key=lambda fit: fit.misfit)
     assert reason == (
-        "The lognormal fit of 2 of 2 curves is rejected (p = 0.001, below 0.01): it is off by up to "
-        f"{max(fit.misfit for fit in half.fits[0]):.2g}. Use the probabilities themselves."
+        f"The lognormal fit of 2 of 2 curves is rejected (p = {worst.p_value:.2g}, below 0.01): it is off by up to "
+        f"{worst.misfit:.2g}. Use the probabilities themselves."
     )
     one = dataclasses.replace(whole, reasons={"0,0,1": "ValueError: refused"})
     assert one.trust.reasons[0] == "The engine gave no answer for 1 of 12 probabilities: ValueError: refused"

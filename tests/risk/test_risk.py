@@ -13,8 +13,8 @@ from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intens
 from fpk_rocking.risk.curve import intensity_of
 from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
-from fpk_rocking.studies.measures import intensities
 from fpk_rocking.studies.result import Fragility
+from fpk_rocking.studies.scenes import intensities
 
 SIZE = Dimensions(0.6, 2.0)
 SCALES = np.geomspace(0.1, 3.0, 12)

@@ -1,14 +1,97 @@
-"""What the report of a risk says of its motions and draws of its block."""
+"""What the report of a risk says of its motions and draws of its block, and its pictures: every line, bar and band."""
 
+import math
 import re
 import types
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Scene
-from fpk_rocking.risk import report
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Scene
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, report
+from fpk_rocking.studies.lognormal import LognormalFit
 
-SIZE = Dimensions(0.6, 2.0)
+SIZE, SCALES = Dimensions(0.6, 2.0), np.geomspace(0.1, 3.0, 12)
+HAZARD = Hazard(np.geomspace(0.01, 30.0, 15), np.geomspace(0.5, 1e-7, 15))
+
+
+@pytest.fixture
+def axes():
+    figure, one = plt.subplots()
+    yield one
+    plt.close(figure)
+
+
+def risk_of(fit, replicates=()):
+    share = LognormalFit(0.7, 0.4)(SCALES)
+    limits = np.stack([0.9 * share, np.minimum(1.0, 1.1 * share)], axis=-1)
+    own = np.reshape(replicates, (-1, 2))
+    curve = IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, 3, math.nan, math.nan)
+    return annual_frequency(curve, HAZARD)
+
+
+def test_motions_stand_one_above_the_other_in_g(axes):
+    """By the acceleration of the base in g: A tan α of a pulse of amplitude A."""
+    scenes = [Scene(Block(0.9, SIZE), Pulse("one-cosine", amplitude, 3.0), NoNoise()) for amplitude in (1.5, 4.0)]
+    report.draw_motions(axes, [Scene(Block(0.9), scenes[0].forcing, NoNoise()), *scenes])
+    unit = SIZE.critical_angle * SIZE.gravity / 9.80665
+    step = 1.6 * 4.0 * unit
+    assert axes.get_yticks() == pytest.approx([0.0, -step])
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["1", "2"]
+    assert axes.get_ylabel() == f"motion; {step:.2g} g from line to line"
+    assert axes.get_ylim() == pytest.approx((-1.6 * step, 0.6 * step))
+    for place, (line, one) in enumerate(zip(axes.lines, scenes, strict=True)):
+        seconds, height = line.get_data()
+        times = seconds * SIZE.frequency_parameter
+        assert (times[0], times[-1]) == pytest.approx((0.0, one.forcing.duration))
+        assert height + step * place == pytest.approx([unit * one.forcing.value(time) for time in times], abs=1e-9)
+
+
+def test_the_curve_has_its_points_its_records_and_its_band(axes):
+    replicates = [(0.6, 0.3), (0.7, 0.4), (0.8, 0.5)]
+    risk, rows = risk_of(LognormalFit(0.7, 0.4, misfit=0.0), replicates), np.linspace(0.0, 1.0, 36).reshape(3, 12)
+    report.draw_curve(axes, risk, rows)
+    lines = {line.get_label(): line for line in axes.lines}
+    records = [line for line in axes.lines if line.get_color() == "0.75"]
+    assert [line.get_ydata().tolist() for line in records] == rows.tolist()
+    assert records[0].get_label() == "each of 3 records"
+    (bars,) = axes.containers
+    assert np.array_equal(bars[0].get_xydata(), np.stack([SCALES, risk.curve.probability], axis=1))
+    ends = np.array([segment[:, 1] for segment in bars[2][0].get_segments()])
+    assert ends == pytest.approx(risk.curve.interval)
+    grid, values = lines["lognormal fit"].get_data()
+    assert (grid[0], grid[-1]) == pytest.approx((0.8 * SCALES[0], 1.25 * SCALES[-1]))
+    assert np.array_equal(values, risk.curve(grid))
+    (band,) = (one for one in axes.collections if one.get_label() == "its 95 % band")
+    made = np.quantile([LognormalFit(*one)(grid) for one in replicates], [0.025, 0.975], axis=0)
+    corners = band.get_paths()[0].vertices[:, 1]
+    assert (corners.min(), corners.max()) == pytest.approx((made.min(), made.max()), abs=1e-12)
+    assert set(np.round(made.ravel(), 9)) <= set(np.round(corners, 9))
+
+
+def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):
+    risk = risk_of(LognormalFit(reason="none"), [(0.6, 0.3)])
+    report.draw_curve(axes, risk, np.zeros((1, 12)))
+    assert [line.get_label() for line in axes.lines if line.get_color() in {"0.75", "black"}] == [
+        "points joined by lines"
+    ]
+    assert not any(one.get_label() == "its 95 % band" for one in axes.collections)
+
+
+def test_the_shares_of_the_frequency_stand_beside_the_hazard(axes):
+    risk = risk_of(LognormalFit(0.7, 0.4, misfit=0.0))
+    report.draw_contributions(axes, risk)
+    assert [bar.get_height() for bar in axes.patches] == pytest.approx(100.0 * risk.contribution)
+    assert [bar.get_x() for bar in axes.patches] == pytest.approx(risk.edges[:-1])
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(np.diff(risk.edges))
+    assert axes.get_xlim() == pytest.approx((risk.edges[0], risk.edges[-1]))
+    (other,) = (one for one in axes.figure.axes if one is not axes)
+    line, points = other.lines
+    assert line.get_ydata() == pytest.approx(HAZARD(line.get_xdata()))
+    known = (HAZARD.intensity >= risk.edges[0]) & (HAZARD.intensity <= risk.edges[-1])
+    assert 0 < known.sum() < 15
+    assert np.array_equal(points.get_xydata(), np.stack([HAZARD.intensity, HAZARD.rate], axis=1)[known])
 
 
 def text_of(*noises, scaled=False):

@@ -6,7 +6,7 @@ Run as ``python killed_sweep.py STORE WORKERS``.
 import sys
 
 import fuzz
-import study_verbs
+import study_tasks
 
 from fpk_rocking.studies import sweep
 
@@ -20,4 +20,4 @@ def told(done, _):
 
 
 if __name__ == "__main__":
-    sweep(SCENES, study_verbs.slow, workers=int(sys.argv[2]), store=sys.argv[1], progress=told, seconds=0.01)
+    sweep(SCENES, study_tasks.slow, workers=int(sys.argv[2]), store=sys.argv[1], progress=told, seconds=0.01)

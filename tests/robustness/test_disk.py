@@ -15,7 +15,7 @@ import fakes
 import fuzz
 import numpy as np
 import pytest
-import study_verbs
+import study_tasks
 from test_fuzz_files import ASKED, EDGES, content, evolution
 
 from fpk_rocking import cli
@@ -105,14 +105,14 @@ def test_a_tally_on_a_full_disk_keeps_the_last_checkpoint(tmp_path):
 def test_a_sweep_on_a_full_disk_goes_on_from_its_rows(room, tmp_path):
     """Full before the first line is whole, and amid rows: what is kept is read, what is not is computed again."""
     store, reported = tmp_path / "rows.jsonl", []
-    asked = {"verb": study_verbs.amplitude, "store": store}
+    asked = {"task": study_tasks.amplitude, "store": store}
     with disk_with(room), pytest.raises(OSError, match=r"File too large|No space"):
         sweep([WHITE] * 9, **asked, progress=lambda done, _: reported.append(done))
     before = store.read_bytes()
     assert len(before) == room
     assert before.count(b"\n") == max(reported, default=-1) + 1
     found = sweep([WHITE] * 9, **asked)
-    assert [row["values"] for row in found.rows] == [row["values"] for row in sweep([WHITE] * 9, asked["verb"]).rows]
+    assert [row["values"] for row in found.rows] == [row["values"] for row in sweep([WHITE] * 9, asked["task"]).rows]
     assert [json.loads(line)["cell"] for line in store.read_text().splitlines()[1:]] == list(range(9))
     assert store.read_bytes().startswith(before[: before.rfind(b"\n") + 1])
 

@@ -143,7 +143,7 @@ ENTRIES = {
     "sweep": (
         sweep,
         {"scenes": [BAND]} | SMALL,
-        STUDY | {"scenes": WRONG_SCENES, "verb": WRONG_METHODS.filter(lambda x: not callable(x))},
+        STUDY | {"scenes": WRONG_SCENES, "task": WRONG_METHODS.filter(lambda x: not callable(x))},
     ),
     "grid": (grid, {"scene": BAND, "axes": {"forcing.phase": [1.0]}}, {"scene": WRONG_SCENES, "axes": WRONG_OVER}),
 }  # fmt: skip

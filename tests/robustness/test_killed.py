@@ -10,12 +10,12 @@ import sys
 import time
 
 import pytest
-import study_verbs
+import study_tasks
 from killed import ASKED, SCENE
 from killed_sweep import SCENES
 
 from fpk_rocking.studies import sweep
-from fpk_rocking.studies.execution.cells import seed_of
+from fpk_rocking.studies.execution import seed_of
 from montecarlo import Tally, simulate, tally
 
 HERE = pathlib.Path(__file__).parent
@@ -83,8 +83,8 @@ def test_killed_sweeps_lose_no_row_that_they_reported(tmp_path):
         kept = len(cells)
     assert kept < len(SCENES), "ended before it was killed"
     assert begun > 20, "hardly a sweep was killed while it ran"
-    found = sweep(SCENES, study_verbs.slow, store=store, seconds=0.01)
-    expected = [study_verbs.amplitude(scene, seed=seed_of(1, number)) for number, scene in enumerate(SCENES)]
+    found = sweep(SCENES, study_tasks.slow, store=store, seconds=0.01)
+    expected = [study_tasks.amplitude(scene, seed=seed_of(1, number)) for number, scene in enumerate(SCENES)]
     assert [row["values"] for row in found.rows] == expected
     assert store.read_bytes().count(b"\n") == 1 + len(SCENES)
 

@@ -9,7 +9,7 @@ import sys
 import threading
 
 import pytest
-import study_verbs
+import study_tasks
 from test_sweep import GRID, told
 
 from fpk_rocking.studies import sweep
@@ -45,16 +45,16 @@ def test_a_worker_killed_in_the_middle(client, tmp_path):
 
     scenes = GRID.scenes * 3
     found = sweep(
-        scenes, study_verbs.slow, workers=client.get_executor(), seed=7, store=store, progress=kill, seconds=0.2
+        scenes, study_tasks.slow, workers=client.get_executor(), seed=7, store=store, progress=kill, seconds=0.2
     )
     assert killed.is_set()
-    assert told(found.rows) == told(sweep(scenes, study_verbs.slow, seed=7, seconds=0.0).rows)
+    assert told(found.rows) == told(sweep(scenes, study_tasks.slow, seed=7, seconds=0.0).rows)
     assert store.read_bytes().count(b"\n") == 16
 
 
 def test_a_cell_that_no_worker_survives_is_a_row(client, tmp_path):
     client.cluster.scheduler.allowed_failures = 0
-    found = sweep(GRID, study_verbs.deadly, workers=client.get_executor(), folder=str(tmp_path), times=99)
+    found = sweep(GRID, study_tasks.deadly, workers=client.get_executor(), folder=str(tmp_path), times=99)
     assert [row["cell"] for row in found.failed] == [2]
     assert "KilledWorker" in found.failed[0]["reason"]
 
@@ -83,7 +83,7 @@ def scheduler_and_worker(folder):
 def test_a_scheduler_killed_in_the_middle(distributed, tmp_path):
     """A plain error; the rows that came are kept, and the sweep goes on from them without the cluster."""
     store, scenes = tmp_path / "rows.jsonl", GRID.scenes * 3
-    asked = {"scenes": scenes, "verb": study_verbs.slow, "seed": 7, "store": store, "seconds": 0.2}
+    asked = {"scenes": scenes, "task": study_tasks.slow, "seed": 7, "store": store, "seconds": 0.2}
     with scheduler_and_worker(tmp_path) as (scheduler, file):
         client = distributed.Client(scheduler_file=str(file), timeout=30, set_as_default=False)
 
@@ -96,6 +96,6 @@ def test_a_scheduler_killed_in_the_middle(distributed, tmp_path):
             sweep(**asked, workers=client.get_executor(), progress=kill)
     kept = store.read_bytes()
     assert 5 <= kept.count(b"\n") < 16
-    assert told(sweep(**asked).rows) == told(sweep(scenes, study_verbs.slow, seed=7, seconds=0.0).rows)
+    assert told(sweep(**asked).rows) == told(sweep(scenes, study_tasks.slow, seed=7, seconds=0.0).rows)
     assert store.read_bytes().startswith(kept)
     assert sorted(json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]) == list(range(15))

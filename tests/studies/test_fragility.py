@@ -16,9 +16,8 @@ from fpk_rocking import cli, load_scene
 from fpk_rocking.results.trust import CAUTION, Doubt
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, fragility, scaled
-from fpk_rocking.studies.execution.cells import seed_of
-from fpk_rocking.studies.picture import curves_figure, message, surface_figure
-from fpk_rocking.studies.tables import fragility_table
+from fpk_rocking.studies.execution import seed_of
+from fpk_rocking.studies.picture import curves_figure, fragility_table, message, surface_figure
 from montecarlo import Ensemble, histories, simulate
 
 SCALE = 0.5, 0.8, 1.1, 1.4
@@ -202,7 +201,7 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
         size = scene.noise.remark
         return [Doubt(CAUTION, f"Wide: {size}", "wide"), Doubt(CAUTION, f"Wide: of {size}", "other"), Doubt(1, "Bare.")]
 
-    monkeypatch.setattr("fpk_rocking.studies.doubts.scene_doubts", told)
+    monkeypatch.setattr("fpk_rocking.studies.diagnostics.scene_doubts", told)
     told = [reason for reason in dataclasses.replace(found, wall_s=2.0).trust.reasons if "half width" not in reason]
     assert [reason for reason in told if "fit" not in reason] == [
         "Wide: Measured: here. (Other scenes: 1 likewise.)",

@@ -6,20 +6,18 @@ import json
 import subprocess
 import sys
 import time
-import types
 
 import numpy as np
 import pytest
-import study_verbs
+import study_tasks
 
 from fpk_rocking.base import ahead
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
-from fpk_rocking.studies import grid, sweep, sweeping
-from fpk_rocking.studies.execution import workers as execution_workers
-from fpk_rocking.studies.execution.cells import perform, seed_of
-from fpk_rocking.studies.verbs import VERBS, tasks_of
+from fpk_rocking.studies import grid, sweep
+from fpk_rocking.studies.execution import seed_of
+from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulate
 
 SCENE = Scene(block=Block(0.5), forcing=Harmonic(4.6, 2.7, 0.0), noise=NoNoise())
@@ -34,7 +32,7 @@ def told(rows):
 
 @pytest.fixture(scope="module")
 def alone():
-    return sweep(GRID, study_verbs.amplitude, seed=7)
+    return sweep(GRID, study_tasks.amplitude, seed=7)
 
 
 def test_rows_in_the_order_of_the_scenes(alone):
@@ -47,7 +45,7 @@ def test_rows_in_the_order_of_the_scenes(alone):
 
 
 def test_seeds_depend_on_seed_and_number_alone(alone):
-    assert sweep(GRID, study_verbs.amplitude, seed=0).rows[1]["seed"] == seed_of(0, 1)
+    assert sweep(GRID, study_tasks.amplitude, seed=0).rows[1]["seed"] == seed_of(0, 1)
     seeds = [row["values"]["seed"] for row in alone.rows]
     assert seeds == [row["seed"] for row in alone.rows] == [seed_of(7, number) for number in range(5)]
     more = [seed_of(seed, number) for seed in range(10) for number in range(1000)]
@@ -57,8 +55,8 @@ def test_seeds_depend_on_seed_and_number_alone(alone):
 
 @pytest.mark.parametrize("workers", [2, "threads"])
 def test_same_rows_from_any_workers(workers):
-    """One of them is of a scene that the verb refuses."""
-    asked = {"scenes": (*GRID.scenes, SCENE.varied(forcing={"phase": -1.0})), "verb": study_verbs.amplitude, "seed": 7}
+    """One of them is of a scene that the task refuses."""
+    asked = {"scenes": (*GRID.scenes, SCENE.varied(forcing={"phase": -1.0})), "task": study_tasks.amplitude, "seed": 7}
     with concurrent.futures.ThreadPoolExecutor(3) as pool:
         found = sweep(**asked, workers=pool if workers == "threads" else workers)
     assert told(found.rows) == told(sweep(**asked).rows)
@@ -81,35 +79,34 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
     """Those of the engines that the scenes ask for; here the workers are this process."""
     told, begun = [], []
 
-    def rows_of(verb, cells, options, workers):
+    def rows_from(workers, task, jobs, options):
         begun.append((workers, tuple(told)))
-        yield from (perform(verb, cell, options) for cell in cells)
+        yield from (run_job(task, job, options) for job in jobs)
 
     monkeypatch.setattr(ahead, "ready", told.append)
-    monkeypatch.setattr(sweeping, "rows_of", rows_of)
+    monkeypatch.setattr(execution, "_rows_from", rows_from)
     white = SCENE.varied(noise=WhiteNoise(0.01))
     for workers in (1, 2):
         assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
     assert begun == [(1, ()), (2, ("montecarlo.ahead:exact", "montecarlo.ahead:white"))]
 
 
-def test_tasks_are_those_of_the_engines_that_will_run():
+def test_kernels_are_those_of_the_engines_that_will_run():
     """Noise with an envelope has an engine of its own, and a density with filter states needs more kernels."""
     white = SCENE.varied(noise=WhiteNoise(0.01))
     filtered = SCENE.varied(noise=FilteredNoise("low-pass", 0.04, 9.0, 0.7))
     faded = SCENE.varied(noise=BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)))
 
-    def tasks(verb, *scenes, **options):
-        cells = [types.SimpleNamespace(scene=scene) for scene in scenes]
-        return [task.partition(":")[2] for task in tasks_of(VERBS[verb], cells, options)]
+    def kernels(task, *scenes, **options):
+        return [name.partition(":")[2] for name in kernels_of(TASKS[task], scenes, options)]
 
-    assert tasks("mc", SCENE, white, filtered) == ["exact", "filtered", "white"]
-    assert tasks("mc", faded) == ["enveloped"]
-    assert tasks("mc", faded, SCENE, method="rk4") == ["rk4"]
-    assert tasks("mc", white, method="rk4") == []
-    assert tasks("fpk", SCENE, white) == ["solve"]
-    assert tasks("fpk", filtered) == ["filtered", "solve"]
-    assert tasks("fpk", SCENE, noise_replacement="filtered") == ["filtered", "solve"]
+    assert kernels("mc", SCENE, white, filtered) == ["exact", "filtered", "white"]
+    assert kernels("mc", faded) == ["enveloped"]
+    assert kernels("mc", faded, SCENE, method="rk4") == ["rk4"]
+    assert kernels("mc", white, method="rk4") == []
+    assert kernels("fpk", SCENE, white) == ["solve"]
+    assert kernels("fpk", filtered) == ["filtered", "solve"]
+    assert kernels("fpk", SCENE, noise_replacement="filtered") == ["filtered", "solve"]
 
 
 def test_grid_has_its_last_axis_fastest():
@@ -117,23 +114,23 @@ def test_grid_has_its_last_axis_fastest():
     assert made.shape == (2, 3)
     assert made.parameters(4) == {"forcing.amplitude": 2.0, "block.restitution": 0.6}
     assert (made.scenes[4].forcing.amplitude, made.scenes[4].block.restitution) == (2.0, 0.6)
-    assert sweep(made, study_verbs.amplitude).values("amplitude").tolist() == [[1.0] * 3, [2.0] * 3]
+    assert sweep(made, study_tasks.amplitude).values("amplitude").tolist() == [[1.0] * 3, [2.0] * 3]
 
 
 @pytest.mark.parametrize(
-    ("verb", "reason"),
+    ("task", "reason"),
     [
-        (study_verbs.amplitude, "ValueError: forcing.phase: got -1.0, accepted: a number >= 0"),
-        (study_verbs.unwritable, "TypeError: Object of type Scene is not JSON serializable"),
-        (study_verbs.infinite, "ValueError: Out of range float values are not JSON compliant"),
+        (study_tasks.amplitude, "ValueError: forcing.phase: got -1.0, accepted: a number >= 0"),
+        (study_tasks.unwritable, "TypeError: Object of type Scene is not JSON serializable"),
+        (study_tasks.infinite, "ValueError: Out of range float values are not JSON compliant"),
     ],
 )
-def test_what_fails_is_a_row_with_its_reason(tmp_path, verb, reason):
+def test_what_fails_is_a_row_with_its_reason(tmp_path, task, reason):
     scenes = [SCENE.varied(forcing={"phase": -1.0}), SCENE]
-    found = sweep(scenes, verb)
+    found = sweep(scenes, task)
     assert found.rows[0]["reason"].startswith(reason)
     assert found.rows[0]["values"] == {}
-    if verb is study_verbs.amplitude:
+    if task is study_tasks.amplitude:
         assert [row["cell"] for row in found.failed] == [0]
         assert np.isnan(found.values("amplitude")).tolist() == [True, False]
         found.to_csv(tmp_path / "rows.csv")
@@ -144,15 +141,14 @@ def test_what_fails_is_a_row_with_its_reason(tmp_path, verb, reason):
 
 def test_a_killed_process_is_replaced(tmp_path):
     scenes = GRID.scenes[1:4]
-    found = sweep(scenes, study_verbs.deadly, seed=7, workers=2, folder=str(tmp_path), times=1)
-    assert told(found.rows) == told(sweep(scenes, study_verbs.amplitude, seed=7).rows)
+    found = sweep(scenes, study_tasks.deadly, seed=7, workers=2, folder=str(tmp_path), times=1)
+    assert told(found.rows) == told(sweep(scenes, study_tasks.amplitude, seed=7).rows)
 
 
-def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path, monkeypatch):
-    """Of two packs of two cells; its neighbour is none that failed."""
-    monkeypatch.setattr(execution_workers, "_PACKS", 1)
+def test_a_job_that_kills_its_process_every_time_is_a_row(tmp_path):
+    """Its neighbours are none that failed."""
     scenes = grid(SCENE, {"forcing.amplitude": (1.0, 2.0, 4.0, 3.0)})
-    found = sweep(scenes, study_verbs.deadly, workers=2, folder=str(tmp_path), times=99)
+    found = sweep(scenes, study_tasks.deadly, workers=2, folder=str(tmp_path), times=99)
     assert [row["cell"] for row in found.rows] == [0, 1, 2, 3]
     assert [(row["cell"], row["reason"]) for row in found.failed] == [
         (3, "its process was killed, or ran out of memory")
@@ -160,29 +156,11 @@ def test_a_cell_that_kills_its_process_every_time_is_a_row(tmp_path, monkeypatch
     assert len(list(tmp_path.iterdir())) <= 3
 
 
-def test_many_cells_go_in_packs():
-    """Of 600 cells two a task, in their order."""
-    packs = []
-
-    class Noting(concurrent.futures.ThreadPoolExecutor):
-        def submit(self, function, verb, cells, options):
-            packs.append([cell.number for cell in cells])
-            return super().submit(function, verb, cells, options)
-
-    with Noting(3) as pool:
-        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
-    assert packs == [[n, n + 1] for n in range(0, 600, 2)]
-    assert [row["cell"] for row in found.rows] == list(range(600))
-    assert found.failed == ()
-
-
 class Refusing(concurrent.futures.ThreadPoolExecutor):
-    """An executor that cannot run a task with a certain cell, and says so in the future."""
+    """An executor that cannot run a certain job, and says so in the future."""
 
-    def submit(self, function, verb, cells, options):
-        return super().submit(
-            self.refuse if any(cell.number == 9 for cell in cells) else function, verb, cells, options
-        )
+    def submit(self, function, task, job, *more):
+        return super().submit(self.refuse if job.number == 9 else function, task, job, *more)
 
     def refuse(self, *_):
         raise OSError("no worker survived it")
@@ -190,12 +168,12 @@ class Refusing(concurrent.futures.ThreadPoolExecutor):
 
 def test_what_an_executor_cannot_run_is_tried_alone():
     with Refusing(2) as pool:
-        found = sweep([SCENE] * 600, study_verbs.amplitude, workers=pool)
+        found = sweep([SCENE] * 20, study_tasks.amplitude, workers=pool)
     assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
 
 
-def test_an_executor_that_takes_no_more_is_no_failure_of_a_cell(tmp_path):
-    """It ends between the first try of a pack and the second."""
+def test_an_executor_that_takes_no_more_is_no_failure_of_a_job(tmp_path):
+    """It ends between the first attempt and the second."""
 
     class Closing(Refusing):
         def refuse(self, *_):
@@ -204,7 +182,7 @@ def test_an_executor_that_takes_no_more_is_no_failure_of_a_cell(tmp_path):
 
     store = tmp_path / "rows.jsonl"
     with pytest.raises(RuntimeError, match="after shutdown"):
-        sweep([SCENE] * 10, study_verbs.amplitude, workers=Closing(1), store=store)
+        sweep([SCENE] * 10, study_tasks.amplitude, workers=Closing(1), store=store)
     assert sorted(json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]) == list(range(9))
 
 
@@ -214,16 +192,16 @@ def test_an_executor_that_ends_is_a_plain_error_and_the_store_goes_on(tmp_path, 
         store = tmp_path / f"{kind.__name__}.jsonl"
 
         class Ending(concurrent.futures.ThreadPoolExecutor):
-            def submit(self, function, verb, cells, options):
-                return super().submit(function if cells[0].number < 2 else self.end, verb, cells, options)
+            def submit(self, function, task, job, *more):
+                return super().submit(function if job.number < 2 else self.end, task, job, *more)
 
             def end(self, *_, kind=kind):
                 raise kind
 
         with Ending(1) as pool, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all"):
-            sweep(GRID, study_verbs.amplitude, seed=7, workers=pool, store=store)
+            sweep(GRID, study_tasks.amplitude, seed=7, workers=pool, store=store)
         assert store.read_bytes().count(b"\n") == 3
-        assert told(sweep(GRID, study_verbs.amplitude, seed=7, store=store).rows) == told(alone.rows)
+        assert told(sweep(GRID, study_tasks.amplitude, seed=7, store=store).rows) == told(alone.rows)
 
 
 def stopping_at(count):
@@ -238,17 +216,17 @@ def stopping_at(count):
 def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
     store, reports = tmp_path / "folder" / "rows.jsonl", []
     with pytest.raises(KeyboardInterrupt):
-        sweep(GRID, study_verbs.amplitude, seed=7, workers=workers, store=store, progress=stopping_at(2))
+        sweep(GRID, study_tasks.amplitude, seed=7, workers=workers, store=store, progress=stopping_at(2))
     kept = store.read_bytes()
     assert kept.count(b"\n") == 3
     store.write_bytes(kept + b'{"cell": 4, "se' + 9000 * b" ")  # what a kill in the middle of a line leaves
-    found = sweep(GRID, study_verbs.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
+    found = sweep(GRID, study_tasks.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
     assert told(found.rows) == told(alone.rows)
     assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]
     assert store.read_bytes().startswith(kept)
     assert store.read_bytes().endswith(b"}\n")
     # Nothing is left to do, and scenes may be added.
-    more = sweep((*GRID.scenes, SCENE), study_verbs.amplitude, seed=7, store=store)
+    more = sweep((*GRID.scenes, SCENE), study_tasks.amplitude, seed=7, store=store)
     assert told(more.rows[:5]) == told(alone.rows)
     assert store.read_bytes().count(b"\n") == 7
 
@@ -261,12 +239,12 @@ def test_stores_of_other_sweeps_are_refused(tmp_path):
         "store: got .*rows.jsonl with options = .*'realizations': 10}, accepted: a new file, or that .*: 20}": {
             "realizations": 20
         },
-        "with another cell 0": {"seed": 2},
-        "with verb = 'fpk_rocking.studies.verbs.mc'": {"verb": "fpk"},
+        "with another scene 0": {"seed": 2},
+        "with task = 'fpk_rocking.studies.tasks.mc'": {"task": "fpk"},
     }.items():
         with pytest.raises(ValueError, match=refused):
-            sweep(GRID, **{"verb": "mc", "store": store, "cycles": 1, "realizations": 10} | changed)
-    with pytest.raises(ValueError, match="with another cell 4"):
+            sweep(GRID, **{"task": "mc", "store": store, "cycles": 1, "realizations": 10} | changed)
+    with pytest.raises(ValueError, match="with another scene 4"):
         sweep(grid(SCENE, {"forcing.amplitude": AMPLITUDES[:4]}), "mc", store=store, cycles=1, realizations=10)
     assert store.read_bytes() == kept
 
@@ -274,10 +252,10 @@ def test_stores_of_other_sweeps_are_refused(tmp_path):
 @pytest.mark.parametrize("part", [0, 1, 40])
 def test_a_sweep_that_ended_while_it_began_its_store_goes_on(tmp_path, alone, part):
     store = tmp_path / "rows.jsonl"
-    sweep(GRID, study_verbs.amplitude, seed=7, store=store)
+    sweep(GRID, study_tasks.amplitude, seed=7, store=store)
     whole = store.read_bytes()
     store.write_bytes(whole[:part])
-    assert told(sweep(GRID, study_verbs.amplitude, seed=7, store=store).rows) == told(alone.rows)
+    assert told(sweep(GRID, study_tasks.amplitude, seed=7, store=store).rows) == told(alone.rows)
     assert store.read_bytes().splitlines()[0] == whole.splitlines()[0]
 
 
@@ -288,17 +266,17 @@ def test_damaged_stores_are_refused(tmp_path, text):
     store = tmp_path / "rows.jsonl"
     store.write_text(text)
     with pytest.raises(ValueError, match="store: "):
-        sweep(GRID, study_verbs.amplitude, store=store)
+        sweep(GRID, study_tasks.amplitude, store=store)
     assert store.read_text() == text
 
 
 def test_damage_amid_a_store_is_refused(tmp_path):
     store = tmp_path / "rows.jsonl"
-    sweep(GRID, study_verbs.amplitude, store=store)
+    sweep(GRID, study_tasks.amplitude, store=store)
     lines = store.read_text().splitlines(keepends=True)
     store.write_text("".join([*lines[:2], lines[2][:20] + "\n", *lines[3:]]))
     with pytest.raises(ValueError, match=r"rows.jsonl is damaged or not the file of a sweep \(line 3\)"):
-        sweep(GRID, study_verbs.amplitude, store=store)
+        sweep(GRID, study_tasks.amplitude, store=store)
 
 
 @pytest.mark.parametrize(
@@ -307,7 +285,7 @@ def test_damage_amid_a_store_is_refused(tmp_path):
         ({"scenes": SCENE}, TypeError, "scenes: got Scene.*, accepted: one or more scenes"),
         ({"scenes": []}, ValueError, r"scenes: got \[\]|scenes: got \(\)"),
         ({"scenes": [SCENE, 3]}, TypeError, r"scenes\[1\]: got 3, accepted: Scene"),
-        ({"verb": "rk4"}, ValueError, "verb: got 'rk4', accepted: 'mc', 'fpk', or a function"),
+        ({"task": "rk4"}, ValueError, "task: got 'rk4', accepted: 'mc', 'fpk', or a function"),
         ({"workers": 0}, ValueError, "workers: got 0, accepted: a whole number >= 1"),
         ({"workers": "two"}, TypeError, "workers: got 'two'"),
         ({"seed": -1}, ValueError, "seed: got -1"),
@@ -318,16 +296,16 @@ def test_damage_amid_a_store_is_refused(tmp_path):
 def test_bad_input_is_refused_before_any_work(tmp_path, monkeypatch, given, error, text):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(error, match=text):
-        sweep(**{"scenes": GRID, "verb": study_verbs.amplitude} | given)
+        sweep(**{"scenes": GRID, "task": study_tasks.amplitude} | given)
     assert list(tmp_path.iterdir()) == []
 
 
 SCRIPT = """
-import study_verbs, sys
+import study_tasks, sys
 from test_sweep import GRID
 from fpk_rocking.studies import sweep
 if __name__ == "__main__":
-    sweep(GRID, study_verbs.slow, workers=2, store=sys.argv[1], seconds=float(sys.argv[2]))
+    sweep(GRID, study_tasks.slow, workers=2, store=sys.argv[1], seconds=float(sys.argv[2]))
 """
 
 
@@ -344,7 +322,7 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     run.communicate(timeout=20)
     rows = store.read_bytes().count(b"\n") - 1
     assert 1 <= rows < 5
-    found = sweep(GRID, study_verbs.slow, store=store, seconds=0.5)
+    found = sweep(GRID, study_tasks.slow, store=store, seconds=0.5)
     assert len(found.rows) == 5
     assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 0.5
 
@@ -353,7 +331,7 @@ def test_a_store_is_taken_by_one_sweep_at_a_time(tmp_path, alone):
     """Refused while the other runs, whoever runs it, and free when that has ended, in whatever way."""
     pytest.importorskip("fcntl", reason="without locks of files")
     store, refused = tmp_path / "rows.jsonl", []
-    asked = {"verb": study_verbs.amplitude, "seed": 7, "store": store}
+    asked = {"task": study_tasks.amplitude, "seed": 7, "store": store}
 
     def again(done, _):
         with pytest.raises(ValueError, match=r"store: got '.*rows\.jsonl', accepted: a file that no sweep in progress"):

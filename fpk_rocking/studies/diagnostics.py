@@ -7,7 +7,6 @@ import numpy as np
 from fpk_rocking.results.intervals import wilson_interval
 from fpk_rocking.results.remarks import scene_doubts
 from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
-from fpk_rocking.studies.lognormal import MISFIT, REJECTED
 from montecarlo.results.sample import path_doubts
 
 __all__ = ["doubts_of", "model_doubts"]
@@ -58,10 +57,9 @@ def _rejected(result):
         return []
     worst = max(rejected, key=lambda fit: fit.misfit)
     which = f" of {len(rejected)} of {len(curves)} curves" if len(curves) > 1 else ""
-    rule = f"misfit above {MISFIT:g}" if np.isnan(worst.p_value) else f"p = {worst.p_value:.2g}, below {REJECTED:g}"
     sentence = (
-        f"The lognormal fit{which} is rejected ({rule}): it is off by up to {worst.misfit:.2g}. Use the probabilities "
-        "themselves."
+        f"The lognormal fit{which} is rejected ({worst.rejected}): it is off by up to {worst.misfit:.2g}. "
+        "Use the probabilities themselves."
     )
     return [Doubt(CAUTION, sentence, "fit")]
 

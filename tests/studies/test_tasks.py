@@ -1,4 +1,4 @@
-"""What slenderness costs: the pairs that are compared and their error, and a block of known cost."""
+"""What is computed of one scene: how many paths check a density, and pairs of paths for the cost of slenderness."""
 
 import math
 import types
@@ -6,11 +6,29 @@ import types
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Scene
-from fpk_rocking.studies import slenderness, slenderness_cost
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Record, Scene
+from fpk_rocking.base import ahead
+from fpk_rocking.studies import slenderness_cost, tasks
 
+CYCLIC = Scene(Block(0.5), Harmonic(1.0, 2.0), BandNoise(0.04, (0.0, 9.0), 10))
 SIZE = Dimensions(0.5, 1.8)
 SCENE = Scene(Block(0.9, SIZE), Harmonic(1.1, 4.0), BandNoise(0.1, (0.0, 8.0), 30))
+
+
+def test_there_are_fewer_paths_in_a_record():
+    shaken = Scene(Block(None, Dimensions(0.5, 1.8)), Record(0.04, np.sin(np.arange(50)), "g", 0.4), NoNoise())
+    assert tasks._check_size(CYCLIC, None, 3) == (40_000, 3)
+    assert tasks._check_size(shaken, None, 3) == (10_000, 3)
+    assert tasks._check_size(shaken, 7, 0) == (7, 0)
+
+
+def test_paths_are_expected_where_noise_is_replaced(monkeypatch):
+    expected = []
+    monkeypatch.setattr(ahead, "expect", expected.append)
+    tasks.expect_check(CYCLIC.white_equivalent())
+    assert expected == []
+    tasks.expect_check(CYCLIC)
+    assert len(expected) == 1
 
 
 @pytest.fixture
@@ -24,7 +42,7 @@ def ran(monkeypatch):
         end = np.where(draws < (0.3 if scene.block.critical_angle else 0.4), 1.0, math.nan)
         return types.SimpleNamespace(overturn_time=end)
 
-    monkeypatch.setattr(slenderness, "simulate", simulate)
+    monkeypatch.setattr(tasks, "simulate", simulate)
     return calls
 
 

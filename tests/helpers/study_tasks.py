@@ -1,4 +1,4 @@
-"""Verbs for sweeps in tests; a process or a cluster imports them from here."""
+"""Tasks for sweeps in tests; a process or a cluster imports them from here."""
 
 import os
 import pathlib

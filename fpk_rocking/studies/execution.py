@@ -1,0 +1,343 @@
+"""Jobs of a sweep, each a scene with its seed: run on workers, with a file that keeps their rows as they come.
+
+The file is text, one JSON object a line. The first line describes the sweep; each other one is the row of a job. A row
+is appended in one piece: what a kill or a full disk leaves of the last line is no row and is overwritten. One sweep
+at a time has the file: it is locked where the file system has locks, and the lock ends with the process.
+"""
+
+import concurrent.futures
+import contextlib
+import hashlib
+import importlib.metadata
+import json
+import multiprocessing
+import os
+import pathlib
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import ahead, checks
+from fpk_rocking.base.types import File, Progress
+from fpk_rocking.console import line
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.tasks import kernels_of
+
+try:
+    import fcntl
+except ImportError:  # outside Unix
+    fcntl = None  # type: ignore[assignment]  # None: there are no locks of files
+
+_EXECUTOR_ENDED = concurrent.futures.CancelledError, concurrent.futures.BrokenExecutor
+_ROW = {"cell": int, "seed": int, "digest": str, "wall_s": float, "values": dict, "reason": str}
+
+
+class Job(NamedTuple):
+    """A scene of a sweep, with its number from 0 and the seed of its random numbers."""
+
+    number: int
+    scene: Scene
+    seed: int
+
+    @property
+    def digest(self) -> str:
+        """Hexadecimal digits that identify scene and seed."""
+        return hashlib.sha256(f"{self.seed}\n{self.scene.to_toml()}".encode()).hexdigest()[:16]
+
+    def row(self, wall_s: float, values: dict[str, Any], reason: str) -> dict[str, Any]:
+        """Return the row of this job: its number as "cell", seed, digest, seconds, values, and why it failed."""
+        own = {"cell": self.number, "seed": self.seed, "digest": self.digest}
+        return own | {"wall_s": wall_s, "values": values, "reason": reason}
+
+
+def seed_of(seed: int, number: int) -> int:
+    """Seed from 0 to 2**64 - 1 of a job: it depends on the seed of the sweep and the number of the job alone."""
+    return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0])
+
+
+def run_jobs(
+    task: Callable[..., Any],
+    jobs: Sequence[Job],
+    options: dict[str, Any],
+    *,
+    workers: int | concurrent.futures.Executor,
+    store: File | None = None,
+    progress: Progress | None = None,
+) -> tuple[dict[str, Any], ...]:
+    """Run a task on jobs, or take their rows from a store.
+
+    Parameters
+    ----------
+    task : callable
+        Called as ``task(scene, seed=seed, **options)``; returns a dict of what JSON holds.
+    jobs : sequence of Job
+    options : dict
+    workers, store, progress
+        As for `fpk_rocking.studies.sweep`.
+
+    Returns
+    -------
+    tuple of dict
+        Rows in the order of the jobs, with the keys "cell", "seed", "digest", "wall_s", "values" (empty where the job
+        failed) and "reason" (empty where it did not).
+    """
+    if not isinstance(workers, concurrent.futures.Executor):
+        workers = checks.count("workers", workers)
+    checks.report(progress)
+    sweep = {
+        "task": f"{task.__module__}.{getattr(task, '__qualname__', type(task).__qualname__)}",
+        "options": options,
+        "version": importlib.metadata.version("fpk-rocking"),
+    }
+    with _opened_store(store, sweep, jobs) as (rows, keep):
+        left = [job for job in jobs if job.number not in rows]
+        if progress is not None:
+            progress(len(rows), len(jobs))
+        if left and workers != 1:
+            for kernels in kernels_of(task, [job.scene for job in left], options):
+                ahead.ready(kernels)
+        with contextlib.closing(_rows_from(workers, task, left, options)) as computed:
+            for row in computed:
+                rows[row["cell"]] = row
+                keep(row)
+                if progress is not None:
+                    progress(len(rows), len(jobs))
+    return tuple(rows[job.number] for job in jobs)
+
+
+def run_job(task: Callable[..., Any], job: Job, options: dict[str, Any]) -> dict[str, Any]:
+    """Run a task on a job, with all threads; return its row. An exception becomes the row's reason."""
+    started, values, reason = time.perf_counter(), {}, ""
+    try:
+        values = json.loads(json.dumps(dict(task(job.scene, seed=job.seed, **options)), allow_nan=False))
+    except Exception as error:  # noqa: BLE001  (whatever it is: a row says so, and the sweep goes on)
+        reason = f"{type(error).__name__}: {line(error)}"
+    return job.row(time.perf_counter() - started, values, reason)
+
+
+def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
+    """Run a task on a job in a worker, which has one processor; return its row.
+
+    The number of the attempt is a parameter because Dask answers equal calls with the result of the first.
+    """
+    import numba
+
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        return run_job(task, job, options)
+    finally:
+        numba.set_num_threads(threads)
+
+
+def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, None]:
+    """Yield the rows of jobs as they come: from this process (1), from as many processes, or from an executor."""
+    if workers == 1:
+        for job in jobs:
+            yield run_job(task, job, options)
+    elif isinstance(workers, int):
+        yield from _rows_from_processes(workers, task, jobs, options)
+    else:
+        try:
+            yield from _rows_from_executor(workers, task, jobs, options)
+        except _EXECUTOR_ENDED as error:
+            raise RuntimeError(
+                "workers: the executor came to its end before all scenes were run, as where the scheduler of a cluster "
+                "ends; rows in a store are kept, and the same call with other workers goes on from there"
+            ) from error
+
+
+def _rows_from_executor(executor, task, jobs, options):
+    """Yield the rows of jobs that are all handed to an executor at once; those that it cannot run are tried alone."""
+    futures = {executor.submit(_run_on_one_thread, task, job, options, 1): job for job in jobs}
+    failed = []
+    try:
+        for future in concurrent.futures.as_completed(futures):
+            try:
+                yield future.result()
+            except _EXECUTOR_ENDED:
+                raise
+            except Exception:  # noqa: BLE001  (a job that no worker survived, or one that stood in line behind it)
+                failed.append(futures[future])
+    finally:
+        for future in futures:
+            future.cancel()
+    for job in failed:
+        yield _second_attempt(executor, task, job, options)
+
+
+def _rows_from_processes(count, task, jobs, options):
+    """Yield the rows of jobs on processes; where a process is killed, the jobs that were running are tried alone."""
+    left = {job.number: job for job in jobs}
+    while left:
+        try:
+            with _processes(min(count, len(left))) as pool:
+                for row in _rows_from_executor(pool, task, list(left.values()), options):
+                    del left[row["cell"]]
+                    yield row
+        except concurrent.futures.BrokenExecutor:
+            # Jobs begin in their order, so those that were running are the first that have no row.
+            for job in list(left.values())[:count]:
+                del left[job.number]
+                with _processes(1) as pool:
+                    yield _second_attempt(pool, task, job, options, "its process was killed, or ran out of memory")
+
+
+def _second_attempt(executor, task, job, options, reason_if_ended=None):
+    """Return the row of a job that an executor runs by itself, with `reason_if_ended` if that ends the executor."""
+    begin = time.perf_counter()
+    # An executor that takes no more jobs raises here: that is no failure of the job.
+    future = executor.submit(_run_on_one_thread, task, job, options, 2)
+    try:
+        return future.result()
+    except _EXECUTOR_ENDED:
+        if reason_if_ended is None:
+            raise
+        reason = reason_if_ended
+    except Exception as error:  # noqa: BLE001  (whatever it is: a row says so, and the sweep goes on)
+        reason = f"{type(error).__name__}: {line(error)}"
+    return job.row(time.perf_counter() - begin, {}, reason)
+
+
+@contextlib.contextmanager
+def _processes(count):
+    """Yield an executor of processes that end at once with the block, or with this process, however it ends."""
+    # Spawned, not forked: a fork after a parallel kernel has run would stand still.
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    pool = concurrent.futures.ProcessPoolExecutor(count, context, _begin_process, (theirs,))
+    try:
+        yield pool
+    finally:
+        ours.close()
+        pool.shutdown(wait=True, cancel_futures=True)
+        theirs.close()
+
+
+def _begin_process(pipe):
+    """Set up a worker process: it ignores interruptions, and ends when its parent closes the pipe or is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch():
+        with contextlib.suppress(EOFError, OSError):
+            pipe.recv()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextlib.contextmanager
+def _opened_store(
+    path: File | None, sweep: dict[str, Any], jobs: Sequence[Job]
+) -> Iterator[tuple[dict[int, dict[str, Any]], Callable[[dict[str, Any]], None]]]:
+    """Open and lock the file of a sweep, made where missing; without a path nothing is kept.
+
+    Parameters
+    ----------
+    path : path or None
+    sweep : dict
+        Plain values that identify the sweep; a file with others is refused.
+    jobs : sequence of Job
+
+    Yields
+    ------
+    rows : dict of int to dict
+        Rows in the file by the number of their job.
+    keep : callable
+        Appends a row to the file.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The file is no store, is damaged, belongs to another sweep or to other scenes, or is that of a sweep that still
+        runs; it is left as it is.
+    """
+    if path is None:
+        yield {}, lambda _: None
+        return
+    path = checks.path("store", path)
+    if path.exists() and not path.is_file():
+        raise ValueError(checks.refusal("store", str(path), "a file, made where it is missing"))
+    header = _json_line({"format": 1} | sweep)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Appending: two processes that both find no file must not make it anew over each other's. Without a buffer: what a
+    # full disk does not take must not be tried again when the file is closed.
+    with path.open("a+b", buffering=0) as file:
+        _lock(file, path)
+        try:
+            rows = _read_rows(file, path, header, {job.number: job.digest for job in jobs})
+            yield rows, lambda row: _append(file, _json_line(row))
+        finally:
+            # Closing is not enough where a process that was forked meanwhile has the file open too.
+            with contextlib.suppress(OSError):
+                if fcntl is not None:
+                    fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def _lock(file, path):
+    """Lock an open file, or refuse it where another sweep has it locked."""
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ValueError(checks.refusal("store", str(path), "a file that no sweep in progress writes to")) from None
+    except OSError:
+        pass  # a file system without locks
+
+
+def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str]) -> dict[int, dict[str, Any]]:
+    """Return the rows of a store, which is cut after its last whole line; write the header of a new one."""
+    file.seek(0)
+    content = file.read()
+    if header.startswith(content):
+        file.truncate(0)
+        _append(file, header)
+        return {}
+    *lines, rest = content.split(b"\n")
+    refused = f"store: got {path} with {{}}, accepted: a new file, or that of a sweep with {{}}"
+    found, wanted, rows = _entry(path, lines[0] if lines else b"", 1), json.loads(header), {}
+    for name in wanted | found:
+        if found.get(name) != wanted.get(name):
+            raise ValueError(refused.format(f"{name} = {found.get(name)!r}", f"{name} = {wanted.get(name)!r}"))
+    for number, text in enumerate(lines[1:], 2):
+        row = _entry(path, text, number, _ROW)
+        if digests.get(row["cell"]) != row["digest"]:
+            raise ValueError(refused.format(f"another scene {row['cell']}", "the same scenes, in this order, and seed"))
+        rows[row["cell"]] = row
+    file.truncate(len(content) - len(rest))
+    return rows
+
+
+def _entry(path, text, number, types=None):
+    """Return the JSON object in a line of a store, or refuse it; `types` has the types of its values by name."""
+    try:
+        entry = json.loads(text)
+    except ValueError:
+        entry = None
+    sound = isinstance(entry, dict)
+    if sound and types:
+        sound = entry.keys() == types.keys() and all(isinstance(entry[name], cls) for name, cls in types.items())
+    if not sound:
+        damage = f"{path} is damaged or not the file of a sweep (line {number})"
+        raise ValueError(f"store: {damage}; accepted: a new file")
+    return entry
+
+
+def _append(file, content: bytes):
+    """Write bytes to an unbuffered file, all of them."""
+    while content:
+        content = content[file.write(content) :]
+
+
+def _json_line(entry) -> bytes:
+    """Return plain values as a line of JSON, or refuse them by name."""
+    try:
+        return (json.dumps(entry, allow_nan=False, ensure_ascii=False) + "\n").encode()
+    except (TypeError, ValueError) as error:
+        accepted = "accepted with a store: numbers, texts, None, lists and dicts of them"
+        raise TypeError(f"options: {error}, {accepted}") from None

@@ -1,0 +1,267 @@
+"""What is computed of one scene: a sample, a density, a density with its check, and the cost of slenderness."""
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import ahead, checks
+from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.density import Evolution, solve_fpk
+from fpk_rocking.density.ahead import tasks_of_density
+from fpk_rocking.scene.scene import Scene
+from montecarlo import simulate
+from montecarlo.engines.choice import engine_of, fitting, task_of
+
+
+def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
+    """Sample a scene by `montecarlo.simulate`; return survival, survivors, realizations, method, verdict by name."""
+    result = simulate(scene, seed=seed, **options)
+    return {
+        "survival": result.survival.tolist(),
+        "survivors": int(result.survivors[-1]),
+        "realizations": result.realizations,
+        "method": result.method,
+        "trust": result.trust.verdict,
+    }
+
+
+def fpk(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed; a density has no use for it)
+    """Solve a scene by `fpk_rocking.solve_fpk`, not refined for bins; return survival, errors, verdict by name."""
+    result = solve_fpk(scene, **{"bins_tol": math.inf} | options)
+    return {
+        "survival": np.asarray(result.survival).tolist(),
+        "error_estimate": result.error_estimate,
+        "mass_defect": result.mass_defect,
+        "negative_mass": result.negative_mass,
+        "closure": result.closure,
+        "trust": result.trust.verdict,
+    }
+
+
+TASKS = {"mc": mc, "fpk": fpk}
+"""Tasks of a sweep by name."""
+
+
+def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[str]:
+    """Return the names in `base.ahead` of the kernels that a task of `TASKS` calls for some scenes."""
+    names: set[str] = set()
+    for scene in scenes:
+        if task is mc:
+            names.update(task_of(engine, scene) for engine in fitting(scene, options.get("method"))[:1])
+        elif task is fpk:
+            names.update(tasks_of_density(scene, options.get("noise_replacement")))
+    return sorted(names)
+
+
+CHECK_SEED, CHECK_PATHS = 2, 40_000
+"""Seed of the paths of a check, not that of `simulate`, so that an ensemble beside a check is independent of it; and
+their number: over ten cycles of 100 harmonics they take .1 to .7 s on two cores, longest where blocks rest."""
+
+
+def solve_checked(
+    scene: Scene, *, realizations: int | None = None, seed: int = CHECK_SEED, **options: Any
+) -> Evolution:
+    """Solve the Fokker-Planck equation of a scene, and measure what the replacement of its noise changes.
+
+    `solve_fpk`, and where it replaced the noise, `checked`.
+
+    Parameters
+    ----------
+    scene : Scene
+    realizations, seed
+        As for `checked`.
+    **options
+        The other parameters of `solve_fpk`; `progress` is called while the density is solved.
+
+    Returns
+    -------
+    Evolution
+        With `Evolution.replacement` where noise was replaced.
+
+    Warns
+    -----
+    RuntimeWarning
+        As `solve_fpk`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `solve_fpk` and `checked`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import solve_checked
+    >>> density = solve_checked(load_scene("main"), cycles=4, tol=1e-2, realizations=1000)
+    >>> print(f"{density.survival[4]:.2f} ± {density.total_error[4, 0]:.2f}")
+    0.86 ± 0.03
+    """
+    realizations, seed = _check_size(scene, realizations, seed)
+    expect_check(scene)
+    return checked(solve_fpk(scene, **options), realizations=realizations, seed=seed)
+
+
+def checked(
+    density: Evolution,
+    *,
+    realizations: int | None = None,
+    seed: int = CHECK_SEED,
+    beside: Any = None,
+    progress: Progress | None = None,
+) -> Evolution:
+    """Compare a density in which other noise replaced that of the scene with paths under the noise of the scene.
+
+    Parameters
+    ----------
+    density : Evolution
+        One whose noise was solved as it is comes back as it is.
+    realizations : int, optional
+        Number of paths, at least 1. By default 40,000, and 10,000 in a record, where a path takes up to a hundred times
+        as long.
+    seed : int
+        Seed of the paths.
+    beside : Ensemble or Tally, optional
+        Of the same scene and 40,000 paths or more: taken in place of new ones. Any other is passed over.
+    progress : callable, optional
+        Called as ``progress(done, total)`` between batches of paths.
+
+    Returns
+    -------
+    Evolution
+        The same density with its ``replacement``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.studies import checked
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> print(checked(density, realizations=1000).total_error[4].round(2))
+    [0.03 0.01 0.03]
+    """
+    scene = density.scene
+    realizations, seed = _check_size(scene, realizations, seed)
+    if not density.closure:
+        return density
+    if beside is not None and beside.scene == scene and beside.realizations >= CHECK_PATHS:
+        return density.checked(beside)
+    rows = {"cycles": density.cycles} if scene.period else {"times": density.times[1:]}
+    return density.checked(simulate(scene, **rows, realizations=realizations, seed=seed, progress=progress))
+
+
+def expect_check(scene: Scene) -> None:
+    """Announce that the density of a scene will be checked: the kernels of that are compiled beside the solver's."""
+    if scene.noise.kind == "band":
+        ahead.expect(task_of(engine_of(scene), scene))
+
+
+def _check_size(scene, realizations, seed):
+    """Return number of paths and seed of a check, or refuse them."""
+    checks.instance("scene", scene, Scene)
+    usual = 10_000 if scene.forcing.dimensional else CHECK_PATHS
+    realizations = usual if realizations is None else checks.count("realizations", realizations)
+    return realizations, checks.count("seed", seed, at_least=0)
+
+
+class SlendernessCost(NamedTuple):
+    """Probability of overturning by the exact and by the slender equation, in pairs of paths under the same motion.
+
+    Parameters
+    ----------
+    exact, slender : float
+        Part of the paths that overturned.
+    standard_error : float
+        Of `difference`, from the pairs of which one overturned and the other did not; as from one such pair where there
+        is none. 0 for a deterministic scene.
+    realizations : int
+        Number of pairs.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import slenderness_cost
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> cost = slenderness_cost(rack, cycles=4, realizations=1000)
+    >>> print(cost.exact, cost.slender, f"{cost.difference:.3f} ± {cost.standard_error:.3f}")
+    0.077 0.164 0.087 ± 0.012
+    """
+
+    exact: float
+    slender: float
+    standard_error: float
+    realizations: int
+
+    @property
+    def difference(self) -> float:
+        """What taking the block as slender adds to the probability of overturning."""
+        return self.slender - self.exact
+
+    def __str__(self):
+        return (
+            f"Of {self.realizations:,} motions {self.slender:.4f} overturned the block by the equation of a slender "
+            f"one, {self.exact:.4f} by the exact one: the difference is {self.difference:+.4f} ± "
+            f"{self.standard_error:.2g} (standard error)."
+        )
+
+
+def slenderness_cost(
+    scene: Scene,
+    *,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    realizations: int = 5000,
+    seed: int = 1,
+    method: str | None = None,
+) -> SlendernessCost:
+    """Measure by Monte Carlo what it changes to take a block as slender.
+
+    Both equations meet the same realizations of the noise and of the start. It holds for a result of the density solver
+    as well, as far as its noise is that of the scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its block has dimensions or a critical angle above 0; whether it is taken as slender has no influence.
+    cycles, times, seed, method
+        As for `montecarlo.simulate`.
+    realizations : int
+        Number of pairs.
+
+    Returns
+    -------
+    SlendernessCost
+
+    Raises
+    ------
+    TypeError, ValueError
+        The block has neither dimensions nor a critical angle, or as `montecarlo.simulate`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import slenderness_cost
+    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> print(f"{slenderness_cost(rack, cycles=4, realizations=1000).difference:.3f}")
+    0.087
+    """
+    block = checks.instance("scene", scene, Scene).block
+    if block.least_friction is None:
+        accepted = "an angle above 0, or block.dimensions, for the cost of slenderness"
+        raise ValueError(checks.refusal("block.critical_angle", block.critical_angle, accepted))
+    exact = scene.varied(block={"slender": False}) if block.slender else scene
+    fell = []
+    for one in (exact, scene.varied(block={"slender": True})):
+        ensemble = simulate(one, cycles=cycles, times=times, realizations=realizations, seed=seed, method=method)
+        fell.append(np.isfinite(ensemble.overturn_time))
+    both, count = fell[1].astype(int) - fell[0], fell[0].size
+    spread = max(np.count_nonzero(both), 1) / count - both.mean() ** 2
+    error = 0.0 if scene.deterministic else math.sqrt(spread / count)
+    return SlendernessCost(float(fell[0].mean()), float(fell[1].mean()), error, count)
