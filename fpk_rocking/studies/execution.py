@@ -259,17 +259,17 @@ def _opened_store(
     if path is None:
         yield {}, lambda _: None
         return
-    path = checks.path("store", path)
-    if path.exists() and not path.is_file():
-        raise ValueError(checks.refusal("store", str(path), "a file, made where it is missing"))
+    file_path = checks.path("store", path)
+    if file_path.exists() and not file_path.is_file():
+        raise ValueError(checks.refusal("store", str(file_path), "a file, made where it is missing"))
     header = _json_line({"format": 1} | sweep)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    file_path.parent.mkdir(parents=True, exist_ok=True)
     # Appending: two processes that both find no file must not make it anew over each other's. Without a buffer: what a
     # full disk does not take must not be tried again when the file is closed.
-    with path.open("a+b", buffering=0) as file:
-        _lock(file, path)
+    with file_path.open("a+b", buffering=0) as file:
+        _lock(file, file_path)
         try:
-            rows = _read_rows(file, path, header, {job.number: job.digest for job in jobs})
+            rows = _read_rows(file, file_path, header, {job.number: job.digest for job in jobs})
             yield rows, lambda row: _append(file, _json_line(row))
         finally:
             # Closing is not enough where a process that was forked meanwhile has the file open too.

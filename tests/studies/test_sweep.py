@@ -15,8 +15,8 @@ from fpk_rocking.base import ahead
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
-from fpk_rocking.studies import grid, sweep
-from fpk_rocking.studies.execution import seed_of
+from fpk_rocking.studies import execution, grid, sweep
+from fpk_rocking.studies.execution import run_job, seed_of
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulate
 
