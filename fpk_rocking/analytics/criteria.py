@@ -10,14 +10,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpk_rocking.analytics.inputs import deviations, numbers, refuse_exact
-from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, transfer
+from fpk_rocking.analytics.process import (
+    harmonic_amplitude,
+    impact_loss,
+    melnikov_deviations,
+    numbers,
+    refuse_exact,
+    transfer,
+)
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
 from fpk_rocking.physics.noise.kinds import Noise
-
-_SHARES = {"peak": 1.0, "mean square": 0.5}
 
 
 def critical_amplitude(
@@ -60,14 +64,15 @@ def critical_amplitude(
     >>> print(melnikov.critical_amplitude(2.7, 0.5, [NoNoise(), band]).round(3))
     [1.554 1.483]
     """
-    if criterion not in _SHARES:
-        accepted = " or ".join(map(repr, _SHARES))
+    shares = {"peak": 1.0, "mean square": 0.5}
+    if criterion not in shares:
+        accepted = " or ".join(map(repr, shares))
         raise ValueError(checks.refusal("criterion", criterion, accepted))
     omega = numbers("frequency", frequency, above=0.0)
-    loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
+    loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
     lacking = np.maximum(loss - sigma, 0.0) * (loss + sigma)
     needed = 0.5 * (1.0 + omega**2) if critical_angle == 0.0 else 1.0 / np.abs(transfer(omega, critical_angle))
-    return (needed * np.sqrt(lacking / _SHARES[criterion]))[()]
+    return (needed * np.sqrt(lacking / shares[criterion]))[()]
 
 
 def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
@@ -144,5 +149,5 @@ def margin(
     >>> print(melnikov.margin(([1.0, 4.6], 2.7), 0.5, NoNoise()).round(3))
     [-0.134  0.735]
     """
-    size = np.hypot(harmonic_amplitude(forcing, critical_angle), deviations(noise, critical_angle))
+    size = np.hypot(harmonic_amplitude(forcing, critical_angle), melnikov_deviations(noise, critical_angle))
     return (size - impact_loss(restitution, critical_angle))[()]

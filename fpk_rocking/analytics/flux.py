@@ -16,17 +16,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpk_rocking.analytics.excess import density, mean_excess, rounding
-from fpk_rocking.analytics.inputs import amplitude_and_frequency, deviations, noises, refuse_exact
-from fpk_rocking.analytics.process import harmonic_amplitude, impact_loss, seen
+from fpk_rocking.analytics.process import (
+    amplitude_and_frequency,
+    forcing_along_orbit,
+    harmonic_amplitude,
+    impact_loss,
+    melnikov_deviations,
+    noise_array,
+    refuse_exact,
+)
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Number
+from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
 from fpk_rocking.physics.noise.kinds import Noise
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
-_REACH = 9.0
-_EQUATIONS = (17, 18)
 
 
 def phase_flux(
@@ -67,10 +70,10 @@ def phase_flux(
     [0.1861 0.1876]
     """
     if not isinstance(forcing, Harmonics):
-        loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
+        loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
         return _excess(harmonic_amplitude(forcing, critical_angle), loss, sigma)
-    along = seen(forcing, critical_angle)
-    pairs = np.broadcast(impact_loss(restitution, critical_angle), deviations(noise, critical_angle))
+    along = forcing_along_orbit(forcing, critical_angle)
+    pairs = np.broadcast(impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle))
     return np.reshape([_excess_of_sum(along, *pair) for pair in pairs], pairs.shape)[()]
 
 
@@ -121,15 +124,15 @@ def phase_flux_as_printed(
     0.063
     """
     refuse_exact(critical_angle, "the flux as printed")
-    if equation not in _EQUATIONS:
-        raise ValueError(checks.refusal("equation", equation, " or ".join(map(str, _EQUATIONS))))
+    if equation not in (17, 18):
+        raise ValueError(checks.refusal("equation", equation, "17 or 18"))
     harmonic, loss = _single(forcing), impact_loss(restitution)
-    scale = deviations(noise) * _strengths(noise)
+    scale = melnikov_deviations(noise) * _strengths(noise)
     if equation == 17:
         return _excess(harmonic, loss, scale)
     # σσ_M φ(L) - L N(-L) is the unscaled bracket, that of σ_M = 1, and (σσ_M - 1) φ(L).
     one = np.ones(scale.shape)
-    return (_excess(harmonic, loss, one) + (scale - 1.0) * _mean_near_zero(density, harmonic, loss, one))[()]
+    return (_excess(harmonic, loss, one) + (scale - 1.0) * _mean_near_zero(normal_density, harmonic, loss, one))[()]
 
 
 def phase_flux_sampled(
@@ -180,7 +183,7 @@ def phase_flux_sampled(
     strata, repeats = checks.count("strata", strata), checks.count("repeats", repeats)
     if repeats == 1:
         raise ValueError(checks.refusal("repeats", repeats, "a whole number >= 2"))
-    loss, sigma = impact_loss(restitution, critical_angle), deviations(noise, critical_angle)
+    loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
     parameters = (_single(forcing, critical_angle), loss, sigma)
     harmonic, loss, sigma = (part[..., None, None] for part in np.broadcast_arrays(*parameters))
     generator, corners = np.random.default_rng(seed), np.arange(strata)
@@ -201,7 +204,7 @@ def _single(forcing, critical_angle=0.0):
 def _excess_of_sum(along, loss, sigma):
     """E[(σ y₁ + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles.
 
-    Without noise in closed form, else by `excess.mean_excess`.
+    Without noise in closed form, else by `mean_excess`.
     """
     if sigma == 0.0:
         # The mean of d is 0, so that of max(-d - M, 0) is that of max(d + M, 0) less M.
@@ -212,7 +215,7 @@ def _excess_of_sum(along, loss, sigma):
 
 def _strengths(noise):
     """σ of each noise, as an array."""
-    array = noises(noise)
+    array = noise_array(noise)
     for entry in array.flat:
         if entry.kind == "white":
             raise ValueError(
@@ -225,7 +228,7 @@ def _excess(harmonic, loss, sigma):
     """E[(σ y₁ + D y₂ - M)⁺] for arrays that broadcast."""
     quiet = np.sqrt(np.maximum(harmonic - loss, 0.0) * (harmonic + loss))
     quiet = (quiet - loss * np.arctan2(quiet, loss)) / math.pi
-    return (quiet + sigma * _mean_near_zero(rounding, harmonic, loss, sigma))[()]
+    return (quiet + sigma * _mean_near_zero(kink_rounding, harmonic, loss, sigma))[()]
 
 
 def _mean_near_zero(function, harmonic, loss, sigma):
@@ -235,15 +238,16 @@ def _mean_near_zero(function, harmonic, loss, sigma):
     at most, so that the number of nodes suffices for every σ.
     """
     harmonic, loss, sigma = (np.asarray(part, float)[..., None] for part in np.broadcast_arrays(harmonic, loss, sigma))
-    reach = _REACH * sigma
+    nodes, weights = gauss_legendre(48, -1.0, 1.0)
+    reach = 9.0 * sigma
     ends = [_phase_of(level, harmonic) for level in (loss + reach, loss, np.minimum(loss, harmonic) - reach)]
     total = 0.0
     for first, last in itertools.pairwise(ends):
         middle, half = 0.5 * (last + first), 0.5 * (last - first)
-        height = np.abs(harmonic * np.cos(middle + half * _NODES) - loss)
+        height = np.abs(harmonic * np.cos(middle + half * nodes) - loss)
         # Beyond 40 all is zero; without noise the phases have no width.
         u = np.minimum(height, 40.0 * sigma) / np.where(sigma > 0.0, sigma, 1.0)
-        total = total + (half * _WEIGHTS * function(u)).sum(axis=-1)
+        total = total + (half * weights * function(u)).sum(axis=-1)
     return total / math.pi
 
 
@@ -251,3 +255,90 @@ def _phase_of(level, harmonic):
     """Phase from 0 to π at which D cos θ falls to a level, an end where it does not."""
     cosine = np.clip(level, -harmonic, harmonic) / np.where(harmonic > 0.0, harmonic, 1.0)
     return np.arccos(np.where(harmonic > 0.0, cosine, np.sign(level)))
+
+
+def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sigma: float) -> float:
+    """Mean of E[(σ y + d - M)⁺] over a cycle, y a standard normal number and d a sum of harmonics.
+
+    The mean is integrated by Gauss-Legendre quadrature on panels. A panel is halved until a bound of the range of
+    u = (d - M)/σ in it shows that its nodes resolve the integrand. So the error is known before the quadrature is made,
+    and nothing depends on the agreement of two sums, which may agree by chance.
+
+    Parameters
+    ----------
+    components : sequence of (int, float, float)
+        Multiple k of the first harmonic, amplitude D_k and phase Ψ_k, radians, of each part D_k cos(kθ + Ψ_k) of d.
+    loss, sigma : float
+        M, and the standard deviation σ > 0, nondimensional.
+
+    Returns
+    -------
+    float
+        Nondimensional. The rounding of d limits it to an error of 1e-15 (|M| + Σ D_k) for the part of the cycle in
+        which u is above -10.
+    """
+    table = np.array(components, float)
+    k, amplitude, phase = table[table[:, 1] > 0.0].T
+    # The nodes have the integrand to 1e-13 of its largest value in a panel with a range of u up to 3. Above u = 10 the
+    # noise adds nothing, and 10 below the largest u nothing is left: exp(-50). A panel is at most an eighth of a period
+    # of the highest harmonic, in which d is close to a polynomial.
+    far = 10.0
+    # Middles and widths are in cycles and dyadic, so that k times a middle loses no digit.
+    count = 2 ** math.ceil(math.log2(8 * k.max()))
+    middles, width, total, top = (np.arange(count) + 0.5) / count, 1.0 / count, 0.0, -math.inf
+    curvature, finest = float(amplitude @ k**2), np.finfo(float).eps * (abs(loss) + float(amplitude.sum()))
+    while middles.size:
+        angles = 2.0 * math.pi * np.mod(np.outer(middles, k), 1.0) + phase
+        height, half = np.cos(angles) @ amplitude - loss, math.pi * width
+        reach = np.abs(np.sin(angles) @ (k * amplitude)) * half + 0.5 * curvature * half * half
+        top = max(top, float(height.max()))
+        matters = height + reach > min(top, 0.0) - far * sigma
+        fine = (2.0 * reach <= max(3.0 * sigma, finest)) | (height - reach > far * sigma)
+        total += width * _panels(angles[matters & fine], half * k, amplitude, loss, sigma)
+        middles = middles[matters & ~fine]
+        width *= 0.5
+        middles = np.concatenate([middles - 0.5 * width, middles + 0.5 * width])
+    return total
+
+
+def _panels(angles, turns, amplitude, loss, sigma):
+    """Sum of the means over panels: angles (panels, n) in the middle, and turns (n,) from there to an end."""
+    nodes, weights = gauss_legendre(24, -1.0, 1.0)
+    height = np.full((len(angles), nodes.size), -loss)
+    for n, size in enumerate(amplitude):
+        height += size * np.cos(angles[:, n, None] + turns[n] * nodes)
+    excess = np.maximum(height, 0.0) + sigma * kink_rounding(np.abs(height) / sigma)
+    return 0.5 * float(np.sum(excess @ weights))
+
+
+def kink_rounding(u: Array) -> Array:
+    """ψ(u) = φ(u) - u N(-u), by which noise rounds the kink of u⁺, without loss of digits in the tail.
+
+    Parameters
+    ----------
+    u : ndarray
+        At least 0.
+
+    Returns
+    -------
+    ndarray
+        Of the shape of `u`; φ and N are the normal density and distribution.
+    """
+    from scipy.special import erfcx
+
+    return normal_density(u) * (1.0 - math.sqrt(0.5 * math.pi) * u * erfcx(math.sqrt(0.5) * u))
+
+
+def normal_density(u: Array) -> Array:
+    """Return the standard normal density.
+
+    Parameters
+    ----------
+    u : ndarray
+
+    Returns
+    -------
+    ndarray
+        Of the shape of `u`.
+    """
+    return np.exp(-0.5 * u * u) / math.sqrt(2.0 * math.pi)

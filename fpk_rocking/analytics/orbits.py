@@ -11,13 +11,11 @@ import math
 
 import numpy as np
 
-from fpk_rocking.analytics.inputs import refuse_exact
+from fpk_rocking.analytics.process import refuse_exact
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 
 __all__ = ["SymmetricOrbit", "symmetric_orbits"]
-
-_NARROWEST = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -201,7 +199,7 @@ def _admissible(orbit, cutoff):
         u, w = _flight(orbit, middle)
         room = np.minimum(u, cutoff - u)
         undecided = room - np.abs(w) * reach - 0.5 * bend * reach**2 <= 1e-14 * (1.0 + scale)
-        if room.min() <= 0.0 or (undecided & (reach < _NARROWEST)).any():
+        if room.min() <= 0.0 or (undecided & (reach < 1e-9)).any():
             return False
         lows, middle, highs = lows[undecided], middle[undecided], highs[undecided]
         lows, highs = np.concatenate([lows, middle]), np.concatenate([middle, highs])

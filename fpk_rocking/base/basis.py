@@ -56,7 +56,7 @@ def bernstein_basis(points, degree):
 
 
 def find_cells(lines, points, side="right"):
-    """Return the cells (...) of ascending mesh lines that hold points (...), for points beyond the lines the nearest one.
+    """Return the cells (...) of ascending mesh lines that hold points (...), the nearest for points beyond them.
 
     A point on a mesh line belongs to the cell above it for the side "right", to the one below it for "left".
     """

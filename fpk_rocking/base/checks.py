@@ -67,6 +67,21 @@ def number(name, value, *, at_least=None, above=None, at_most=None):
     return converted
 
 
+def keep(value, **checked):
+    """Set fields of a frozen dataclass to their checked values, in its `__post_init__`."""
+    for name, given in checked.items():
+        object.__setattr__(value, name, given)
+
+
+def keep_numbers(value, prefix, *names, **bounds):
+    """Check fields of a frozen dataclass as `number` does, within the same bounds, and keep them as floats.
+
+    The dotted name of a field in messages begins with the prefix.
+    """
+    for name in names:
+        keep(value, **{name: number(f"{prefix}.{name}", getattr(value, name), **bounds)})
+
+
 def part(name, value):
     """Return a float between 0 and 1, neither of them, or raise TypeError or ValueError."""
     found = number(name, value, above=0.0)

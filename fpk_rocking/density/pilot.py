@@ -13,7 +13,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, Noise, principal_axes, trace
 from fpk_rocking.density.step.step import Dynamics
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.flight import flight_covariance
 from fpk_rocking.results.binning import centred_edges
 
 PATHS = 256

@@ -7,9 +7,9 @@ import numpy as np
 
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
+from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.results.trust import CAUTION, REPLACED, VERDICTS, Doubt
-from fpk_rocking.scene.parts import BandNoise, FilteredNoise, NoNoise, WhiteNoise
-from fpk_rocking.scene.plausible import implausible
+from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.scene import Scene
 
 __all__ = ["cautions", "closure_of", "doubts", "noise_text", "remarks"]

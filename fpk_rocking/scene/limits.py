@@ -1,4 +1,4 @@
-"""The scenes that an engine can carry: sizes that double precision resolves beside each other, without overflow.
+"""The scenes that an engine can carry, and sizes that are possible but hardly meant.
 
 A `Scene` may hold any finite numbers, and the analytics take them. An engine cannot: where the velocity is 1e17 times
 the cut-off the rounding of an angle is larger than the strip, with a phase of 1e16 nothing is left of the time beside
@@ -13,27 +13,19 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.physics.noise.filters import Filter
+from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 _RANGES = {
     "noise.variance": (0.0, 1e6),
     "noise.diffusion": (1e-12, 1e4),
     "noise.frequency": (1e-3, 1e4),
-    "noise.envelope.rise": (1e-5, 1e5),
-    "noise.envelope.hold": (1e-5, 1e5),
-    "noise.envelope.decay": (1e-5, 1e5),
-    "noise.envelope.peak": (1e-5, 1e5),
-    "noise.envelope.times": (1e-5, 1e5),
+    **dict.fromkeys((f"noise.envelope.{name}" for name in ("rise", "hold", "decay", "peak", "times")), (1e-5, 1e5)),
     "noise.envelope.values": (0.0, 1e4),
     "start.angle": (1e-30, 1e4),
     "start.velocity": (1e-30, 1e4),
     "overturning.angle": (1e-2, 1e4),
 }
 """Smallest and largest size by dotted name, those of the forcing left out; noise and start may be 0 as well."""
-
-_HIGHEST, _TURNS, _HARMONICS = 1e4, 1e5, 100_000
-_DAMPING, _RATE = (1e-3, 1e3), 1e4
-_VARIANCES = 1e-24, 1e8
-_ELASTIC, _SLOWEST = 1.0 - 1e-6, 1e-5
 
 
 def check(scene: Any) -> None:
@@ -66,16 +58,18 @@ def check(scene: Any) -> None:
 
 
 def _check_band(noise, frequency):
-    highest = min(_HIGHEST, _TURNS * frequency)
+    """Refuse a band beyond 1e4 or 1e5 times the forcing's frequency, and more than 100,000 harmonics."""
+    highest = min(1e4, 1e5 * frequency)
     if noise.band[1] > highest:
-        accepted = f"frequencies up to {highest:g}, and up to {_TURNS:g} times that of the forcing{checks.ENGINES}"
+        accepted = f"frequencies up to {highest:g}, and up to 100000 times that of the forcing{checks.ENGINES}"
         raise ValueError(checks.refusal("noise.band", noise.band, accepted))
-    if noise.harmonics > _HARMONICS:
-        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"up to {_HARMONICS}{checks.ENGINES}"))
+    if noise.harmonics > 100_000:
+        raise ValueError(checks.refusal("noise.harmonics", noise.harmonics, f"up to 100000{checks.ENGINES}"))
 
 
 def _check_filter(noise, frequency):
-    low, high = _DAMPING
+    """Refuse a filter whose rates or damping double precision does not resolve, or is far faster than the forcing."""
+    low, high = 1e-3, 1e3
     if noise.damping is not None and not low <= noise.damping <= high:
         raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{checks.ENGINES}"))
     name, value = "noise.frequency", noise.frequency
@@ -86,15 +80,19 @@ def _check_filter(noise, frequency):
         if not (slowest <= sizes.min() and sizes.max() <= highest and (-rates.real / sizes).min() >= low):
             accepted = f"eigenvalues of sizes from {slowest:g} to {highest:g} that decay by {low:g} of their size"
             raise ValueError(checks.refusal(name, value, accepted + checks.ENGINES))
-    if noise.space.fastest > _RATE * frequency:
-        accepted = f"a filter whose fastest rate is up to {_RATE:g} times the forcing's frequency{checks.ENGINES}"
+    if noise.space.fastest > 1e4 * frequency:
+        accepted = f"a filter whose fastest rate is up to 10000 times the forcing's frequency{checks.ENGINES}"
         raise ValueError(checks.refusal(name, value, accepted))
 
 
 def _check_covariance(start):
-    (xx, _), (_, vv) = start.covariance or ((_VARIANCES[0], 0.0), (0.0, _VARIANCES[0]))
-    if not _VARIANCES[0] <= min(xx, vv) <= max(xx, vv) <= _VARIANCES[1]:
-        accepted = f"variances from {_VARIANCES[0]:g} to {_VARIANCES[1]:g}, or none for a point{checks.ENGINES}"
+    """Refuse a covariance with a variance from which no square can be taken without loss."""
+    if start.covariance is None:
+        return
+    low, high = 1e-24, 1e8
+    (xx, _), (_, vv) = start.covariance
+    if not low <= min(xx, vv) <= max(xx, vv) <= high:
+        accepted = f"variances from {low:g} to {high:g}, or none for a point{checks.ENGINES}"
         raise ValueError(checks.refusal("start.covariance", start.covariance, accepted))
 
 
@@ -103,10 +101,66 @@ def _check_bounces(scene):
     start = scene.start
     (xx, _), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     speed = math.hypot(abs(start.velocity) + math.sqrt(vv), math.sqrt(2.0 * (abs(start.angle) + math.sqrt(xx))))
-    if 0.0 < speed < _SLOWEST and scene.block.restitution > _ELASTIC:
+    slowest = 1e-5
+    if 0.0 < speed < slowest and scene.block.restitution > 1.0 - 1e-6:
         name = "start.velocity" if start.velocity else "start.angle"
         accepted = (
-            f"0, or a start that leads to impacts of speed {_SLOWEST:g} or more: at the restitution "
+            f"0, or a start that leads to impacts of speed {slowest:g} or more: at the restitution "
             f"{scene.block.restitution!r} a slower block bounces practically without end"
         )
         raise ValueError(checks.refusal(name, start.velocity or start.angle, accepted))
+
+
+def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
+    """Name the sizes and accelerations of a scene that were hardly meant.
+
+    Parameters
+    ----------
+    scene : Scene
+        Nothing is said of a block without dimensions.
+    least, most : float
+        Smallest and largest factor by which its shaking is multiplied.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    size = scene.block.dimensions
+    if size is None:
+        return []
+    sentences = []
+    for name in ("width", "height"):
+        value = getattr(size, name)
+        if not 0.005 <= value <= 100.0:
+            other = f"{1e3 * value:g} m" if value < 0.005 else f"{1e-3 * value:g} m"
+            sentences.append(f"block.dimensions.{name} is {value:g} m; was {other} meant?")
+    unit = size.gravity * size.critical_angle
+    noise = _rms(scene.noise) * unit
+    # The strongest recorded accelerations are below 4.5 g.
+    strongest, weakest = 5.0 * STANDARD_GRAVITY, 0.1 * STANDARD_GRAVITY
+    for name, value in ("peak acceleration of the forcing", scene.forcing.largest * unit), ("rms of the noise", noise):
+        if strongest < least * value < math.inf:
+            sentences.append(
+                f"The {name} is {_both(least * value)}; was {1e-2 * least * value:.4g} m/s² meant (cm/s²)?"
+            )
+    peak, needed = most * scene.forcing.largest * unit, scene.block.lift_off * unit
+    still = scene.start.angle == scene.start.velocity == 0.0 and scene.start.covariance is None
+    if still and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:
+        sentences.append(
+            f"The peak acceleration of the forcing is {_both(peak)}, and this block lifts off above {_both(needed)}: "
+            f"it does not move. Was {peak:.4g} g meant?"
+        )
+    return sentences
+
+
+def _rms(noise):
+    """Root mean square of a noise, nondimensional; inf for white noise."""
+    if noise.kind == "white":
+        return math.inf if noise.diffusion > 0.0 else 0.0
+    return math.sqrt(noise.variance)
+
+
+def _both(acceleration):
+    """Return an acceleration in m/s² and in g."""
+    return f"{acceleration:.4g} m/s² ({acceleration / STANDARD_GRAVITY:.2g} g)"

@@ -16,23 +16,10 @@ from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.scene.parts import (
-    HARMONICS,
-    NOISES,
-    BandNoise,
-    Block,
-    FilteredNoise,
-    NoNoise,
-    Overturning,
-    Start,
-    WhiteNoise,
-)
+from fpk_rocking.physics.noise.kinds import HARMONICS, NOISES, BandNoise, FilteredNoise, NoNoise, WhiteNoise
+from fpk_rocking.scene.parts import Block, Overturning, Start
 from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
-
-_PACKAGE = pathlib.Path(__file__).parents[1]
-_SHIPPED = _PACKAGE / "scenes" if (_PACKAGE / "scenes").is_dir() else _PACKAGE.parent / "cases" / "scenes"
-"""Scenes of the package: within it in a wheel, beside it in a checkout or a source distribution."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -86,7 +73,7 @@ class Scene:
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
-        object.__setattr__(self, "forcing", self.forcing.on(self.block.dimensions))
+        checks.keep(self, forcing=self.forcing.on(self.block.dimensions))
         _check_cutoff(self.overturning.angle, self.block.critical_angle)
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
@@ -132,8 +119,8 @@ class Scene:
             if isinstance(given, dict):
                 cls = type(own[name])
                 dropped = {"remark"} | ({"critical_angle"} if given.keys() & {"dimensions", "slender"} else set())
-                kept = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
-                parts[name] = cls(**checks.arguments(name, kept | given, cls))
+                unchanged = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
+                parts[name] = cls(**checks.arguments(name, unchanged | given, cls))
         return dataclasses.replace(self, **parts)
 
     def white_equivalent(self) -> Self:
@@ -262,13 +249,8 @@ class Scene:
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
-        return cls(
-            block=Block(restitution, size, slender=slender),  # type: ignore[arg-type]  # None: from the size
-            forcing=forcing,
-            noise=noise,
-            start=start,
-            overturning=overturning,
-        )
+        block = Block(restitution, size, slender=slender)  # type: ignore[arg-type]  # None: from the size
+        return cls(block, forcing, noise, start, overturning)
 
     @classmethod
     def from_toml(cls, text: str, folder: File = ".", changes: Mapping[str, Any] | None = None) -> Self:
@@ -306,7 +288,7 @@ class Scene:
             raise ValueError(f"not valid TOML: {error}") from None
         for name, value in (changes or {}).items():
             _change(document, name, value)
-        if "noise" not in document and document.keys() <= _PARTS:
+        if "noise" not in document and document.keys() <= {field.name for field in dataclasses.fields(cls)}:
             raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
         tables = checks.arguments("", document, cls)
         block = read_part("block", tables.pop("block"), folder)
@@ -326,9 +308,6 @@ class Scene:
             if dataclasses.is_dataclass(part):
                 tables[f"noise.{name}"] = part
         return "\n".join(table_of(name, part) for name, part in tables.items())
-
-
-_PARTS = {field.name for field in dataclasses.fields(Scene)}
 
 
 def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
@@ -359,7 +338,10 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
     >>> print(load_scene("main", {"noise.variance": 0.01}).noise.variance)
     0.01
     """
-    shipped = {file.stem: file for file in _SHIPPED.glob("*.toml")}
+    # The scenes of the package are within it in a wheel, beside it in a checkout or a source distribution.
+    package = pathlib.Path(__file__).parents[1]
+    folder = package / "scenes" if (package / "scenes").is_dir() else package.parent / "cases" / "scenes"
+    shipped = {file.stem: file for file in folder.glob("*.toml")}
     path = shipped[path] if isinstance(path, str) and path in shipped else checks.path("path", path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -385,7 +367,7 @@ def _change(document, name, value):
     table = document
     for place, part in enumerate(path):
         table = checks.table(".".join(path[: place + 1]), table.setdefault(part, {}))
-    for other in [one for one in table if key == "kind" or nondimensional(one) == nondimensional(key)]:
+    for other in [name for name in table if key == "kind" or nondimensional(name) == nondimensional(key)]:
         del table[other]
     table[key] = value
 

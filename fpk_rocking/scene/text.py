@@ -8,7 +8,8 @@ from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic
 from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
-from fpk_rocking.scene.parts import NOISES, Block, Overturning, Start
+from fpk_rocking.physics.noise.kinds import NOISES
+from fpk_rocking.scene.parts import Block, Overturning, Start
 from fpk_rocking.scene.units import Dimensions, in_units
 
 FILTER_KINDS = {cls.kind: cls for cls in (LinearFilter, CloughPenzien)}
@@ -20,6 +21,12 @@ _STRENGTHS = {"peak_acceleration": ("amplitude", 1), "rms_acceleration": ("varia
 
 _SUFFIXES = {"_hz": "frequency", "_s": "time", "_deg": "angle"}
 """Endings of keys with units, and the kind of their quantity."""
+
+
+_WITH_UNITS = {"frequency": "frequency_hz", "angle": "angle_deg"} | {
+    plain: key for key, (plain, _) in _STRENGTHS.items()
+}
+"""Keys with a unit by the nondimensional ones."""
 
 
 def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> dict[str, Any]:
@@ -67,14 +74,6 @@ def _plain(name, key, table, size):
     return value
 
 
-_WITH_UNITS = {
-    "amplitude": "peak_acceleration",
-    "variance": "rms_acceleration",
-    "frequency": "frequency_hz",
-    "angle": "angle_deg",
-}
-
-
 def nondimensional(key: str) -> str:
     """Return the nondimensional key of a scene file that one with a unit stands for; any other as it is."""
     ending = next((ending for ending in _SUFFIXES if key.endswith(ending)), "")
@@ -90,7 +89,7 @@ def _converted(name, key, value, size):
     given = in_units(name, value, kind)
     change = {"frequency": size.frequency, "time": size.tau, "angle": lambda angle: angle / size.critical_angle}[kind]
     if isinstance(given, list | tuple):
-        return [change(checks.number(f"{name}[{place}]", one)) for place, one in enumerate(given)]
+        return [change(checks.number(f"{name}[{place}]", number)) for place, number in enumerate(given)]
     return change(checks.number(name, given))
 
 

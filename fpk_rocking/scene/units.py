@@ -22,21 +22,16 @@ _Number = TypeVar("_Number", float, Array)
 STANDARD_GRAVITY = ACCELERATIONS["g"]
 """Acceleration of gravity, m/s², where none is given; also what "g" means as a unit."""
 
-DEGREE = math.pi / 180.0
-
 _UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048},
     "acceleration": {"m/s2": 1.0} | ACCELERATIONS,
     "frequency": {"Hz": 1.0, "rad/s": 0.5 / math.pi},
     "time": {"s": 1.0, "ms": 0.001},
-    "angle": {"deg": DEGREE, "°": DEGREE, "rad": 1.0},
+    "angle": {"deg": math.pi / 180.0, "°": math.pi / 180.0, "rad": 1.0},
 }
 """Units of each kind of quantity in SI (of frequencies in Hz), that of a bare number first."""
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
-
-_SMALLEST, _LARGEST = 1e-100, 1e100
-"""Of a width, height or gravity: beyond, a conversion of units divides by 0 or overflows."""
 
 
 def in_units(name: str, value: Any, kind: str) -> Any:
@@ -66,16 +61,16 @@ def in_units(name: str, value: Any, kind: str) -> Any:
         return type(value)(in_units(f"{name}[{place}]", one, kind) for place, one in enumerate(value))
     if not isinstance(value, str):
         return value if bare == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else bare * value
-    found = _QUANTITY.fullmatch(value)
-    unit = found and (unit_of(found[2]) if kind == "acceleration" else _spelt(found[2], units))
-    if not found or not unit:
-        first, number = next(iter(units)), found[1] if found else "1"
+    match = _QUANTITY.fullmatch(value)
+    unit = match and (unit_of(match[2]) if kind == "acceleration" else _unit_in(match[2], units))
+    if not match or not unit:
+        first, number = next(iter(units)), match[1] if match else "1"
         accepted = f'a number in {first}, or a text with a unit such as "{number} {first}" ({", ".join(units)})'
         raise ValueError(checks.refusal(name, value, accepted))
-    return float(found[1]) * units[unit]
+    return float(match[1]) * units[unit]
 
 
-def _spelt(text, units):
+def _unit_in(text, units):
     """Return the unit that a text means, in letters of any size, or None."""
     return next((unit for unit in units if unit.lower() == text.lower()), None)
 
@@ -113,8 +108,10 @@ class Dimensions:
             kind = "acceleration" if name == "gravity" else "length"
             value = in_units(f"block.dimensions.{name}", getattr(self, name), kind)
             value = checks.number(f"block.dimensions.{name}", value, above=0.0)
-            checks.number(f"block.dimensions.{name}", value, at_least=_SMALLEST, at_most=_LARGEST)
-            object.__setattr__(self, name, value)
+            # Beyond, a conversion of units divides by 0 or overflows.
+            checks.keep(
+                self, **{name: checks.number(f"block.dimensions.{name}", value, at_least=1e-100, at_most=1e100)}
+            )
 
     @property
     def critical_angle(self) -> float:

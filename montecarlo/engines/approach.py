@@ -8,8 +8,7 @@ import math
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.equation import acceleration, acceleration_bounds, block_of, dispatch_on_block
 from fpk_rocking.physics.motion.events import record_impact
-from fpk_rocking.physics.motion.flight import slender_flight_end
-from fpk_rocking.physics.motion.gaussian import covariance_factor
+from fpk_rocking.physics.motion.flight import covariance_factor, slender_flight_end
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
 from montecarlo.engines.random import normal

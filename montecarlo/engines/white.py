@@ -26,8 +26,13 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
 from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
-from fpk_rocking.physics.motion.flight import homogeneous_flight, slender_flight_end
-from fpk_rocking.physics.motion.gaussian import accumulated_covariance, covariance_factor, flight_covariance
+from fpk_rocking.physics.motion.flight import (
+    accumulated_covariance,
+    covariance_factor,
+    flight_covariance,
+    homogeneous_flight,
+    slender_flight_end,
+)
 from fpk_rocking.physics.motion.particular import cosh_sinh
 from fpk_rocking.physics.motion.segment import Segment, segment_from_particular, value_and_slope
 from fpk_rocking.physics.noise.envelope import mean_squares
@@ -67,7 +72,7 @@ class Problem(NamedTuple):
 
     `start` (5,); `count`, `spacing`, `marks`: see `montecarlo.engines.start` and `grid`.
     `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of the forcing; `stages` (m, 3): its
-    values at their begin, middle and end. `diffusion` (m,): D, 0 where it counts as none (`noise.envelope.QUIET`).
+    values at their begin, middle and end. `diffusion` (m,): D, 0 where it counts as none (`mean_squares`).
     `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0), indexed [interval, side < 0
     or > 0]; `hyperbolic` (2,): cosh and sinh of an interval's duration; `spread` (m, 3): Cholesky factor of the noise
     that a slender block gathers. `shortest`: duration of the shortest step. `brief`: half the duration of the longest

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.special import ndtr
 
 from fpk_rocking import BandNoise, Harmonic, Harmonics, NoNoise, WhiteNoise, melnikov
-from fpk_rocking.analytics.excess import mean_excess
+from fpk_rocking.analytics.flux import mean_excess
 
 FORCING = Harmonic(4.0, 4.0)
 NOISE = BandNoise(0.16, (0.0, 10.0), 100)

@@ -15,7 +15,7 @@ from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
 from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
-from fpk_rocking.physics.motion.gaussian import shear_diffusion_variances
+from fpk_rocking.physics.motion.flight import shear_diffusion_variances
 from fpk_rocking.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)

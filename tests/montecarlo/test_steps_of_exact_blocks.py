@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from whole_paths import followed
 
 from fpk_rocking.physics.motion.equation import Body
-from fpk_rocking.physics.motion.gaussian import covariance_factor
+from fpk_rocking.physics.motion.flight import covariance_factor
 from fpk_rocking.scene import (
     BandNoise,
     Block,

@@ -10,8 +10,7 @@ from two_samples import survival_test
 
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
 from fpk_rocking.physics.motion.equation import Body
-from fpk_rocking.physics.motion.flight import flight_end
-from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
 from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate

@@ -8,7 +8,7 @@ import pytest
 
 from fpk_rocking import Block, Dimensions, NoNoise, Scene, WhiteNoise
 from fpk_rocking.forcings import FORCINGS, Chirp, Forcing, Harmonic, Harmonics, Pulse, Record
-from fpk_rocking.physics.forcing.base import AMPLITUDES
+from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.scene import limits
 from fpk_rocking.studies.scenes import intensities, resized, scaled
@@ -126,7 +126,7 @@ def test_a_scene_file_holds_it_and_its_range_is_kept(forcing):
     assert forcing.dimensional or fields <= forcing.ranges.keys()
     assert all(hasattr(forcing, name) for name in forcing.ranges)
     with pytest.raises(ValueError, match=rf"forcing\..*{limits.checks.ENGINES[2:-1]}"):
-        limits.check(scene_of(forcing.scaled(2.0 * AMPLITUDES[1], 1.0)))
+        limits.check(scene_of(forcing.scaled(2.0 * RANGES["amplitude"][1], 1.0)))
     with pytest.raises(ValueError, match=rf"forcing\..*{limits.checks.ENGINES[2:-1]}"):
         limits.check(scene_of(forcing.scaled(1.0, 1e-9)))
 

@@ -14,8 +14,7 @@ from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import Body
 from fpk_rocking.physics.motion.events import Event, advance_through_events, next_event
-from fpk_rocking.physics.motion.flight import SERIES, _expand, flight_end
-from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.flight import SERIES, _expand, flight_covariance, flight_end
 from fpk_rocking.physics.motion.segment import least_closing_time, segment_from_particular
 
 CUTOFF = math.pi / 2

@@ -24,7 +24,7 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
 from fpk_rocking.density.step.shifts import landing_range, prepare_shift
 from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact, gravity_correction
-from fpk_rocking.physics.motion.gaussian import flight_shears, shear_diffusion_variances
+from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
 
 _FINE_NODES = 3
 """Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
@@ -154,9 +154,7 @@ def angle_shear_of(space, affine, diffusion, duration):
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """
     sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_shift(
-        space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides
-    )
+    return prepare_shift(space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides)
 
 
 def _angle_shears(space, affine, diffusion, duration):

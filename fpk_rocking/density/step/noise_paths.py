@@ -23,17 +23,16 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import Body, acceleration, dispatch_on_block, force_factor, lift_off_level
 from fpk_rocking.physics.motion.events import (
-    CHATTER_TIME,
     Event,
     advance_through_events,
     folded_angle_bounds,
     next_event,
     surely_eventless,
 )
-from fpk_rocking.physics.motion.flight import flight_end
-from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
 from fpk_rocking.physics.motion.impact import covariance_through_impact, displacement_through_impact, linearize_impact
 from fpk_rocking.physics.motion.segment import move_origin, segment_from_particular, value_and_slope
+from fpk_rocking.physics.tuning import TUNING
 
 OVERTURNED_SIDE = 2
 """A node's code is its side, times this where its path overturned there."""
@@ -277,9 +276,9 @@ def _fast_nodes(x, v, undisturbed, segment, block, noise, scratch, states, codes
                 continue
         bend(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = segment_from_particular(scratch[0], scratch[1], time)
-        xn, vn, sn, end = _carry(x, v, side, path, time, CHATTER_TIME, block)
+        xn, vn, sn, end = _carry(x, v, side, path, time, TUNING.chatter_time, block)
         if end == time:
             bend(late, rest, late_x / after, late_v / after, scratch[3])
             path = segment_from_particular(scratch[3], scratch[1], rest)
-            xn, vn, sn, _ = _carry(xn, vn, sn, path, rest, CHATTER_TIME, block)
+            xn, vn, sn, _ = _carry(xn, vn, sn, path, rest, TUNING.chatter_time, block)
         _put(n, xn, vn, sn, side, cutoff, states, codes)

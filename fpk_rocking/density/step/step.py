@@ -20,7 +20,7 @@ from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
 from fpk_rocking.physics.motion.block import gravity_at_contact
 from fpk_rocking.physics.motion.equation import Body
-from fpk_rocking.physics.motion.gaussian import accumulated_covariance, flight_covariance
+from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
 from fpk_rocking.physics.motion.particular import affine_flights
 from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise.envelope import Envelope

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
 
-AMPLITUDES, FREQUENCIES, PHASES, TIMES = (0.0, 1e4), (1e-3, 1e4), (0.0, 1e6), (1e-5, 1e5)
-"""Smallest and largest sizes that the engines carry."""
+RANGES = {"amplitude": (0.0, 1e4), "frequency": (1e-3, 1e4), "phase": (0.0, 1e6), "time": (1e-5, 1e5)}
+"""Smallest and largest sizes that the engines carry, by the kind of a quantity."""
 
 
 class Size(Protocol):
@@ -70,41 +70,41 @@ class Force(abc.ABC):
 
     def later(self, time: float) -> "Force":
         """Return the force whose times count from a time on."""
-        return _Later(self, time)
+        return _Shifted(self, time)
 
 
 @dataclasses.dataclass(frozen=True)
-class _Later(Force):
+class _Shifted(Force):
     """A force whose times count from an origin."""
 
-    whole: Force
+    force: Force
     origin: float
 
     @property
     def shortest_period(self):
-        return self.whole.shortest_period
+        return self.force.shortest_period
 
     @property
     def steepest(self):
-        return self.whole.steepest
+        return self.force.steepest
 
     def value(self, time):
-        return self.whole.value(time + self.origin)
+        return self.force.value(time + self.origin)
 
     def slope(self, time):
-        return self.whole.slope(time + self.origin)
+        return self.force.slope(time + self.origin)
 
     def particular(self, time):
-        return self.whole.particular(time + self.origin)
+        return self.force.particular(time + self.origin)
 
     def over(self, start, duration):
-        return self.whole.over(start + self.origin, duration)
+        return self.force.over(start + self.origin, duration)
 
     def since_lift_off(self, time):
-        return self.whole.since_lift_off(time + self.origin)
+        return self.force.since_lift_off(time + self.origin)
 
     def scaled(self, strength, rate):
-        return _Later(self.whole.scaled(strength, rate), self.origin / rate)
+        return _Shifted(self.force.scaled(strength, rate), self.origin / rate)
 
 
 class Forcing(Force):
@@ -207,12 +207,6 @@ class Forcing(Force):
     def from_table(cls, name: str, table: dict, folder: File) -> Self:  # noqa: ARG003  (for those from files)
         """Read the forcing from a TOML table without its kind; files are relative to a folder."""
         return cls(**checks.arguments(name, table, cls))
-
-
-def keep(value: Any, **checked: Any) -> None:
-    """Set fields of a frozen value, in its `__post_init__`."""
-    for name, given in checked.items():
-        object.__setattr__(value, name, given)
 
 
 def refuse_transient(forcing: Any, what: str) -> None:

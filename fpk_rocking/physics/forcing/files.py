@@ -25,10 +25,6 @@ _SPELLINGS = {
 }
 """Units by the ways in which they are written, in lower case."""
 
-_MOST_BYTES = 64 * MOST
-_EVEN = 0.02
-"""Part of the interval by which a time in a file may be off: files round times."""
-
 
 class Read(NamedTuple):
     """What a file says: the interval, seconds, the samples (n,), and their unit, empty where it says none."""
@@ -77,8 +73,8 @@ def _text(path):
         # A device or a pipe may never end.
         if not path.is_file():
             raise OSError("it is no file")
-        if size > _MOST_BYTES:
-            accepted = f"at most {_MOST_BYTES} bytes, and {MOST} samples"
+        if size > 64 * MOST:
+            accepted = f"at most {64 * MOST} bytes, and {MOST} samples"
             raise ValueError(f"forcing.file: {str(path)!r}: got {size} bytes, accepted: {accepted}")
         data = path.read_bytes()
     except FileNotFoundError:
@@ -192,7 +188,8 @@ def _interval(times):
     interval = (times[-1] - times[0]) / (len(times) - 1)
     late = times - (times[0] + interval * np.arange(len(times)))
     place = int(np.argmax(np.abs(late)))
-    if abs(late[place]) > _EVEN * interval:
+    # Files round times.
+    if abs(late[place]) > 0.02 * interval:
         expected = times[place] - late[place]
         raise ValueError(f"got the time {times[place]:g} for {expected:g}, accepted: equally spaced times")
     return float(interval)

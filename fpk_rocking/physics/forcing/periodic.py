@@ -11,7 +11,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, Number
-from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, PHASES, Forcing, keep, longest_of
+from fpk_rocking.physics.forcing.base import RANGES, Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import dynamic_stiffness
 
@@ -139,7 +139,7 @@ class PeriodicForcing(Forcing):
     @property
     def largest(self) -> float:
         """Largest |f|."""
-        return _course(self).largest
+        return _lift_offs(self).largest
 
     @property
     def largest_velocity(self) -> float:
@@ -163,22 +163,22 @@ class PeriodicForcing(Forcing):
     @property
     def longest_rest(self) -> float:
         """Longest time in which |f| stays at most 1, so that a block at rest stays there; inf if it always does."""
-        course = _course(self)
-        if not course.lift_offs.size:
+        passages = _lift_offs(self)
+        if not passages.lift_offs.size:
             return math.inf
         # From each time at which |f| falls to 1 to the next lift-off.
-        waits = course.lift_offs - course.landings[:, None]
+        waits = passages.lift_offs - passages.landings[:, None]
         return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
 
     def since_lift_off(self, time: float) -> tuple[float, float]:
         """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it never does."""
-        course = _course(self)
-        if not course.lift_offs.size:
+        passages = _lift_offs(self)
+        if not passages.lift_offs.size:
             return math.inf, 0.0
         # At a lift-off, rounding decides whether it is just over or a period ago.
-        elapsed = np.mod(time - course.lift_offs + 1e-12 * self.period, self.period)
+        elapsed = np.mod(time - passages.lift_offs + 1e-12 * self.period, self.period)
         last = int(np.argmin(elapsed))
-        return float(elapsed[last]), abs(self.slope(float(course.lift_offs[last])))
+        return float(elapsed[last]), abs(self.slope(float(passages.lift_offs[last])))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -203,15 +203,15 @@ class Harmonic(PeriodicForcing):
     """
 
     kind: ClassVar[str] = "harmonic"
-    ranges: ClassVar = {"amplitude": AMPLITUDES, "frequency": FREQUENCIES, "phase": PHASES}
+    ranges: ClassVar = {"amplitude": RANGES["amplitude"], "frequency": RANGES["frequency"], "phase": RANGES["phase"]}
     amplitude: float
     frequency: float
     phase: float = 0.0
 
     def __post_init__(self):
-        keep(self, amplitude=checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
-        keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
-        keep(self, phase=checks.number("forcing.phase", self.phase))
+        checks.keep_numbers(self, "forcing", "amplitude", at_least=0.0)
+        checks.keep_numbers(self, "forcing", "frequency", above=0.0)
+        checks.keep_numbers(self, "forcing", "phase")
 
     @property
     def components(self) -> tuple[tuple[int, float, float], ...]:
@@ -264,15 +264,15 @@ class Harmonics(PeriodicForcing):
     """
 
     kind: ClassVar[str] = "harmonics"
-    ranges: ClassVar = {"frequency": FREQUENCIES, "amplitudes": AMPLITUDES, "phases": PHASES}
+    ranges: ClassVar = {"frequency": RANGES["frequency"], "amplitudes": RANGES["amplitude"], "phases": RANGES["phase"]}
     frequency: float
     amplitudes: tuple[float, ...]
     phases: tuple[float, ...]
 
     def __post_init__(self):
-        keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
-        keep(self, amplitudes=checks.several("forcing.amplitudes", self.amplitudes, most=_MOST, at_least=0.0))
-        keep(self, phases=checks.several("forcing.phases", self.phases, most=_MOST))
+        checks.keep_numbers(self, "forcing", "frequency", above=0.0)
+        checks.keep(self, amplitudes=checks.several("forcing.amplitudes", self.amplitudes, most=32, at_least=0.0))
+        checks.keep(self, phases=checks.several("forcing.phases", self.phases, most=32))
         if len(self.phases) != len(self.amplitudes):
             accepted = f"{len(self.amplitudes)} phases, as many as forcing.amplitudes"
             raise ValueError(checks.refusal("forcing.phases", self.phases, accepted))
@@ -299,7 +299,7 @@ class Harmonics(PeriodicForcing):
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the forcing with amplitudes and frequencies multiplied by factors."""
-        amplitudes = tuple(strength * one for one in self.amplitudes)
+        amplitudes = tuple(strength * amplitude for amplitude in self.amplitudes)
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
 
     def __str__(self):
@@ -330,11 +330,6 @@ def periodic(forcing: Forcing) -> PeriodicForcing:
     return forcing
 
 
-_MOST = 32
-_TINY = 1e-300
-_UNSEEN = 1e-30
-
-
 def _add_cosine(row, instant, amplitude, frequency, phase):
     """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²)."""
     angle = frequency * instant + phase
@@ -349,7 +344,7 @@ def _add_cosine(row, instant, amplitude, frequency, phase):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Course:
+class _LiftOffs:
     """Largest |f|, and the times (n,) in a period at which |f| rises and falls through 1, ascending."""
 
     largest: float
@@ -358,8 +353,8 @@ class _Course:
 
 
 @functools.lru_cache(maxsize=16)
-def _course(forcing):
-    """Work out the `_Course` of a periodic forcing from roots of polynomials in exp(iΩτ)."""
+def _lift_offs(forcing):
+    """Return the `_LiftOffs` of a periodic forcing, from roots of polynomials in exp(iΩτ)."""
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
     largest = max(turning, default=mean)
@@ -370,7 +365,7 @@ def _course(forcing):
             for time in _zeros(forcing, level, 0):
                 rises = level * forcing.slope(time) > 0.0
                 (lift_offs if rises else landings).append(time)
-    return _Course(largest, np.sort(lift_offs), np.sort(landings))
+    return _LiftOffs(largest, np.sort(lift_offs), np.sort(landings))
 
 
 def _zeros(forcing, level, derivative):
@@ -380,7 +375,7 @@ def _zeros(forcing, level, derivative):
     polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
-    if forcing.steepest < _TINY:
+    if forcing.steepest < 1e-300:
         return []
     coefficients = np.zeros(2 * highest + 1, dtype=complex)  # of z^0, z^1, ...
     coefficients[highest] = -level
@@ -389,7 +384,7 @@ def _zeros(forcing, level, derivative):
         coefficients[highest + k] += turned
         coefficients[highest - k] += np.conj(turned)
     # A highest harmonic too small to show in any digit would be divided by, and overflow.
-    coefficients[np.abs(coefficients) < _UNSEEN * np.abs(coefficients).max()] = 0.0
+    coefficients[np.abs(coefficients) < 1e-30 * np.abs(coefficients).max()] = 0.0
     roots = np.polynomial.polynomial.polyroots(np.trim_zeros(coefficients, "b"))
     roots = roots[np.abs(np.abs(roots) - 1.0) < 1e-6] if roots.size else roots
     times = np.sort(np.mod(np.angle(roots), 2.0 * math.pi) / forcing.frequency)

@@ -1,4 +1,4 @@
-"""The standard pulses of the rocking literature."""
+"""Transient forcings in closed form: the standard pulses of the rocking literature, and the linear sine sweep."""
 
 import dataclasses
 import functools
@@ -9,7 +9,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
-from fpk_rocking.physics.forcing.base import AMPLITUDES, FREQUENCIES, TIMES, keep
+from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 
@@ -45,8 +45,8 @@ def _bell(polynomial):
     return series
 
 
-_TURN = 2.0 * math.pi
 _ANTISYMMETRIC_PEAK = math.sqrt(3.0 - math.sqrt(6.0)) * math.sqrt(6.0) * math.exp(-0.5 * (3.0 - math.sqrt(6.0)))
+"""Largest value of (3y - y³) exp(-y²/2)."""
 
 SHAPES = ("one-sine", "one-cosine", "n-sine", "symmetric-ricker", "antisymmetric-ricker")
 """Pulses by their names."""
@@ -91,7 +91,7 @@ class Pulse(TransientForcing):
     """
 
     kind: ClassVar[str] = "pulse"
-    ranges: ClassVar = {"amplitude": AMPLITUDES, "frequency": FREQUENCIES, "duration": TIMES, "unit": TIMES}
+    ranges: ClassVar = {"amplitude": RANGES["amplitude"], "frequency": RANGES["frequency"], "duration": RANGES["time"]}
     shape: str
     amplitude: float
     frequency: float
@@ -103,29 +103,26 @@ class Pulse(TransientForcing):
             raise TypeError(checks.refusal("forcing.shape", self.shape, accepted))
         if self.shape not in SHAPES:
             raise ValueError(checks.refusal("forcing.shape", self.shape, accepted))
-        keep(self, amplitude=checks.number("forcing.amplitude", self.amplitude, at_least=0.0))
-        keep(self, frequency=checks.number("forcing.frequency", self.frequency, above=0.0))
+        checks.keep_numbers(self, "forcing", "amplitude", at_least=0.0)
+        checks.keep_numbers(self, "forcing", "frequency", above=0.0)
         if self.shape == "n-sine":
             count = checks.count("forcing.cycles", self.cycles)
-            keep(self, cycles=count)
-            if count > _MOST_CYCLES:
-                raise ValueError(
-                    checks.refusal("forcing.cycles", self.cycles, f"a whole number from 1 to {_MOST_CYCLES}")
-                )
+            checks.keep(self, cycles=count)
+            if count > 1000:
+                raise ValueError(checks.refusal("forcing.cycles", count, "a whole number from 1 to 1000"))
         elif self.cycles is not None:
-            raise ValueError(
-                checks.refusal("forcing.cycles", self.cycles, "nothing; only the shape 'n-sine' has cycles")
-            )
+            accepted = "nothing; only the shape 'n-sine' has cycles"
+            raise ValueError(checks.refusal("forcing.cycles", self.cycles, accepted))
 
     @functools.cached_property
     def _wave(self):
         """Length of the pulse in z, series in a phase y, z per y, and the largest slope in y."""
         if self.shape == "symmetric-ricker":
-            return _BELL_LENGTH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK
+            return 2.0 * _REACH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK
         if self.shape == "antisymmetric-ricker":
             odd = np.array([0.0, -3.0, 0.0, 1.0]) / _ANTISYMMETRIC_PEAK
-            return _BELL_LENGTH, _bell(odd), math.sqrt(3.0), 3.0 / _ANTISYMMETRIC_PEAK
-        return _TURN * (self.cycles or 1), _sine(0.5 * math.pi if self.shape == "one-cosine" else 0.0), 1.0, 1.0
+            return 2.0 * _REACH, _bell(odd), math.sqrt(3.0), 3.0 / _ANTISYMMETRIC_PEAK
+        return 2.0 * math.pi * (self.cycles or 1), _sine(0.5 * math.pi if self.shape == "one-cosine" else 0.0), 1.0, 1.0
 
     @property
     def _rate(self):
@@ -138,19 +135,14 @@ class Pulse(TransientForcing):
         return self._wave[0] / self._rate
 
     @property
-    def unit(self) -> float:
-        """The duration: kinks are at its ends alone."""
-        return self.duration
-
-    @property
     def shortest_period(self) -> float:
         """Its period; of a bell what is as smooth."""
-        return (_TURN if self._wave[2] == 1.0 else _BELL_PERIOD) / self._rate
+        return (2.0 * math.pi if self._wave[2] == 1.0 else 2.0) / self._rate
 
     @property
     def time_scale(self) -> float:
         """2π/Ω."""
-        return _TURN / self.frequency
+        return 2.0 * math.pi / self.frequency
 
     @property
     def largest(self) -> float:
@@ -178,5 +170,110 @@ class Pulse(TransientForcing):
         return f"{name} pulse, A = {self.amplitude:g}, Ω = {self.frequency:g}"
 
 
-_MOST_CYCLES = 1000
-_BELL_LENGTH, _BELL_PERIOD = 2.0 * _REACH, 2.0
+@dataclasses.dataclass(frozen=True)
+class Chirp(TransientForcing):
+    """Linear sine sweep A sin φ(τ) of base acceleration, from τ = 0 to a duration d, and 0 after it.
+
+    The frequency φ' changes at a constant rate from Ω₀ to Ω₁: φ = Ω₀ τ + (Ω₁ - Ω₀) τ² / (2d).
+
+    Parameters
+    ----------
+    amplitude : float
+        Amplitude A, nondimensional, at least 0. Where the sine is positive the base accelerates towards negative
+        angles.
+    start_frequency, end_frequency : float
+        Angular frequencies Ω₀ and Ω₁, nondimensional, above 0.
+    duration : float
+        d, nondimensional, above 0; at most 10,000 cycles may fall in it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A value is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.forcings import Chirp
+    >>> from montecarlo import simulate
+    >>> chirp = Chirp(amplitude=1.5, start_frequency=5.0, end_frequency=1.0, duration=20.0)
+    >>> print(simulate(load_scene("main").varied(forcing=chirp), realizations=1000).survival[-1].round(2))
+    0.16
+    """
+
+    kind: ClassVar[str] = "chirp"
+    ranges: ClassVar = {
+        "amplitude": RANGES["amplitude"], "start_frequency": RANGES["frequency"], "end_frequency": RANGES["frequency"], "duration": RANGES["time"]
+    }  # fmt: skip
+    amplitude: float
+    start_frequency: float
+    end_frequency: float
+    duration: float
+
+    def __post_init__(self):
+        checks.keep_numbers(self, "forcing", "amplitude", at_least=0.0)
+        checks.keep_numbers(self, "forcing", "start_frequency", "end_frequency", "duration", above=0.0)
+        most = 10_000
+        if self._phase_at_end > 2.0 * math.pi * most:
+            longest = 4.0 * math.pi * most / (self.start_frequency + self.end_frequency)
+            accepted = f"at most {longest:g}, {most:,} cycles of these frequencies"
+            raise ValueError(checks.refusal("forcing.duration", self.duration, accepted))
+
+    @property
+    def _rate(self):
+        """Change of the frequency per time, Ω'."""
+        return (self.end_frequency - self.start_frequency) / self.duration
+
+    @property
+    def _phase_at_end(self):
+        return 0.5 * (self.start_frequency + self.end_frequency) * self.duration
+
+    @property
+    def _fastest(self):
+        return max(self.start_frequency, self.end_frequency)
+
+    @property
+    def shortest_period(self) -> float:
+        """Period of the sine that is no smoother.
+
+        Taylor coefficients of sin(Ω' t²/2) fall like those of sin(2.5 √Ω' t), to the order of a piece.
+        """
+        return 2.0 * math.pi / (self._fastest + 2.5 * math.sqrt(abs(self._rate)))
+
+    @property
+    def time_scale(self) -> float:
+        """Shortest period of the sweep."""
+        return 2.0 * math.pi / self._fastest
+
+    @property
+    def largest(self) -> float:
+        """Largest |f|: that at the end where the phase does not reach π/2."""
+        return self.amplitude * math.sin(min(self._phase_at_end, 0.5 * math.pi))
+
+    @property
+    def steepest(self) -> float:
+        """Bound of the slope of the force."""
+        return self.amplitude * self._fastest
+
+    def series(self, times: Array) -> Array:
+        """Return Taylor coefficients (n, TERMS) of f about times (n,), from (sin φ)' = φ' cos φ and its like."""
+        times = np.asarray(times, dtype=float)
+        frequency, rate = self.start_frequency + self._rate * times, self._rate
+        phase = times * (self.start_frequency + 0.5 * rate * times)
+        sine, cosine = np.zeros((2, TERMS, len(times)))
+        sine[0], cosine[0] = np.sin(phase), np.cos(phase)
+        sine[1], cosine[1] = frequency * cosine[0], -frequency * sine[0]
+        for k in range(1, TERMS - 1):
+            sine[k + 1] = (frequency * cosine[k] + rate * cosine[k - 1]) / (k + 1)
+            cosine[k + 1] = -(frequency * sine[k] + rate * sine[k - 1]) / (k + 1)
+        on = (times >= 0.0) & (times < self.duration * (1.0 - 1e-12))
+        return np.where(on, self.amplitude, 0.0)[:, None] * sine.T
+
+    def scaled(self, strength: float, rate: float) -> Self:
+        """Return the sweep with amplitude and frequencies multiplied by factors."""
+        frequencies = self.start_frequency * rate, self.end_frequency * rate
+        return type(self)(strength * self.amplitude, *frequencies, self.duration / rate)
+
+    def __str__(self):
+        sweep = f"Ω = {self.start_frequency:g} to {self.end_frequency:g}"
+        return f"sine sweep, A = {self.amplitude:g}, {sweep} in τ = {self.duration:g}"

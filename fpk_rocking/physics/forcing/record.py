@@ -10,7 +10,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.physics.forcing.base import AMPLITUDES, TIMES, Size, keep
+from fpk_rocking.physics.forcing.base import RANGES, Size
 from fpk_rocking.physics.forcing.files import MOST, UNITS, read, unit_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
@@ -46,7 +46,7 @@ class Record(TransientForcing):
     """
 
     kind: ClassVar[str] = "record"
-    ranges: ClassVar = {"duration": TIMES, "unit": TIMES}
+    ranges: ClassVar = {"duration": RANGES["time"], "unit": RANGES["time"]}
     dimensional: ClassVar[bool] = True
     interval: float
     samples: tuple[float, ...] = dataclasses.field(repr=False)
@@ -59,11 +59,10 @@ class Record(TransientForcing):
     shortest_period: ClassVar[float] = math.inf
 
     def __post_init__(self):
-        keep(self, interval=checks.number("forcing.interval", self.interval, above=0.0))
-        keep(self, samples=_samples(self.samples))
-        keep(self, units=_unit(self.units))
-        keep(self, scale=checks.number("forcing.scale", self.scale))
-        keep(self, source=checks.sentence("forcing.source", self.source))
+        checks.keep_numbers(self, "forcing", "interval", above=0.0)
+        checks.keep(self, samples=_samples(self.samples), units=_unit(self.units))
+        checks.keep_numbers(self, "forcing", "scale")
+        checks.keep(self, source=checks.sentence("forcing.source", self.source))
 
     @classmethod
     def from_file(cls, path: File, *, units: str | None = None, scale: float = 1.0) -> Self:
@@ -125,8 +124,9 @@ class Record(TransientForcing):
     def check_range(self) -> None:
         """Refuse sizes that the engines cannot carry, by name."""
         super().check_range()
-        if not self.largest <= AMPLITUDES[1]:
-            accepted = f"accelerations up to {AMPLITUDES[1]:g} g θ_cr{checks.ENGINES}"
+        most = RANGES["amplitude"][1]
+        if not self.largest <= most:
+            accepted = f"accelerations up to {most:g} g θ_cr{checks.ENGINES}"
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
 
     def on(self, size: Size | None) -> Self:
@@ -136,7 +136,7 @@ class Record(TransientForcing):
         if size == self._size:
             return self
         bound = dataclasses.replace(self)
-        keep(bound, _size=size)
+        checks.keep(bound, _size=size)
         return bound
 
     @property

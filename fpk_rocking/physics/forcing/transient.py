@@ -12,23 +12,19 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.physics.forcing.base import Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 from fpk_rocking.physics.motion.particular import forced_response, linear_force_response, particular_series
 
-_LONGEST = 0.2
-"""Longest interval of the grid on which P is held."""
-
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-_LOOKS, _HALVINGS = 8, 50
-
 
 class TransientForcing(Forcing):
     """A forcing that is 0 from `duration` on, and does not repeat.
 
-    A kind is a frozen dataclass with `duration`, `unit`, `shortest_period`, `largest`, `steepest`, `time_scale`,
-    `series` and `scaled`. It has a ``__dict__``, in which what is worked out is kept.
+    A kind is a frozen dataclass with `duration`, `shortest_period`, `largest`, `steepest`, `time_scale`, `series` and
+    `scaled`, and `unit` where f has kinks or jumps other than at its ends. It has a ``__dict__``, in which results are
+    kept.
     """
 
     period = None
@@ -36,9 +32,9 @@ class TransientForcing(Forcing):
     longest_rest = math.inf
 
     @property
-    @abc.abstractmethod
     def unit(self) -> float:
         """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
+        return self.duration
 
     @abc.abstractmethod
     def series(self, times: Array) -> Array:
@@ -99,12 +95,13 @@ class TransientForcing(Forcing):
     @functools.cached_property
     def _grid(self) -> tuple[float, Array]:
         """Spacing, and P and P' at the nodes (n + 1, 2) of a grid from 0 to the end."""
-        spacing = self.spacing(min(_LONGEST, self.longest_piece))
+        spacing = self.spacing(min(0.2, self.longest_piece))
         count = round(self.duration / spacing)
-        inside = 0.5 * spacing * (1.0 + _POINTS)
+        points, point_weights = gauss_legendre(12, -1.0, 1.0)
+        inside = 0.5 * spacing * (1.0 + points)
         order = np.arange(TERMS)
         forces = self.series(np.arange(count) * spacing) @ (inside ** order[:, None])
-        weights = 0.5 * spacing * _WEIGHTS
+        weights = 0.5 * spacing * point_weights
         before, after = forces @ (weights * np.exp(inside - spacing)), forces @ (weights * np.exp(-inside))
         fade = math.exp(-spacing)
         left = np.fromiter(itertools.accumulate(before, lambda sum_, new: sum_ * fade + new, initial=0.0), float)
@@ -114,14 +111,14 @@ class TransientForcing(Forcing):
 
     def particular(self, time: float) -> tuple[float, float]:
         """Particular solution P and its derivative at a time; kept, as the steps on both sides of it ask for them."""
-        if time not in self._known:
+        if time not in self._particulars:
             ((value, slope, *_),) = self.pieces([time])
-            self._known[time] = float(value), float(slope)
-        return self._known[time]
+            self._particulars[time] = float(value), float(slope)
+        return self._particulars[time]
 
     @functools.cached_property
-    def _known(self) -> dict[float, tuple[float, float]]:
-        """What `particular` has found, by its time."""
+    def _particulars(self) -> dict[float, tuple[float, float]]:
+        """Results of `particular` by their time."""
         return {}
 
     def values(self, times: ArrayLike) -> Array:
@@ -144,11 +141,11 @@ class TransientForcing(Forcing):
     @functools.cached_property
     def swing(self) -> float:
         """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
-        # Both change by less than the force and themselves, so between two looks by no more than at a distance of one.
-        times = self._looks
+        # Both change by less than the force and themselves, so between samples by no more than over their distance.
+        times = self._sample_times
         p, q = self.pieces(times)[:, :2].T
-        seen = float(max(np.abs(p + q).max(), np.abs(p - q).max()))
-        return seen + times[1] * max(seen, self.largest)
+        largest = float(max(np.abs(p + q).max(), np.abs(p - q).max()))
+        return largest + times[1] * max(largest, self.largest)
 
     @functools.cached_property
     def largest_velocity(self) -> float:
@@ -161,7 +158,7 @@ class TransientForcing(Forcing):
         end = (force * spacing**order).sum(axis=1)
         turning = np.flatnonzero(force[:, 0] * end < 0.0)
         low, high = np.zeros(turning.size), np.full(turning.size, spacing)
-        for _ in range(_HALVINGS):
+        for _ in range(50):  # halvings to rounding
             middle = 0.5 * (low + high)
             before = (force[turning] * middle[:, None] ** order).sum(axis=1) * force[turning, 0] > 0.0
             low, high = np.where(before, middle, low), np.where(before, high, middle)
@@ -169,15 +166,15 @@ class TransientForcing(Forcing):
         return float(np.abs(np.concatenate([velocity, turns])).max())
 
     @property
-    def _looks(self) -> Array:
-        """Times from 0 to the end, a part of the grid's spacing apart."""
-        spacing = self._grid[0] / _LOOKS
+    def _sample_times(self) -> Array:
+        """Times from 0 to the end, an eighth of the grid's spacing apart."""
+        spacing = self._grid[0] / 8
         return np.arange(round(self.duration / spacing) + 1) * spacing
 
     @functools.cached_property
     def _lift_offs(self) -> tuple[Array, Array]:
         """Times (n,) at which |f| rises through 1, ascending, and those (m,) at which it falls back."""
-        grid = self._looks
+        grid = self._sample_times
         above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > LIFT_OFF, [False]])
         rises: list[float] = []
         falls: list[float] = []

@@ -3,7 +3,7 @@
 From the bottom: `equation` (accelerations, for slender and exact blocks), `segment` (the force over a time as a
 polynomial), `flight` (motion between events), `impact` (the impact law and its derivative), `events` (a block through
 impacts, rest, lift-off and overturning). `slender_interval` and `collocation` do what `events` does, fast, over the
-intervals of a grid, for slender and exact blocks. `gaussian` has the covariance that white noise gathers in flight.
+intervals of a grid, for slender and exact blocks.
 Without a compiler: `particular` (flights of slender blocks as tables), `block` (what the exact equation adds) and
 `separatrix` (the orbit between the saddles).
 """

@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import (
-    CHATTER_TIME,
     Event,
     advance_through_events,
     lift_off_time,
@@ -31,60 +31,28 @@ from fpk_rocking.physics.motion.events import (
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from fpk_rocking.physics.motion.segment import segment_from_force, value_and_slope
 from fpk_rocking.physics.motion.slender_interval import chord_excludes_event, curvature_bounds, downward_root
+from fpk_rocking.physics.tuning import TUNING
 
 NODES = WIDTH
 
-_MOST, _ENOUGH = 12, 1e-24
-"""Most rounds of the iteration. It ends when the next would change an acceleration, times the duration, by less than
-the root of the second.
-"""
 
-_FIRST = 1e-4
-"""Square of what a first round is sure to gain."""
+def _collocation():
+    """Return the points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them and 0 at others.
 
-_TURN = 1e-5
-"""Largest sum of squares of the turns from the first guess for which its sine and cosine are those of their series."""
-
-_SHORTEST = 0.02
-"""Shortest flight, in halves of the interval, that is tried where no bound decides about a longer one."""
-
-LOW = 2e-4
-"""Speed after an impact up to which the hop to the next one is a polynomial of fourth order."""
-
-_ROUNDING = 1e-9
-"""Acceleration, times a quarter of the square of a flight's duration, that counts as none."""
-
-_NEAR = 1e-7
-"""Time by which an impact may lie beside the root that was found on the polynomial of a flight."""
-
-
-def _tables():
-    """Return the points c of [0, 1], and integrals and coefficients of the polynomials that are 1 at one of them.
-
-    These are the double integrals up to the points [j, i], the double and single integrals to 1, and the coefficients
-    [j, k] on [-1, 1].
+    These are the double integrals up to the points [j, i], the coefficients [j, k] on [-1, 1], and rows by point: c,
+    the double and the single integral to 1, 1/((k + 1)(k + 2)), and ones at the first and at the last point.
     """
-    points, weights = np.polynomial.legendre.leggauss(NODES)
+    points, weights = gauss_legendre(NODES, -1.0, 1.0)
     lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
     twice = np.array([np.polynomial.legendre.legint(row, 2, lbnd=-1) for row in lagrange])
     inner = 0.25 * np.polynomial.legendre.legval(points, twice.T)
-    places = 0.5 * (1.0 + points)
-    monomials = [np.polynomial.legendre.leg2poly(row) for row in lagrange]
-    return places, inner, 0.5 * weights * (1.0 - places), 0.5 * weights, np.array(monomials)
+    places, order, unit = 0.5 * (1.0 + points), np.arange(NODES), np.eye(NODES)
+    monomials = np.array([np.polynomial.legendre.leg2poly(row) for row in lagrange])
+    rows = 0.5 * weights * (1.0 - places), 0.5 * weights, 1.0 / ((order + 1.0) * (order + 2.0)), unit[0], unit[-1]
+    return places, inner, monomials, np.stack([places, *rows])
 
 
-PLACES, _INNER, _FAR, _WEIGHTS, _MONOMIALS = _tables()
-
-_POINTS = np.stack(
-    [
-        PLACES,
-        _FAR,
-        _WEIGHTS,
-        1.0 / ((np.arange(NODES) + 1.0) * (np.arange(NODES) + 2.0)),
-        np.eye(NODES)[0],
-        np.eye(NODES)[-1],
-    ]
-)
+PLACES, _INNER, _MONOMIALS, _POINTS = _collocation()
 
 
 class FlightTables(NamedTuple):
@@ -102,7 +70,7 @@ class FlightTables(NamedTuple):
 
 def flight_tables(span: float) -> FlightTables:
     """Return the `FlightTables` of a duration."""
-    points, weights = np.polynomial.legendre.leggauss(24)
+    points, weights = gauss_legendre(24, -1.0, 1.0)
     ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
     lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
     left = ends[:, None] * (1.0 - parts)
@@ -171,8 +139,8 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
     five = (-turn / 12.0) * three
     if own:
         one, two = one - near, two - 1.0
-    lack, pull, last, ratio = base - near, one, 0.0, _FIRST
-    for _ in range(_MOST):
+    lack, pull, last, ratio = base - near, one, 0.0, TUNING.collocation_first_gain
+    for _ in range(TUNING.collocation_rounds):
         off = lack + factor * lanes_times_table(table, pull)
         away = off * off
         new = (one + off * two) + away * ((three + off * four) + away * five)
@@ -180,8 +148,8 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
         change, pull = total(shift * shift), new
         if last > 0.0:
             ratio = change / last
-        if change * ratio * square <= _ENOUGH:
-            return pull, near + off, turn * total(away) < _TURN
+        if change * ratio * square <= TUNING.collocation_change:
+            return pull, near + off, turn * total(away) < TUNING.collocation_turn
         last = change
     return pull, near, False
 
@@ -282,13 +250,13 @@ def _leaves(u, w, angle, last, fall, block):
     for k in range(4, NODES + 2):
         term = k * (k - 1) * angle[k]
         bend, others, sign = bend + sign * term, others + (k - 2) * abs(term), -sign
-    return bend > -_ROUNDING and jerk > others
+    return bend > -TUNING.hop_rounding and jerk > others
 
 
 @kernel(forceinline=True, borrows=True)
 def _hop(u, w, side, force, start, until, block):
     """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
-    if u != 0.0 or not 0.0 < w <= LOW:
+    if u != 0.0 or not 0.0 < w <= TUNING.hop_speed:
         return 0.0, 0.0
     (f, slope), alpha = value_and_slope(force, start), block.critical_angle
     cosine, sine = math.cos(alpha), math.sin(alpha)
@@ -337,7 +305,7 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
     rest, speed, bend, found = fly_collocated(u, w, push, time, block, near)
     late = -rest / speed
-    if not (found and abs(late) < _NEAR):
+    if not (found and abs(late) < TUNING.root_distance):
         return 0.0, 0.0
     return time + late, speed + late * total(bend * load(_POINTS, 5))
 
@@ -358,7 +326,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
 
 @kernel(borrows=True)
 def advance_from_flight(
-    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=CHATTER_TIME
+    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=TUNING.chatter_time
 ):
     """Carry an exact block through a part of an interval: as `events.advance_through_events`, and as right.
 
@@ -399,7 +367,7 @@ def advance_from_flight(
                 x, v, start, until = side * last, side * speed, until, end
                 continue
             if not found or event == Event.UNKNOWN:
-                if span < _SHORTEST * half:
+                if span < TUNING.collocation_shortest * half:
                     break
                 until = start + 0.4 * span
                 continue
@@ -414,7 +382,7 @@ def advance_from_flight(
 
 
 @kernel(borrows=True)
-def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
+def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=TUNING.chatter_time):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`."""
     nothing = load(_POINTS, 0)
     return advance_from_flight(

@@ -6,7 +6,8 @@ three Cauchy products an order: (sin φ)' = φ' cos φ, (cos φ)' = -φ' sin φ 
 long as its last terms are below rounding, and then made anew.
 
 `start_flight`, `flight_state` and `outward_time` march through a flight in search of events; `flight_end` goes straight
-to its end. Times count from the segment's start.
+to its end. Times count from the segment's start. The last functions have the covariance that white noise gathers in a
+flight, dv = (x - s + f) dt + sqrt(2 D) dW, and the shears of which a flight is made.
 """
 
 import math
@@ -16,9 +17,11 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.stack import scratch
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS, particular
 from fpk_rocking.physics.motion.equation import dispatch_on_block, slender_acceleration, slender_acceleration_bounds
 from fpk_rocking.physics.motion.segment import least_closing_time, move_origin, value_and_slope
+from fpk_rocking.physics.tuning import TUNING
 
 # Arguments that one of two forms does not use are there for the other.
 # ruff: noqa: ARG001
@@ -90,9 +93,6 @@ def slender_flight_end(x, v, side, segment, start, end, block):
     return state_from_exponentials(grow * factor, decay / factor, side, segment.particular, end)
 
 
-_ROUNDING, _BELOW = 1e-16, 1e-18
-"""Last term of a series that has all its terms, and sum of the last two of one that ends before, over the angle."""
-
 _RECIPROCALS = 1.0 / np.maximum(np.arange(TERMS), 1)
 
 SERIES = 4, TERMS
@@ -136,14 +136,14 @@ def _expand(u, w, side, force, t, span, block, work):
         angle[k + 2] = (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
         power *= span
         term = abs(angle[k + 2]) * power
-        if before + term < _BELOW * size:
+        if before + term < TUNING.series_end * size:
             angle[k + 3 :] = 0.0
             return span
         before = term
     last = max(abs(angle[TERMS - 1]), 1e-300)
     before = max(abs(angle[TERMS - 2]), 1e-300)
-    reach = (_ROUNDING * size / last) ** (1.0 / (TERMS - 1))
-    return min(reach, (_ROUNDING * size / before) ** (1.0 / (TERMS - 2)))
+    reach = (TUNING.series_rounding * size / last) ** (1.0 / (TERMS - 1))
+    return min(reach, (TUNING.series_rounding * size / before) ** (1.0 / (TERMS - 2)))
 
 
 @kernel(borrows=True)
@@ -229,3 +229,65 @@ def runge_kutta_forcing(begin, middle, end, h):
     """Angle and velocity that a force of these values adds to a step h of that method."""
     x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
     return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
+
+
+@kernel
+def flight_covariance(diffusion, duration):
+    """Covariance of angle and velocity after a flight from a point, dv = (x - s + f) dt + sqrt(2 D) dW.
+
+    Parameters
+    ----------
+    diffusion : float
+        D, nondimensional.
+    duration : float
+        Flight time t, nondimensional.
+
+    Returns
+    -------
+    xx, xv, vv : float
+        D (sinh(2t)/2 - t), D sinh(t)^2, D (t + sinh(2t)/2). Short flights use the series of xx, which would cancel.
+    """
+    t = duration
+    sinh = math.sinh(t)
+    if t < 0.1:
+        square = t * t
+        xx = t * square * (2.0 / 3.0) * (1.0 + square / 5.0 * (1.0 + square * (2.0 / 21.0) * (1.0 + square / 18.0)))
+    else:
+        xx = 0.5 * math.sinh(2.0 * t) - t
+    return diffusion * xx, diffusion * sinh * sinh, diffusion * (t + 0.5 * math.sinh(2.0 * t))
+
+
+@kernel
+def covariance_factor(diffusion, duration):
+    """Cholesky factor xx, vx, vv of the covariance of a flight of at most 0.1, to rounding (`flight_covariance`)."""
+    root, square = math.sqrt(diffusion * duration), duration * duration
+    xx = 1.0 + square * (1.0 / 10.0 + square * (19.0 / 4200.0 + square * (29.0 / 378000.0)))
+    vx = 1.0 + square * (7.0 / 30.0 + square * (209.0 / 12600.0 + square * (29.0 / 75600.0)))
+    vv = 1.0 - square * (1.0 / 30.0 - square * (17.0 / 12600.0 - square / 54000.0))
+    return (
+        math.sqrt(2.0 / 3.0) * duration * root * xx,
+        math.sqrt(1.5) * root * vx,
+        math.sqrt(0.5) * root * vv,
+    )
+
+
+def accumulated_covariance(weights: Array, left: Array) -> tuple[Array, Array, Array]:
+    """Covariance xx, xv, vv of noise of strengths `weights` (..., n), 2 D dt, at times `left` (n,) before the end."""
+    sinh, cosh = np.sinh(left), np.cosh(left)
+    return weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
+
+
+def flight_shears(duration: float) -> tuple[float, float]:
+    """Shears (angle by velocity, velocity by angle) of which a flight is made: the first, the second, the first."""
+    return math.tanh(0.5 * duration), math.sinh(duration)
+
+
+def shear_diffusion_variances(diffusion: float, duration: float) -> tuple[float, float]:
+    """Variances by which velocity and angle (twice) diffuse between the three shears of a flight (docs/theory)."""
+    shear, sinh = flight_shears(duration)
+    if duration < 0.1:
+        square = duration * duration
+        deficit = square / 6.0 * (1.0 - square * (7.0 / 60.0) * (1.0 - square * (31.0 / 294.0)))
+    else:
+        deficit = 1.0 - duration / sinh
+    return diffusion * (sinh + duration * math.cosh(duration)), diffusion * shear * deficit

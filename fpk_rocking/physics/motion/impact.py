@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
-from fpk_rocking.physics.motion.flight import homogeneous_flight
-from fpk_rocking.physics.motion.gaussian import flight_covariance
+from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_flight
 
 
 class Side(enum.IntEnum):

@@ -17,8 +17,6 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Number
 
-_MOST, _UNSEEN = 25, 1e-18
-
 
 def checked(critical_angle: float) -> float:
     """Return a critical angle α from 0 to π/2, radians, or raise TypeError or ValueError."""
@@ -55,10 +53,11 @@ def speed(critical_angle: float) -> float:
 def kernel(critical_angle: float) -> tuple[Array, Array]:
     """Weights c_n and rates m_n, each of shape (terms,), of the kernel v cos φ; for α = 0 one of each, 1 and 1."""
     scale, ratio = _scales(critical_angle)
-    rates = 2.0 * np.arange(_MOST) + 1.0
-    weights = scale * (-(ratio**2)) ** np.arange(_MOST) * rates**2
-    seen = np.abs(weights) > _UNSEEN
-    return weights[seen], rates[seen]
+    order = np.arange(25)  # enough for α = π/2, where tan(α/4)² is 0.17
+    rates = 2.0 * order + 1.0
+    weights = scale * (-(ratio**2)) ** order * rates**2
+    resolved = np.abs(weights) > 1e-18
+    return weights[resolved], rates[resolved]
 
 
 def halves(frequency: ArrayLike, critical_angle: float) -> tuple[Number, Number]:

@@ -20,12 +20,7 @@ from fpk_rocking.physics.motion.events import advance_through_events, record_imp
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
 from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
 from fpk_rocking.physics.motion.segment import segment_from_particular, value_and_slope
-
-LEAST_SPEED = 1e-4
-"""Impacts that leave with less speed go to `advance_through_events`, which decides about chatter and rest."""
-
-_CLOSE, _ROUNDS = 1e-7, 8
-"""Last change of the time at which the iteration for a root ends, and its most rounds: it converges cubically."""
+from fpk_rocking.physics.tuning import TUNING
 
 
 class Interval(NamedTuple):
@@ -81,7 +76,7 @@ def downward_root(q, half):
     root = math.sqrt(square)
     t = 2.0 * q[0] / (root - q[1])
     t += t * t * t * (q[3] + t * (q[4] + t * q[5])) / (root - t * t * (3.0 * q[3] + t * (4.0 * q[4] + t * 5.0 * q[5])))
-    for _ in range(_ROUNDS):
+    for _ in range(TUNING.root_rounds):
         if not -half <= t <= half:
             break
         value, slope = value_and_slope(q, t)
@@ -92,7 +87,7 @@ def downward_root(q, half):
         shift = -value / slope
         shift *= 1.0 + 0.5 * shift * bend / slope
         t += shift
-        if abs(shift) < _CLOSE and abs(shift * bend) < -_CLOSE * slope:
+        if abs(shift) < TUNING.root_change and abs(shift * bend) < -TUNING.root_change * slope:
             jerk = 6.0 * q[3] + t * (24.0 * q[4] + t * 60.0 * q[5])
             return t, slope + shift * (bend + 0.5 * shift * jerk)
     return 0.0, 0.0
@@ -159,7 +154,7 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
         time, slope = downward_root(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
         speed, square = -velocity_after_impact(slope, block.restitution), (time + half) ** 2
-        if speed > LEAST_SPEED and u >= rise * square and u + 0.25 * fall * square < cutoff:
+        if speed > TUNING.interval_least_speed and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
             record_impact(impacts, origin + time, v)
             shift, shrink = 0.5 * velocity_jump(v, block.restitution), math.exp(-time)

@@ -12,9 +12,6 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
 
-_LONGEST = 0.02
-"""Part of its time of peak in which an exponential envelope is taken as linear, where an engine asks for that."""
-
 
 class Envelope(abc.ABC):
     """An envelope g(τ), as a time step asks for it."""
@@ -29,7 +26,7 @@ class Envelope(abc.ABC):
 
     def later(self, time: float) -> "Envelope":
         """Return the envelope whose times count from a time on."""
-        return _Later(self, time)
+        return _Shifted(self, time)
 
 
 class Enveloped(Protocol):
@@ -41,17 +38,17 @@ class Enveloped(Protocol):
 
 
 @dataclasses.dataclass(frozen=True)
-class _Later(Envelope):
+class _Shifted(Envelope):
     """An envelope whose times count from an origin; the integral of g² too is from 0 on there, but for a constant."""
 
-    whole: Envelope
+    envelope: Envelope
     origin: float
 
     def value(self, times: Array) -> Array:
-        return self.whole.value(times + self.origin)
+        return self.envelope.value(times + self.origin)
 
     def squared(self, times: Array) -> Array:
-        return self.whole.squared(times + self.origin)
+        return self.envelope.squared(times + self.origin)
 
 
 class _Linear(Envelope):
@@ -115,12 +112,10 @@ class Trapezoid(_Linear):
     decay: float
 
     def __post_init__(self):
-        for name in ("rise", "hold", "decay"):
-            _set(self, name, checks.number(f"noise.envelope.{name}", getattr(self, name), at_least=0.0))
+        checks.keep_numbers(self, "noise.envelope", "rise", "hold", "decay", at_least=0.0)
         if not 0.0 < self.rise + self.hold + self.decay < math.inf:
-            raise ValueError(
-                checks.refusal("noise.envelope", self, "rise, hold and decay, of which at least one is above 0")
-            )
+            accepted = "rise, hold and decay, of which at least one is above 0"
+            raise ValueError(checks.refusal("noise.envelope", self, accepted))
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
@@ -162,8 +157,9 @@ class Table(_Linear):
     values: tuple[float, ...]
 
     def __post_init__(self):
-        _set(self, "times", checks.several("noise.envelope.times", self.times, most=_MOST, at_least=0.0))
-        _set(self, "values", checks.several("noise.envelope.values", self.values, most=_MOST, at_least=0.0))
+        for name in ("times", "values"):
+            given = checks.several(f"noise.envelope.{name}", getattr(self, name), most=1000, at_least=0.0)
+            checks.keep(self, **{name: given})
         if len(self.times) < 2 or not all(a < b for a, b in itertools.pairwise(self.times)):
             raise ValueError(checks.refusal("noise.envelope.times", self.times, "two or more ascending times"))
         if len(self.values) != len(self.times) or not any(self.values):
@@ -205,12 +201,12 @@ class Exponential(Envelope):
     peak: float
 
     def __post_init__(self):
-        _set(self, "peak", checks.number("noise.envelope.peak", self.peak, above=0.0))
+        checks.keep_numbers(self, "noise.envelope", "peak", above=0.0)
 
     @property
     def spacing(self) -> float:
         """Longest interval in which it may be taken as linear, to 5e-5 of its peak."""
-        return _LONGEST * self.peak
+        return 0.02 * self.peak
 
     def value(self, times: Array) -> Array:
         """Return g at times (n,)."""
@@ -241,16 +237,16 @@ class Exponential(Envelope):
 ENVELOPES = {cls.kind: cls for cls in (Trapezoid, Exponential, Table)}
 """Envelopes by their kind."""
 
-QUIET = 1e-4
-"""Part of the diffusion at g = 1 below which white noise counts as none, so that a block can rest: g below 0.01."""
-
 
 def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
-    """Return the mean of g² in intervals with the edges (n + 1,), those below `QUIET` as 0; ones for no envelope."""
+    """Return the mean of g² (n,) in intervals with the edges (n + 1,); ones for no envelope.
+
+    Means below 1e-4, where g is below .01, are 0: white noise then counts as none, so that a block can rest.
+    """
     if envelope is None:
         return np.ones(len(edges) - 1)
     means = np.diff(envelope.squared(edges)) / np.diff(edges)
-    return np.where(means < QUIET, 0.0, means)
+    return np.where(means < 1e-4, 0.0, means)
 
 
 def refuse_envelope(noise: Enveloped, what: str) -> None:
@@ -258,10 +254,3 @@ def refuse_envelope(noise: Enveloped, what: str) -> None:
     if noise.envelope is not None:
         accepted = f"no envelope, as {what} is only defined for stationary noise"
         raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
-
-
-_MOST = 1000
-
-
-def _set(value, name, checked):
-    object.__setattr__(value, name, checked)

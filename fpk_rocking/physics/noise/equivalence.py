@@ -13,11 +13,10 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.motion import separatrix
-from fpk_rocking.physics.noise.kinds import Band, Noise
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 
 
 def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
@@ -208,18 +207,13 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
     [0.44, 0.24, 0.08]
     """
     banded = _band(noise)
-    weights, values = _responses(banded, restitution, critical_angle)
+    weights, frequency = _quadrature(banded)
+    values = np.asarray(response(frequency, restitution, critical_angle))
     # A band so narrow that its responses do not differ may come out below zero by rounding.
     return math.sqrt(max(weights @ values**2 / (weights @ values) ** 2 - 1.0, 0.0) / banded.harmonics)
 
 
-def _responses(noise: Band, restitution: float, critical_angle: float) -> tuple[Array, Array]:
-    """Quadrature for the mean of powers of `response` over a band: weights and values."""
-    weights, frequency = _quadrature(noise)
-    return weights, np.asarray(response(frequency, restitution, critical_angle))
-
-
-def _quadrature(noise: Band) -> tuple[Array, Array]:
+def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
     """Weights and frequencies of a quadrature for means over a band.
 
     Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric polynomials (a constant is
@@ -227,16 +221,19 @@ def _quadrature(noise: Band) -> tuple[Array, Array]:
     """
     low, high = noise.band
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
-    frequency = np.tan(math.atan(low) + half * (1.0 + _NODES))
-    return half * _WEIGHTS * (1.0 + frequency**2) / (high - low), frequency
+    nodes, weights = gauss_legendre(32, -1.0, 1.0)
+    frequency = np.tan(math.atan(low) + half * (1.0 + nodes))
+    return half * weights * (1.0 + frequency**2) / (high - low), frequency
 
 
 def _check(noise: Noise) -> None:
-    if getattr(noise, "kind", None) not in ("band", "white", "filtered", "none"):
+    """Refuse what is no noise."""
+    if getattr(noise, "kind", None) not in NOISES:
         raise TypeError(checks.refusal("noise", noise, "BandNoise, WhiteNoise, FilteredNoise or NoNoise"))
 
 
-def _band(noise: Noise) -> Band:
+def _band(noise: Noise) -> BandNoise:
+    """Return band noise of a variance above 0, and refuse other noise."""
     if noise.kind != "band" or noise.variance == 0.0:
         raise ValueError(f"noise: got {noise!r}, accepted: band noise of a variance > 0")
     return noise

@@ -26,8 +26,6 @@ __all__ = ["BUTTERWORTH", "FILTERS", "CloughPenzien", "Filter", "LinearFilter", 
 BUTTERWORTH = math.sqrt(0.5)
 """Damping of the low-pass filter whose spectrum is flattest at low frequencies."""
 
-_SLOWEST, _FASTEST, _MOST = 1e-8, 1e8, 12
-
 
 class Filter(abc.ABC):
     """A filter of white noise; a class of filters is a frozen dataclass of its parameters that derives from this.
@@ -109,14 +107,13 @@ class LinearFilter(Filter):
 
     def __post_init__(self):
         name = "noise.filter"
-        accepted = f"{name}.drift as n rows of n numbers, {name}.input and {name}.output as n numbers, n up to {_MOST}"
+        accepted = f"{name}.drift as n rows of n numbers, {name}.input and {name}.output as n numbers, n up to 12"
         rows = checks.sequence(f"{name}.drift", self.drift, accepted)
-        drift = tuple(checks.several(f"{name}.drift[{i}]", row, most=_MOST) for i, row in enumerate(rows))
-        sides = [checks.several(f"{name}.{side}", getattr(self, side), most=_MOST) for side in ("input", "output")]
+        drift = tuple(checks.several(f"{name}.drift[{i}]", row, most=12) for i, row in enumerate(rows))
+        sides = [checks.several(f"{name}.{side}", getattr(self, side), most=12) for side in ("input", "output")]
         if not drift or {len(drift)} != {len(one) for one in (*drift, *sides)}:
             raise ValueError(checks.refusal(f"{name}.drift", self.drift, accepted))
-        for field, value in zip(("drift", "input", "output"), (drift, *sides), strict=True):
-            object.__setattr__(self, field, value)
+        checks.keep(self, drift=drift, input=sides[0], output=sides[1])
         StateSpace.stationary(*self._matrices)
 
     @property
@@ -170,9 +167,8 @@ class CloughPenzien(Filter):
     low_damping: float
 
     def __post_init__(self):
-        for field in dataclasses.fields(self):
-            value = checks.number(f"noise.filter.{field.name}", getattr(self, field.name), above=0.0)
-            object.__setattr__(self, field.name, value)
+        names = (field.name for field in dataclasses.fields(self))
+        checks.keep_numbers(self, "noise.filter", *names, above=0.0)
 
     @property
     def space(self) -> StateSpace:
@@ -253,7 +249,7 @@ def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angl
     def excess(power):
         return _low_pass(math.exp(power), damping).variance_along(*terms) - ratio
 
-    low, high = math.log(_SLOWEST), math.log(_FASTEST)
+    low, high = math.log(1e-8), math.log(1e8)
     if not excess(low) > 0.0 > excess(high):
         return None
     return math.exp(brentq(excess, low, high, xtol=1e-15, rtol=1e-15))

@@ -15,15 +15,8 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.types import Array, ArrayLike, Number
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
-
-_NONE = 1e-9
-"""Part of |c| |b| below which c b counts as 0."""
-
-_SINGULAR = 1e-10
-"""Least eigenvalue of the correlation of a filter's states; below it one state follows from the others."""
 
 
 class StateSpace(NamedTuple):
@@ -78,7 +71,7 @@ class StateSpace(NamedTuple):
         from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
         rate, (scale, _) = matrix_balance(np.asarray(drift, dtype=float), permute=False, separate=True)
-        reach, seen = np.asarray(source) / scale, np.asarray(output) * scale
+        reach, observed = np.asarray(source) / scale, np.asarray(output) * scale
         rates = np.linalg.eigvals(rate)
         if not rates.real.max() < 0.0:
             accepted = "a matrix whose eigenvalues all have a real part below 0, so that the noise is stationary"
@@ -90,9 +83,10 @@ class StateSpace(NamedTuple):
         if spread.min() > 0.0:
             correlation = 0.5 * (covariance + covariance.T) / np.outer(spread, spread)
             np.fill_diagonal(correlation, 1.0)
-            weights = seen * spread
+            weights = observed * spread
             strength = math.sqrt(max(weights @ correlation @ weights, 0.0))
-            if np.linalg.eigvalsh(correlation)[0] > _SINGULAR and strength > 0.0:
+            # With a least eigenvalue below 1e-10 one state follows from the others.
+            if np.linalg.eigvalsh(correlation)[0] > 1e-10 and strength > 0.0:
                 reach = reach * math.sqrt(fastest) / (size * spread)
                 return cls(rate * spread / spread[:, None], reach, weights / strength, correlation)
         accepted = "a filter whose white noise reaches every state, and whose states reach the output"
@@ -118,7 +112,7 @@ class StateSpace(NamedTuple):
     def smooth(self) -> bool:
         """Whether η has a derivative, which is c A z: c b is 0."""
         size = np.linalg.norm(self.output) * np.linalg.norm(self.input)
-        return bool(abs(self.output @ self.input) <= _NONE * size)
+        return bool(abs(self.output @ self.input) <= 1e-9 * size)
 
     def autocovariance(self, lag: ArrayLike) -> Number:
         """Mean of η(τ) η(τ + lag).
@@ -134,8 +128,8 @@ class StateSpace(NamedTuple):
         """
         from scipy.linalg import expm
 
-        moved = expm(self.drift * np.abs(np.asarray(lag, dtype=float))[..., None, None])
-        return (moved @ self._beside @ self.output)[()]
+        transition = expm(self.drift * np.abs(np.asarray(lag, dtype=float))[..., None, None])
+        return (transition @ self._covariance @ self.output)[()]
 
     def spectral_density(self, frequency: ArrayLike) -> Number:
         """One-sided spectral density G, whose integral over all ω > 0 is the variance 1.
@@ -192,7 +186,7 @@ class StateSpace(NamedTuple):
         laplace: list[tuple[float, float, float]] = []
         for weight, rate in zip(weights.tolist(), rates.tolist(), strict=True):
             inverse = rate * np.eye(self.order) - self.drift
-            once = np.linalg.solve(inverse, self._beside)
+            once = np.linalg.solve(inverse, self._covariance)
             total += float(2.0 * self.output @ (once / rate + np.linalg.solve(inverse, once))) * weight * weight
             value = float(self.output @ once)
             for other, slower, before in laplace:
@@ -203,16 +197,16 @@ class StateSpace(NamedTuple):
     @property
     def inward_variance(self) -> float:
         """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
-        return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._beside))
+        return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._covariance))
 
     @property
-    def _beside(self):
+    def _covariance(self):
         """Covariance (n,) of the states with η."""
         return self.correlation @ self.output
 
 
 def transition_and_factor(drift: Array, source: Array, duration: float) -> tuple[Array, Array]:
-    """Exact step of a linear system dz = drift z dτ + source dW.
+    """Transition matrix and noise factor of an exact step of a linear system dz = drift z dτ + source dW.
 
     Parameters
     ----------
@@ -235,8 +229,9 @@ def transition_and_factor(drift: Array, source: Array, duration: float) -> tuple
     rate = np.abs(np.linalg.eigvals(drift)).max()
     doublings = max(0, math.ceil(math.log2(max(rate * duration, 1.0))))
     short = duration / 2**doublings
-    moved = expm(drift * (0.5 * short * (1.0 + _NODES))[:, None, None]) @ source
-    factor = _triangular(moved.T * np.sqrt(0.5 * short * _WEIGHTS))
+    nodes, weights = gauss_legendre(20, -1.0, 1.0)
+    responses = expm(drift * (0.5 * short * (1.0 + nodes))[:, None, None]) @ source
+    factor = _triangular(responses.T * np.sqrt(0.5 * short * weights))
     phi = expm(drift * short)
     for _ in range(doublings):
         factor = _triangular(np.hstack([factor, phi @ factor]))
