@@ -203,8 +203,10 @@ class Chirp(TransientForcing):
 
     kind: ClassVar[str] = "chirp"
     ranges: ClassVar = {
-        "amplitude": RANGES["amplitude"], "start_frequency": RANGES["frequency"], "end_frequency": RANGES["frequency"], "duration": RANGES["time"]
-    }  # fmt: skip
+        "amplitude": RANGES["amplitude"],
+        **dict.fromkeys(("start_frequency", "end_frequency"), RANGES["frequency"]),
+        "duration": RANGES["time"],
+    }
     amplitude: float
     start_frequency: float
     end_frequency: float
