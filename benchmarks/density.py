@@ -20,7 +20,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.run.periodic import PeriodicRun
 from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import WhiteNoise
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()

@@ -29,7 +29,7 @@ from fpk_rocking.density.solver import NEGLIGIBLE
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import WhiteNoise
 from montecarlo import simulate
 

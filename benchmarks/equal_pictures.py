@@ -3,7 +3,7 @@
 import numpy as np
 from density import CYCLES
 
-from fpk_rocking.output import style
+from fpk_rocking.results import style
 
 WHITE_ERROR = 0.01  # L1 in bins of 0.1 to which the time of Monte Carlo is given
 

@@ -8,7 +8,7 @@ from eulerian_runs import EDGES
 from fine_reference import load
 
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 
 BINS = {"coarse": EDGES, "fine": FINE_EDGES}
 DRAWN = 20_000

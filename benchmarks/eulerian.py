@@ -23,7 +23,7 @@ from report import table, write_section
 
 from fpk_rocking import solve_fpk
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 
 CYCLES, BINNED = 10, (1, 2, 4, 10)
 TRUTH, TOLS = 1e-4, (1e-2, 1e-3)

@@ -17,7 +17,7 @@ from report import VALIDATION, table, write_section
 
 from fpk_rocking import solve_fpk
 from fpk_rocking.density.pilot import in_rest
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 
 TOL = 1e-3
 SIGMAS = 3.5

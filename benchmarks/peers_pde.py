@@ -14,7 +14,7 @@ from peers_problems import CALMER, EDGES, KRAMERS, KRAMERS_CYCLES, cell_bins
 from report import medians, table
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 from montecarlo import simulate
 
 VELOCITY = 3.2

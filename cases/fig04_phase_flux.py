@@ -29,7 +29,7 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, Harmonic, NoNoise, load_scene, melnikov
-from fpk_rocking.output import style, summary
+from fpk_rocking.results import storage, style
 
 FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
@@ -83,7 +83,7 @@ def run(out, variance=0.16, strata=512, realizations=4000, seed=1) -> dict:
         "remarks": [noise.remark],
     }
     draw(out / "fig04.png", values)
-    summary.write_summary(out / "fig04.json", values)
+    storage.write_json(out / "fig04.json", values)
     return values
 
 

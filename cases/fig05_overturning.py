@@ -20,8 +20,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
-from fpk_rocking.output import motion, style, summary
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.output import motion
+from fpk_rocking.results import storage, style
+from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import histories, simulate
 
 BANDS = (5.0, 10.0, 20.0)
@@ -69,7 +70,7 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig05.png", quiet, shown, chosen, ensembles, values)
-    summary.write_summary(out / "fig05.json", values)
+    storage.write_json(out / "fig05.json", values)
     return values
 
 

@@ -29,8 +29,9 @@ from opengl import probe_rendering
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.base import ahead
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, maps, summary, surfaces, tables, vtk
+from fpk_rocking.output import curves, maps, surfaces, tables, vtk
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results import storage
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -83,15 +84,15 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
         "figure": "Fig. 6 of Lin and Yim, J. Eng. Mech. 122(8), 1996",
         "scene": scene.to_toml(),
         "shown_cycles": list(cycles),
-        "density": summary.result_summary(density),
-        "rk4": summary.result_summary(band),
-        "white": summary.result_summary(white),
-        "rk4_against_density": against[0].to_dict(),
-        "white_against_density": against[1].to_dict(),
+        "density": density.summary(),
+        "rk4": band.summary(),
+        "white": white.summary(),
+        "rk4_against_density": against[0].summary(),
+        "white_against_density": against[1].summary(),
         "rendering": {"works": rendering.works, "missing": list(rendering.missing), "reason": rendering.reason},
         "remarks": list(remarks(density, band, white)),
     }
-    summary.write_summary(out / "summary.json", values)
+    storage.write_json(out / "summary.json", values)
     tables.show(*tables.comparison_table(against))
     return values
 

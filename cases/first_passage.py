@@ -24,9 +24,10 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
-from fpk_rocking.output import motion, style, summary
+from fpk_rocking.output import motion
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results import storage, style
+from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import tally
 
 VARIANCES = (0.01, 0.02, 0.04)
@@ -80,7 +81,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
         ],
     }
     draw(out / "passage.png", values)
-    summary.write_summary(out / "passage.json", values)
+    storage.write_json(out / "passage.json", values)
     return values
 
 

@@ -22,8 +22,8 @@ from command import command
 
 from fpk_rocking import Record, Scene
 from fpk_rocking.envelopes import Table
-from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results import storage, style
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
 
@@ -94,7 +94,7 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
         }
     }
     draw(out / "blocks.png", values)
-    summary.write_summary(out / "blocks.json", values)
+    storage.write_json(out / "blocks.json", values)
     return values
 
 

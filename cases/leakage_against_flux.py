@@ -29,7 +29,7 @@ from command import command
 from scipy import stats
 
 from fpk_rocking import load_scene, melnikov
-from fpk_rocking.output import style, summary
+from fpk_rocking.results import storage, style
 from montecarlo import overturning_rate, simulate
 
 VARIANCES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
@@ -76,7 +76,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
         "remarks": [scene.noise.remark],
     }
     draw(out / "flux.png", values)
-    summary.write_summary(out / "flux.json", values)
+    storage.write_json(out / "flux.json", values)
     return values
 
 

@@ -23,8 +23,9 @@ from command import command
 from matplotlib.colors import PowerNorm
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
-from fpk_rocking.output import motion, style, summary
+from fpk_rocking.output import motion
 from fpk_rocking.output.vtk import write_function
+from fpk_rocking.results import storage, style
 from montecarlo import simulate
 
 LONG = (1, 10, 100, 200, 1000, 10**4)
@@ -66,11 +67,11 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
         "negative_mass": operator.negative_mass,
         "eigenvalues": [[one.real, one.imag] for one in operator.eigenvalues],
         "survival": {str(k): [s, e] for k, s, e in zip(LONG, long.survival, long.error_estimate, strict=True)},
-        "closure": operator.closure,
+        "closure": operator.noise_replacement,
     }
     _draw(out / "attractor.png", operator, quiet, ensemble, outlook)
     write_function(out / "attractor.vtu", operator.quasi_stationary, "density")
-    summary.write_summary(out / "attractor.json", values)
+    storage.write_json(out / "attractor.json", values)
     return values
 
 

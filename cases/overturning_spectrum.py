@@ -21,8 +21,8 @@ from command import command
 from matplotlib.colors import ListedColormap
 
 from fpk_rocking import Block, NoNoise, Overturning, Pulse, Scene
-from fpk_rocking.output import style, summary
-from fpk_rocking.results.layout import plain
+from fpk_rocking.results import storage, style
+from fpk_rocking.results.storage import plain
 from montecarlo import histories
 
 RESTITUTION = 0.9
@@ -129,7 +129,7 @@ def run(out) -> dict:
         "least_amplitude_without_impact": without,
         "exact": {str(angle): plain(own.T) for angle, own in exact.items()},
     }
-    summary.write_summary(out / "overturning_spectrum.json", values)
+    storage.write_json(out / "overturning_spectrum.json", values)
     return values
 
 

@@ -29,7 +29,7 @@ from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.output import style, summary
+from fpk_rocking.results import storage, style
 from montecarlo import simulate
 
 CYCLES, STEPS, SHOWN = 10, 128, 3.5  # steps in a cycle that is looked into; standard deviations of the noise in (c)
@@ -65,7 +65,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     values["solved"] = {replacement: _solved(scene, cycles, tol, replacement) for replacement in ("filtered", "white")}
     values["inside"] = look_inside(filtered, resolution)
     draw(out / "rest.png", values)
-    summary.write_summary(out / "rest.json", values)
+    storage.write_json(out / "rest.json", values)
     return values
 
 

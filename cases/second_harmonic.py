@@ -35,9 +35,9 @@ from command import command
 from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
-from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results import storage, style
+from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import overturning_rate, simulate
 
 PHASES = {"0": 0.0, "π/2": 0.5 * math.pi, "π": math.pi, "3π/2": 1.5 * math.pi}
@@ -88,7 +88,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
         "long_run": {"phases": circle} | long_run(turned, tol, *sampled),
     }
     draw(out / "second_harmonic.png", values)
-    summary.write_summary(out / "second_harmonic.json", values)
+    storage.write_json(out / "second_harmonic.json", values)
     return values
 
 

@@ -18,9 +18,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene
-from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results.layout import plain
+from fpk_rocking.results import storage, style
+from fpk_rocking.results.storage import plain
 from fpk_rocking.studies import fragility, scaled
 from montecarlo import simulate
 
@@ -94,7 +94,7 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
                 )
                 progress(number + 1, len(frequencies))
         values[kind] = {"scale": scales, "slender": slender, "exact": exact}
-    summary.write_summary(out / "slenderness.json", plain(values))
+    storage.write_json(out / "slenderness.json", plain(values))
     draw(out / "slenderness.png", values)
     return values
 

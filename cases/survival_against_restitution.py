@@ -22,8 +22,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene, solve_fpk
-from fpk_rocking.output import style, summary
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results import storage, style
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -64,7 +64,7 @@ def run(
     for e in density_restitutions:
         with reporting(f"density, e = {e:g}") as progress:
             densities.append(solve_fpk(_varied(scene, e, OURS), cycles=max(CYCLES), tol=tol, progress=progress))
-    closures = [one.closure for one in densities[:1]]
+    closures = [one.noise_replacement for one in densities[:1]]
     values = {
         "scene": scene.to_toml(),
         "cycles": list(CYCLES),
@@ -86,7 +86,7 @@ def run(
         "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS]), *closures))),
     }
     draw(out / "restitution.png", values)
-    summary.write_summary(out / "restitution.json", values)
+    storage.write_json(out / "restitution.json", values)
     return values
 
 

@@ -25,8 +25,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import load_scene
-from fpk_rocking.output import motion, summary
+from fpk_rocking.output import motion
 from fpk_rocking.output.progress import reporting
+from fpk_rocking.results import storage
 from montecarlo import (
     first_passage,
     histories,
@@ -84,14 +85,14 @@ def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
     motion.motion_figure(out / "histories.png", few, ensemble, drawn, passage, speeds, title)
     values = {
         "scene": scene.to_toml(),
-        "ensemble": summary.result_summary(ensemble),
+        "ensemble": ensemble.summary(),
         "impacts_per_realization": float(hits.impacts.mean()),
         "maps": {name: _plain(found) for name, found in maps.items()},
         "restarts_differ_by": {rule: _distance(restarted[rule], other[rule]) for rule in RULES},
         "first_passage": _plain(passage),
         "impact_speeds": _plain(speeds),
     }
-    summary.write_summary(out / "histories.json", values)
+    storage.write_json(out / "histories.json", values)
     return values
 
 

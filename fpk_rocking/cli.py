@@ -284,20 +284,22 @@ def _mc(options):
 def _finish(options, result):
     """Save and print the result of one engine, of a density its VTK series too."""
     from fpk_rocking.compare import shown_cycles
-    from fpk_rocking.output import summary, tables, vtk
+    from fpk_rocking.output import tables, vtk
+    from fpk_rocking.results.storage import write_json
 
-    values = summary.result_summary(result)
+    values = result.summary()
     if options.out:
         result.save(options.out / "result.npz")
         if result.realizations is None:
             vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(len(result.times) - 1)}))
-        summary.write_summary(options.out / "summary.json", values)
+        write_json(options.out / "summary.json", values)
     _print(options, result, values, lambda: tables.result_table(result), [result])
 
 
 def _compare(options):
     from fpk_rocking.compare import compare
-    from fpk_rocking.output import curves, summary, tables
+    from fpk_rocking.output import curves, tables
+    from fpk_rocking.results.storage import write_json
 
     if len(options.inputs) == 2:
         first, second = _loaded(options)
@@ -313,14 +315,13 @@ def _compare(options):
             first.save(options.out / "ensemble.npz")
             second.save(options.out / "density.npz")
         curves.survival_figure(options.out / "survival.png", [second, first])
-        summary.write_summary(options.out / "summary.json", compared.to_dict())
-    _print(options, compared, compared.to_dict(), lambda: tables.comparison_table([compared]), [second, first])
+        write_json(options.out / "summary.json", compared.summary())
+    _print(options, compared, compared.summary(), lambda: tables.comparison_table([compared]), [second, first])
 
 
 def _fragility(options):
-    from fpk_rocking.output import summary
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.results.layout import plain
+    from fpk_rocking.results.storage import plain, write_json
     from fpk_rocking.risk.curve import at_intensity
     from fpk_rocking.studies import dispersions, drawn, fragility
     from fpk_rocking.studies.picture import curves_figure, fragility_table, surface_figure
@@ -362,7 +363,7 @@ def _fragility(options):
     if options.out:
         result.save(options.out / "result.npz")
         result.to_csv(options.out / "fragility.csv")
-        summary.write_summary(options.out / "summary.json", values)
+        write_json(options.out / "summary.json", values)
         if over is None:
             curves_figure(options.out / "fragility.png", [result], which=None)
         else:

@@ -13,15 +13,14 @@ import numpy as np
 
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.results.layout import plain
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import Result, interval_of
-from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.storage import plain
+from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.times import when
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Doubt, Trust, verdict
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
@@ -31,17 +30,15 @@ _DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Comparison(Shown):
+class Comparison(Result):
     """Two results side by side: survival, leakage and joint densities, with their errors.
 
     The axis of length 2 that an array has for the results is (first, second).
 
     Attributes
     ----------
-    names : tuple of str
-        Engines of the results.
-    realizations : tuple of (int or None)
-        Number of realizations of a sample, None for a density and for the one path of a deterministic scene.
+    results : tuple of SurvivalResult
+        The two results.
     cycles : ndarray, shape (n+1,)
         0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
     times : ndarray, shape (n+1,)
@@ -76,13 +73,6 @@ class Comparison(Shown):
         positive where the paper's criterion (eq. 14) is met.
     phase_flux : ndarray, shape (2,)
         Phase flux Φ of each scene (see `fpk_rocking.melnikov.phase_flux`).
-    wall_s : tuple of float
-        Seconds that each result took.
-    trust : Trust
-        Verdict on both results with its reasons. One is a difference of survival of more than 4 standard errors and
-        the estimated errors of the densities together.
-    remarks : tuple of str
-        Sentences that a reader needs to judge the figures.
 
     Examples
     --------
@@ -96,8 +86,7 @@ class Comparison(Shown):
     [0.862 0.873] [-0.6 -0.7] [0.18 0.29 0.36] [0.18 0.3  0.35]
     """
 
-    names: tuple[str, str]
-    realizations: tuple[int | None, int | None]
+    results: tuple[SurvivalResult, SurvivalResult]
     cycles: np.ndarray
     times: np.ndarray
     periodic: bool
@@ -119,58 +108,108 @@ class Comparison(Shown):
     melnikov_deviation: np.ndarray
     melnikov_margin: np.ndarray
     phase_flux: np.ndarray
-    wall_s: tuple[float, float]
-    trust: Trust
-    remarks: tuple[str, ...]
 
     @property
-    def headline(self) -> str:
+    def names(self) -> tuple[str, ...]:
+        """Engines of the results."""
+        return tuple(result.engine for result in self.results)
+
+    @property
+    def realizations(self) -> tuple[int | None, ...]:
+        """Numbers of realizations; None for a density and for the one path of a deterministic scene."""
+        return tuple(map(_count, self.results))
+
+    @property
+    def title(self) -> str:
         """The engines and the largest difference of survival, as a line of text."""
         most = np.argmax(np.abs(self.difference))
-        when = f"cycle {self.cycles[most]}" if self.periodic else f"τ = {self.times[most]:.4g}"
-        return (
-            f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.2g} ({when})"
-        )
+        at = f"cycle {self.cycles[most]}" if self.periodic else f"τ = {self.times[most]:.4g}"
+        return f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.2g} ({at})"
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Largest differences and sizes, as plain values by name."""
         found = {"largest difference of survival": float(np.abs(self.difference).max())}
-        if self.l1.size:
-            found["largest l1"] = float(self.l1.max())
+        if self.joint_cycles.size:
+            found["largest l1"] = float(np.nanmax(self.l1))
         sizes = zip(("first", "second"), self.realizations, strict=True)
         return found | {f"realizations of the {name}": size for name, size in sizes if size}
 
-    def columns(self) -> dict[str, Array]:
-        """Table of survival, its difference and the distances, a row a cycle: arrays by column name."""
-        found = {"cycle": self.cycles, "time": self.times}
-        for which, name in enumerate(("first", "second")):
-            found[f"survival_{name}"] = self.survival[:, which]
-            found[f"low_{name}"], found[f"high_{name}"] = self.interval[:, which].T
-        found |= {name: getattr(self, name) for name in ("difference", "standard_error", "z")}
-        for name in _DISTANCES:
-            found[name] = np.full(self.cycles.size, math.nan)
-            found[name][self.joint_cycles] = getattr(self, name)
+    @property
+    def diagnostics(self) -> list[Diagnostic]:
+        """What speaks against either result, a seed that both share, and a difference that their errors do not explain."""
+        found = [
+            Diagnostic(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
+            for result in self.results
+            for reason in result.trust.reasons
+            if result.trust.verdict != VERDICTS[0]
+        ]
+        found += [Diagnostic(CAUTION, sentence, "shared seed") for sentence in _shared_seed(self.results)]
+        beyond, sentence, rule = self._difference()
+        if beyond > 0.0:
+            text = f"{sentence}, more than the {rule}."
+            found.append(Diagnostic(CAUTION if beyond <= USELESS else UNUSABLE, text, "difference"))
         return found
 
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {
-            "difference": ("cycle", self.difference),
-            "standard_error": ("cycle", self.standard_error),
-            "z": ("cycle", self.z),
-            "survival": (("cycle", "result"), self.survival),
-            "interval": (("cycle", "result", "limit"), self.interval),
-            "leakage": (("during", "result", "side"), self.leakage),
-            **{name: ("joint_cycle", getattr(self, name)) for name in _DISTANCES},
-        }
-        places = {"cycle": self.cycles, "during": self.cycles[1:], "joint_cycle": self.joint_cycles}
-        return variables, places | {"limit": ["low", "high"], "side": ["left", "right"]}
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok": that the results agree."""
+        return "Neither result is in doubt. {1}, within the {2}.".format(*self._difference())
+
+    def _difference(self):
+        """How far the largest difference is beyond what the stated errors allow, and both as texts."""
+        stated = float(np.nansum(self.error_estimate))
+        apart, accepted = np.abs(self.difference), _DEVIATIONS * self.standard_error + stated
+        # Where most of what is accepted is used up: both may be 0, as at the start.
+        row = int(np.argmax(np.divide(apart, accepted, out=np.where(apart > 0.0, np.inf, 0.0), where=accepted > 0.0)))
+        what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(self.standard_error.any())
+        what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
+        rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
+        at = f"{'' if self.periodic else 'at '}{when(self.results[0], row)}"
+        sentence = f"Survival differs by {apart[row]:.2g} {at}"
+        if self.standard_error[row] > 0.0:
+            sentence += f" ({apart[row] / self.standard_error[row]:.1f} standard errors)"
+        return float((apart - accepted).max()), sentence, rule
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences that a reader needs to judge the figures: those of both results, and how their noise differs."""
+        sentences = list(remarks(*self.results))
+        first, second = (result.scene.noise for result in self.results)
+        if first != second:
+            sentences.append(f"The noise differs: {noise_text(first)}, against {noise_text(second)}.")
+        return (*sentences, *_shared_seed(self.results))
+
+    def dataset(self) -> Dataset:
+        """Survival of both results, their difference, leakage, and the distances of their bins at some cycles."""
+        distance = {name: np.full(self.cycles.size, math.nan) for name in _DISTANCES}
+        for name, values in distance.items():
+            values[self.joint_cycles] = getattr(self, name)
+        return Dataset(
+            {
+                "survival": (("cycle", "result"), self.survival),
+                "survival_interval": (("cycle", "result", "limit"), self.interval),
+                "difference": ("cycle", self.difference),
+                "standard_error": ("cycle", self.standard_error),
+                "z": ("cycle", self.z),
+                **{name: ("cycle", values) for name, values in distance.items()},
+                "leakage": (("during", "result", "side"), self.leakage),
+            },
+            {
+                "cycle": self.cycles,
+                "time": ("cycle", self.times),
+                "during": self.cycles[1:],
+                "result": ["first", "second"],
+                "limit": ["low", "high"],
+                "side": ["left", "right"],
+            },
+            rows=("cycle",),
+        )
 
     def plot(self) -> Any:
         """Draw survival of both results, and their difference with 95 % intervals; returns a matplotlib figure."""
-        from fpk_rocking.base.look import COLOURS
         from fpk_rocking.results.pictures import figure_of
+        from fpk_rocking.results.style import COLOURS
 
         def survival(_, axes):
             for which, name in enumerate(self.names):
@@ -190,18 +229,19 @@ class Comparison(Shown):
 
         return figure_of(survival, difference)
 
-    def to_dict(self) -> dict:
-        """Return all of it as plain lists, numbers and strings for JSON, nan as None."""
-        found = {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
-        return found | {"trust": self.trust.plain}
+    def summary(self) -> dict[str, Any]:
+        """All arrays and figures, names, sizes, seconds, verdict and remarks as plain values, for JSON."""
+        names = [field.name for field in dataclasses.fields(self) if field.name != "results"]
+        own = {name: getattr(self, name) for name in ("names", "realizations", *names, "remarks")}
+        return plain(own | {"wall_s": [result.wall_s for result in self.results], "trust": self.trust.plain})
 
 
-def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = None) -> Comparison:
+def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequence[int] | None = None) -> Comparison:
     """Compare two results on one scene, of any engines.
 
     Parameters
     ----------
-    first, second : Result
+    first, second : SurvivalResult
         Their scenes may differ in the noise alone; the remarks then say so. Cycles that both results have are compared.
     joint_cycles : sequence of int, optional
         Cycles at which the joint densities are compared; by default 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last.
@@ -234,25 +274,23 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
     if not np.allclose(first.times[kept], second.times[kept], rtol=1e-12, atol=0.0):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
     joint_cycles = _joint_cycles(joint_cycles, cycles)
-    counts = _count(first), _count(second)
-    sizes = [float(count or math.inf) for count in counts]
+    sizes = [float(_count(result) or math.inf) for result in both]
     survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
-    common = distances.pooled(survival[:, 0], survival[:, 1], *sizes)
+    common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
     standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
     leakage = np.stack([np.diff(np.asarray(result.overturned)[kept], axis=0) for result in both], axis=1)
     edges = joint_edges(first.scene)
     joint = [_joint(both, sizes, cycle, edges) for cycle in joint_cycles]
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
-        names=(first.engine, second.engine),
-        realizations=counts,
+        results=both,
         cycles=np.arange(cycles + 1),
         times=np.asarray(first.times)[kept],
         periodic=first.cycles is not None,
         survival=survival,
         interval=np.stack([_interval(result)[kept] for result in both], axis=1),
-        error_estimate=np.array([float(result.facts.get("error_estimate", math.nan)) for result in both]),
+        error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in both]),
         difference=difference,
         standard_error=standard_error,
         z=_z(difference, standard_error, sizes),
@@ -264,13 +302,10 @@ def compare(first: Result, second: Result, joint_cycles: Sequence[int] | None = 
         hellinger_floor=columns[:, 3],
         outside=columns[:, 4:],
         **_melnikov(both),
-        wall_s=(float(first.wall_s), float(second.wall_s)),
-        trust=_trust(both, difference, standard_error),
-        remarks=_remarks(first, second),
     )
 
 
-def _count(result: Result) -> int | None:
+def _count(result: SurvivalResult) -> int | None:
     return None if result.deterministic else result.realizations
 
 
@@ -297,12 +332,12 @@ def _joint_cycles(asked: Sequence[int] | None, cycles: int) -> list[int]:
 
 def _joint(both, sizes, cycle, edges):
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
-    common = distances.pooled(bins[0], bins[1], *sizes)
+    common = sampling.pooled(bins[0], bins[1], *sizes)
     return (
-        distances.l1(*bins),
-        distances.l1_floor(common, *sizes),
-        distances.hellinger(*bins),
-        distances.hellinger_floor(common, *sizes),
+        sampling.l1(*bins),
+        sampling.l1_floor(common, *sizes),
+        sampling.hellinger(*bins),
+        sampling.hellinger_floor(common, *sizes),
         *(result.survival[cycle] - values.sum() for result, values in zip(both, bins, strict=True)),
     )
 
@@ -324,8 +359,8 @@ def _melnikov(both) -> dict:
 
 
 def _interval(result) -> np.ndarray:
-    interval = interval_of(result)
-    return np.full((len(result.times), 2), math.nan) if interval is None else np.asarray(interval)
+    empty = np.full((len(result.times), 2), math.nan)
+    return empty if result.interval is None else np.asarray(result.interval)
 
 
 def _z(difference, standard_error, sizes) -> np.ndarray:
@@ -335,42 +370,8 @@ def _z(difference, standard_error, sizes) -> np.ndarray:
         return np.where(difference == 0.0, 0.0, difference / standard_error)
 
 
-def _trust(both, difference, standard_error):
-    """Join the verdicts on two results, with what their difference adds."""
-    found = [
-        Doubt(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
-        for result in both
-        for reason in result.trust.reasons
-        if result.trust.verdict != VERDICTS[0]
-    ]
-    found += [Doubt(CAUTION, sentence, "shared seed") for sentence in _shared_seed(both)]
-    stated = sum(result.facts.get("error_estimate", 0.0) for result in both)
-    apart, accepted = np.abs(difference), _DEVIATIONS * standard_error + stated
-    # Where most of what is accepted is used up: both may be 0, as at the start.
-    row = int(np.argmax(np.divide(apart, accepted, out=np.where(apart > 0.0, np.inf, 0.0), where=accepted > 0.0)))
-    what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(standard_error.any())
-    what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
-    rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
-    sentence = f"Survival differs by {apart[row]:.2g} {'at ' * (both[0].cycles is None)}{when(both[0], row)}"
-    if standard_error[row] > 0.0:
-        sentence += f" ({apart[row] / standard_error[row]:.1f} standard errors)"
-    beyond = float((apart - accepted).max())
-    if beyond > 0.0:
-        doubt = f"{sentence}, more than the {rule}."
-        found.append(Doubt(CAUTION if beyond <= USELESS else UNUSABLE, doubt, "difference"))
-    return verdict(found, f"Neither result is in doubt. {sentence}, within the {rule}.")
-
-
-def _remarks(first, second) -> tuple[str, ...]:
-    sentences = list(remarks(first, second))
-    noises = [result.scene.noise for result in (first, second)]
-    if noises[0] != noises[1]:
-        sentences.append(f"The noise differs: {noise_text(noises[0])}, against {noise_text(noises[1])}.")
-    return (*sentences, *_shared_seed((first, second)))
-
-
 def _shared_seed(both) -> list[str]:
-    seeds = [(result.facts.get("seed"), result.engine) for result in both]
+    seeds = [(getattr(result, "seed", None), result.engine) for result in both]
     if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in both):
         return []
     return [f"Both samples use seed {seeds[0][0]} and share random numbers, so z and the floors do not apply."]

@@ -12,9 +12,8 @@ from montecarlo.history import histories
 from montecarlo.poincare import correlation_dimension, mean_poincare_map, restarted_poincare_map
 from montecarlo.rare.splitting import Splitting, split
 from montecarlo.results.ensemble import Ensemble
-from montecarlo.results.histograms import bin_errors, first_passage, impact_speeds
 from montecarlo.results.histories import Histories
-from montecarlo.results.rates import overturning_rate
+from montecarlo.results.statistics import bin_errors, first_passage, impact_speeds, overturning_rate
 from montecarlo.results.tally import Tally
 from montecarlo.simulation import simulate
 from montecarlo.tallying import tally

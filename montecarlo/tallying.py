@@ -9,9 +9,8 @@ from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.binning import ascending_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
-from montecarlo.results.checkpoint import Keeper, resumed
 from montecarlo.results.counts import LARGEST, add, empty_counts
-from montecarlo.results.tally import Tally
+from montecarlo.results.tally import Checkpoint, Tally, resumed
 
 _HISTOGRAM_BYTES = 2**29
 _BATCH_STATES = 2**22
@@ -83,14 +82,14 @@ def tally(
         return Tally(scene, run.method, run.seed, run.steps_per_cycle, wall_s, counts)
 
     done = result().realizations
-    keeper = Keeper(checkpoint, done)
+    saved = Checkpoint(checkpoint, done)
     try:
         for batch in _batches(run, done, progress):
             add(counts, batch)
-            if keeper.is_due:
-                keeper.keep(result())
+            if saved.is_due:
+                saved.save(result())
     finally:
-        keeper.keep(result())
+        saved.save(result())
     return result()
 
 

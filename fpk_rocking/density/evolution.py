@@ -1,7 +1,9 @@
 """The result of the density solver: survival, overturning and the density after every cycle, with its own errors."""
 
 import dataclasses
-from typing import Any, ClassVar
+import functools
+import math
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
@@ -12,39 +14,19 @@ from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.binning import ascending_edges
-from fpk_rocking.results.layout import Layout
-from fpk_rocking.results.replacement import ARRAYS, Replacement
-from fpk_rocking.results.result import DensityResult
+from fpk_rocking.results.remarks import scene_diagnostics
+from fpk_rocking.results.replacement import Replacement, check_remarks, measured
+from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.survival import SurvivalResult
+from fpk_rocking.results.times import when
+from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
-_FLOATS = (
-    "diffusion", "tol", "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass",
-    "moving_negative_mass", "wall_s",
-)  # fmt: skip
-_OWN_ERRORS = (
-    "error_estimate", "bins_error_estimate", "rest_error_estimate", "mass_defect", "negative_mass",
-    "moving_negative_mass",
-)  # fmt: skip
-_LAYOUT = Layout(
-    {
-        "times": "f8 k+1",
-        "survival": "f8 k+1",
-        "overturned": "f8 k+1 2",
-        "lost": "f8 k+1",
-        "at_rest": "f8 k+1",
-        "coefficients": "f8 k+1 x v d d",
-        "angle_lines": "f8 x+1",
-        "velocity_lines": "f8 v+1",
-    },
-    {"closure": str, "settings": dict, "atom": bool} | dict.fromkeys(_FLOATS, float),
-)
-_CHECKED = Layout(_LAYOUT.arrays | ARRAYS, _LAYOUT.attributes | {"check": dict})
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Evolution(Saved, DensityResult):
+class Evolution(Saved, SurvivalResult):
     """The joint density of angle and velocity over time, as `solve_fpk` found it; all quantities are nondimensional.
 
     Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
@@ -56,7 +38,7 @@ class Evolution(Saved, DensityResult):
         The scene that was given to `solve_fpk`.
     diffusion : float
         D of the white noise that was solved for, or that has the Melnikov variance of the filtered noise.
-    closure : str
+    noise_replacement : str
         Which noise replaced the band noise, as a sentence; empty where none was replaced.
     tol : float
         The tolerance that was asked for.
@@ -94,8 +76,8 @@ class Evolution(Saved, DensityResult):
         Mesh, polynomial degree, quadrature and time steps.
     coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
         Coefficients of the densities that `at` returns; zero in row 0 where the start is a point.
-    space : Space
-        Mesh and polynomials that the coefficients belong to.
+    angle_lines, velocity_lines : ndarray
+        Lines of the mesh that the coefficients belong to.
     atom : bool
         Whether `at_rest` is a probability that the density does not contain, as under filtered noise.
     replacement : Replacement, optional
@@ -112,17 +94,16 @@ class Evolution(Saved, DensityResult):
      [0.08 0.08]]
     """
 
-    _kind: ClassVar = "evolution"
-    _layouts: ClassVar = (_LAYOUT, _CHECKED)
+    kind: ClassVar = "evolution"
     scene: Scene
     diffusion: float
-    closure: str
+    noise_replacement: str
     tol: float
-    times: np.ndarray
-    survival: np.ndarray
-    overturned: np.ndarray
-    lost: np.ndarray
-    at_rest: np.ndarray
+    times: Annotated[Array, "f8 k+1"]
+    survival: Annotated[Array, "f8 k+1"]
+    overturned: Annotated[Array, "f8 k+1 2"]
+    lost: Annotated[Array, "f8 k+1"]
+    at_rest: Annotated[Array, "f8 k+1"]
     error_estimate: float
     bins_error_estimate: float
     rest_error_estimate: float
@@ -131,10 +112,107 @@ class Evolution(Saved, DensityResult):
     moving_negative_mass: float
     wall_s: float
     settings: dict
-    coefficients: np.ndarray
-    space: Space
+    coefficients: Annotated[Array, "f8 k+1 x v d d"]
+    angle_lines: Annotated[Array, "f8 x+1"]
+    velocity_lines: Annotated[Array, "f8 v+1"]
     atom: bool
     replacement: Replacement | None = None
+
+    engine = "Fokker-Planck density"
+    shown_bins = 64
+    realizations = None
+    deterministic = False
+
+    def __post_init__(self) -> None:
+        """Leave the arrays writable: compiled functions that take them are compiled for such."""
+
+    @functools.cached_property
+    def space(self) -> Space:
+        """Mesh and polynomials that the coefficients belong to."""
+        return Space(self.angle_lines, self.velocity_lines, self.coefficients.shape[-1] - 1)
+
+    @property
+    def bins_tol(self) -> float:
+        """Error of the binned density that was asked for; inf where any is right."""
+        return self.settings.get("bins_tol", math.inf)
+
+    def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
+        """Return None: a density is no sample. Its ``error_estimate`` is that of the solver.
+
+        Parameters
+        ----------
+        level : float
+            Not used.
+        """
+        return
+
+    def checked(self, paths: Any) -> Self:
+        """Return this result with its replacement of noise measured by paths under the noise of the scene.
+
+        Parameters
+        ----------
+        paths : Ensemble or Tally
+            Of the scene as it is, at the times of this result or more; `fpk_rocking.studies.checked` samples them.
+
+        Returns
+        -------
+        Evolution
+            The same probabilities; `replacement`, `total_error` and the verdict tell what the paths say.
+
+        Raises
+        ------
+        TypeError, ValueError
+            The paths are no sample, are of another scene or of other times, or no noise was replaced.
+        """
+        if not isinstance(paths, SurvivalResult) or paths.realizations is None:
+            raise TypeError(checks.refusal("paths", type(paths).__name__, "an Ensemble or a Tally"))
+        return dataclasses.replace(self, replacement=measured(self, paths))
+
+    @property
+    def total_error(self) -> Array | None:
+        """Total errors of survival, overturned left and overturned right, shape (cycles + 1, 3).
+
+        The solver's estimate where the noise was solved as it is; `Replacement.total` where another noise replaced it
+        and that was checked; None where it was not checked.
+        """
+        if self.replacement is not None:
+            return self.replacement.total(self.error_estimate)
+        return None if self.noise_replacement else np.full((len(self.times), 3), self.error_estimate)
+
+    @property
+    def title(self) -> str:
+        """The engine, and the last probability with its error, as a line of text."""
+        if not self.noise_replacement:
+            return super().title
+        until = when(self, len(self.times) - 1).removeprefix("after ")
+        return f"{self.engine}, {self.overturning_text()}, after {until}"
+
+    def overturning_text(self) -> str:
+        """Probability of overturning at the last time, its numerical and its total error, as a text."""
+        text = f"P(overturned) = {1.0 - self.survival[-1]:z.4f} ± {self.error_estimate:.1g} (numerics)"
+        if not self.noise_replacement:
+            return text
+        if self.replacement is None:
+            return f"{text}, replacement of the noise: not checked"
+        change, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]
+        total = known(self.total_error)[-1, 0]
+        return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
+
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """What speaks against this density whatever its own errors: the model, unchecked noise, what is not resolved."""
+        return scene_diagnostics(self.scene, "" if self.replacement else self.noise_replacement, self.unresolved)
+
+    @property
+    def error_figures(self) -> dict[str, Any]:
+        """Error figures; the total error where the replacement of the noise was checked."""
+        figures = super().error_figures
+        return figures if self.replacement else {name: figures[name] for name in figures if name != "total_error"}
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences that a reader needs: scene, noise and its check, what is not to be trusted, what is not judged."""
+        check = check_remarks(self) if self.replacement else ()
+        return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, *check))))
 
     @property
     def unresolved(self) -> str:
@@ -170,7 +248,7 @@ class Evolution(Saved, DensityResult):
         faded; ``settings["unresolved"]`` has the rows.
         """
         rows, whole = len(self.settings.get("unresolved", ())), len(self.times) - 1
-        if not rows or "bins_tol" not in self.facts:
+        if not rows or math.isinf(self.bins_tol):
             return ""
         where = "every time" if rows == whole else f"{rows} of {whole} times"
         return (
@@ -178,27 +256,24 @@ class Evolution(Saved, DensityResult):
         )
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """Error figures, tolerances and diffusion, as plain values by name."""
-        own = {name: float(getattr(self, name)) for name in _OWN_ERRORS}
-        lists = {"lost": self.lost.tolist(), "at_rest": self.at_rest.tolist()}
-        wanted = {name: self.settings[name] for name in ["bins_tol"] if np.isfinite(self.settings.get(name, np.inf))}
-        return (
-            own | lists | {"diffusion": float(self.diffusion), "tol": float(self.tol)} | wanted | self.replacement_facts
-        )
+    def metadata(self) -> dict[str, Any]:
+        """Settings and error figures, tolerances, and the measured replacement: plain values by name."""
+        own = {} if math.isinf(self.bins_tol) else {"bins_tol": self.bins_tol}
+        return super().metadata | own | ({"replacement": self.replacement.plain} if self.replacement else {})
 
-    def columns(self) -> dict[str, Array]:
-        """Table of survival, overturned to either side, lost and at rest, a row a time: arrays by column name.
+    def dataset(self) -> Dataset:
+        """Survival, overturned to either side, lost, at rest and binned probabilities over the times.
 
         Where the replacement of the noise was checked: also what it changes in survival, the sampling error of that,
         and the total error of survival.
         """
-        found = super().columns() | {"lost": self.lost, "at_rest": self.at_rest}
-        if (check := self.replacement) is None:
-            return found
-        added = check.difference, check.sampling_error, known(self.total_error)
-        names = "survival_replacement", "survival_replacement_error", "survival_total_error"
-        return found | {name: values[:, 0] for name, values in zip(names, added, strict=True)}
+        found = super().dataset()
+        found.variables.update(lost=("time", self.lost), at_rest=("time", self.at_rest))
+        if (check := self.replacement) is not None:
+            added = check.difference, check.sampling_error, known(self.total_error)
+            names = "survival_replacement", "survival_replacement_error", "survival_total_error"
+            found.variables.update({name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)})
+        return found
 
     def at(self, cycle: int) -> Density:
         """Return the density after a number of cycles.
@@ -237,8 +312,8 @@ class Evolution(Saved, DensityResult):
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
-            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that contains (0, 0).
-            A bin can be slightly below 0 where the mesh does not resolve the density.
+            Sums to the survival where the bins cover the plane; some may be slightly below 0, as computed. Blocks at
+            rest are in the bin that contains (0, 0).
 
         Raises
         ------
@@ -251,30 +326,12 @@ class Evolution(Saved, DensityResult):
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        found = Density(self.space, self.coefficients[cycle]).bin_probabilities(*edges)
+        found = self.space.bin_integrals(self.coefficients[cycle], *edges)
         return found + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else found
 
     def _check(self, cycle):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
             raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {len(self.times) - 1}"))
-
-    def _stored(self):
-        names = ("times", "survival", "overturned", "lost", "at_rest", "coefficients")
-        arrays = {name: getattr(self, name) for name in names}
-        arrays |= {"angle_lines": self.space.angle_lines, "velocity_lines": self.space.velocity_lines}
-        attributes = {name: getattr(self, name) for name in _LAYOUT.attributes}
-        if self.replacement is not None:
-            values, said = self.replacement.stored()
-            arrays, attributes = arrays | values, attributes | said
-        return self.scene, arrays, attributes
-
-    @classmethod
-    def _restored(cls, scene, arrays, attributes):
-        if "replacement" in arrays:
-            attributes["replacement"] = Replacement.restored(arrays.pop("replacement"), attributes.pop("check"))
-        coefficients = arrays.pop("coefficients")
-        space = Space(arrays.pop("angle_lines"), arrays.pop("velocity_lines"), coefficients.shape[-1] - 1)
-        return cls(scene=scene, coefficients=coefficients, space=space, **arrays, **attributes)
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:

@@ -24,7 +24,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.run import kind_of
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
-from fpk_rocking.results.remarks import closure_of
+from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 
@@ -153,7 +153,7 @@ def solve_fpk(
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
-        closure=closure_of(scene, solved),
+        noise_replacement=describe_replacement(scene, solved),
         tol=tol,
         times=times,
         survival=fine.inside,
@@ -171,7 +171,8 @@ def solve_fpk(
         | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": judged}
         | ({"unresolved": unresolved} if unresolved else {}),
         coefficients=fine.coefficients,
-        space=run.space,
+        angle_lines=run.space.angle_lines,
+        velocity_lines=run.space.velocity_lines,
         atom=solved.noise.kind == "filtered",
     )
     refuse_broken(result)

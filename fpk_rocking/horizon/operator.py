@@ -1,6 +1,5 @@
 """`CycleOperator`: the map of densities over one forcing cycle, and what it says about the long run."""
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -20,9 +19,8 @@ from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.binning import joint_edges, shown_edges
-from fpk_rocking.results.remarks import closure_of, doubts
-from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import Trust, trust_of
+from fpk_rocking.results.remarks import describe_replacement
+from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -56,7 +54,7 @@ class Outlook(NamedTuple):
     error_estimate: np.ndarray
 
 
-class CycleOperator(Shown, LinearOperator):
+class CycleOperator(Result, LinearOperator):
     """The operator that maps the density at one whole forcing cycle to the density at the next.
 
     It is the transfer (Perron-Frobenius) operator of a cycle under white noise, made of the steps of `solve_fpk`, and a
@@ -75,7 +73,7 @@ class CycleOperator(Shown, LinearOperator):
 
     Attributes
     ----------
-    scene, tol, diffusion, closure
+    scene, tol, diffusion, noise_replacement
         As in `Evolution`.
     escape_rate : float
         Long-run rate of overturning per cycle, -ln of the leading eigenvalue.
@@ -126,7 +124,10 @@ class CycleOperator(Shown, LinearOperator):
         refuse_filtered(scene)
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
-        self.closure, self.diffusion = closure_of(scene, self._white), equivalent_diffusion(self._white.noise)
+        self.noise_replacement, self.diffusion = (
+            describe_replacement(scene, self._white),
+            equivalent_diffusion(self._white.noise),
+        )
         self.tol = checks.number("tol", tol, at_least=min(USUAL))
         self._fine, self._coarse, self.escape_error, self.refinement = climb(self._white, self.tol)
         fine = self._fine
@@ -149,36 +150,42 @@ class CycleOperator(Shown, LinearOperator):
         return vector
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """Rates, error figures and settings, as plain values by name."""
-        names = "escape_rate", "escape_error", "mean_cycles", "memory_cycles", "tol", "diffusion", "negative_mass"
-        return {name: float(getattr(self, name)) for name in names} | {"residual": float(np.max(self.residuals))}
-
-    @functools.cached_property
-    def trust(self) -> Trust:
-        """Verdict with its reasons: "ok", "caution" or "do not use"."""
-        return trust_of(self.facts, doubts(self))
+    def residual(self) -> float:
+        """Largest of the `residuals`."""
+        return float(np.max(self.residuals))
 
     @property
-    def headline(self) -> str:
+    def metadata(self) -> dict[str, Any]:
+        """Rates, error figures and tolerance, as plain values by name."""
+        names = "escape_rate", "mean_cycles", "memory_cycles", "tol", "diffusion"
+        return super().metadata | {name: float(getattr(self, name)) for name in names}
+
+    @property
+    def title(self) -> str:
         """The escape rate and its error, as a line of text."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
-    def columns(self) -> dict[str, Array]:
-        """Table of the leading eigenvalues: arrays by column name."""
-        found = self.eigenvalues
-        return {"mode": np.arange(len(found)), "modulus": np.abs(found), "real": found.real, "imaginary": found.imag}
-
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Eigenvalues and binned quasi-stationary density: arrays with named dimensions, and their coordinates."""
-        edges = self._shown_edges()
+    def dataset(self) -> Dataset:
+        """Leading eigenvalues, leakage to either side, and the binned quasi-stationary density."""
+        edges, values = self._shown_edges(), self.eigenvalues
         angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
-        variables = {
-            **{name: ("mode", values) for name, values in self.columns().items() if name != "mode"},
-            "leakage": ("side", self.leakage),
-            "bin_probability": (("bin_angle", "bin_velocity"), self.quasi_stationary.bin_probabilities(*edges)),
-        }
-        return variables, {"side": ["left", "right"], "bin_angle": angle, "bin_velocity": velocity}
+        bins = self.quasi_stationary.bin_probabilities(*edges)
+        return Dataset(
+            {
+                "modulus": ("mode", np.abs(values)),
+                "real": ("mode", values.real),
+                "imaginary": ("mode", values.imag),
+                "leakage": ("side", self.leakage),
+                "bin_probability": (("bin_angle", "bin_velocity"), bins),
+            },
+            {
+                "mode": np.arange(len(values)),
+                "side": ["left", "right"],
+                "bin_angle": angle,
+                "bin_velocity": velocity,
+            },
+            rows=("mode",),
+        )
 
     def plot(self) -> Any:
         """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib figure."""

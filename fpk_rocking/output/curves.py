@@ -9,9 +9,9 @@ from matplotlib.ticker import MaxNLocator
 
 from fpk_rocking.base.types import File
 from fpk_rocking.compare import compare
-from fpk_rocking.output import style
+from fpk_rocking.results import style
 from fpk_rocking.results.remarks import cautions, noise_text
-from fpk_rocking.results.result import Result, label_of
+from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.times import shown_times, time_name
 
 __all__ = ["survival_figure"]
@@ -23,7 +23,7 @@ _SMALL = 2.8
 _NOTE_WIDTH = 125
 
 
-def survival_figure(path: File, results: Sequence[Result], title: str = "") -> pathlib.Path:
+def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = "") -> pathlib.Path:
     """Draw survival, also on a logarithmic axis, differences from the first result, and leakage per cycle and side.
 
     Samples are drawn with their 95 % intervals. The interval of a difference supposes that both results have the same
@@ -33,7 +33,7 @@ def survival_figure(path: File, results: Sequence[Result], title: str = "") -> p
     ----------
     path : path
         File to write; the suffix chooses the format.
-    results : sequence of Result
+    results : sequence of SurvivalResult
         Two to four results, whose scenes differ in the noise alone; the first is the reference.
     title : str
         By default survival in the end, and the largest difference from the first result.
@@ -54,7 +54,7 @@ def survival_figure(path: File, results: Sequence[Result], title: str = "") -> p
     survival.png
     """
     with style.drawing() as new_figure:
-        closures = (result.closure for result in results)
+        closures = (result.noise_replacement for result in results)
         notes = textwrap.wrap(" ".join(dict.fromkeys((*filter(None, closures), *cautions(*results)))), _NOTE_WIDTH)
         width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
         figure = new_figure(figsize=(width, height))
@@ -65,7 +65,7 @@ def survival_figure(path: File, results: Sequence[Result], title: str = "") -> p
         )
         rows = [["survival", "tail", "leakage"], ["difference"] * 3]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.9, 1.0))
-        labels = [f"{label_of(result)} ({_noise(result)})" for result in results]
+        labels = [f"{result.label} ({_noise(result)})" for result in results]
         for result, label, colour, marker in zip(results, labels, style.COLOURS, _MARKERS, strict=False):
             _survival(panels["survival"], result, label, colour, marker)
             _survival(panels["tail"], result, label, colour, marker)
@@ -90,7 +90,7 @@ def _message(results, compared):
 
 def _noise(result):
     """Name the noise of a result; a note below the panels says what a density has in its place."""
-    return "noise replaced, see below" if result.closure else noise_text(result.scene.noise)
+    return "noise replaced, see below" if result.noise_replacement else noise_text(result.scene.noise)
 
 
 def _points(marker) -> dict:

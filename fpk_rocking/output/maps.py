@@ -7,11 +7,11 @@ from matplotlib.colors import PowerNorm
 from matplotlib.ticker import MaxNLocator
 
 from fpk_rocking.base.types import File
-from fpk_rocking.output import style
 from fpk_rocking.output.surfaces import row_name
+from fpk_rocking.results import style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import cautions, scene_text
-from fpk_rocking.results.result import Result
+from fpk_rocking.results.survival import SurvivalResult
 
 __all__ = ["density_maps"]
 
@@ -22,7 +22,7 @@ _TICKS = np.array([0.0, 0.1, 0.4, 1.0])
 _SHOWN = 0.9999
 
 
-def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> None:
+def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> None:
     """Draw joint densities as colour maps of the phase plane, with one colour scale for each cycle.
 
     A map shows the probability in each bin divided by the area of the bin, for all engines alike. The velocities shown
@@ -32,7 +32,7 @@ def density_maps(path: File, results: Sequence[Result], cycles: Sequence[int], t
     ----------
     path : path
         File to write; the suffix chooses the format.
-    results : sequence of Result
+    results : sequence of SurvivalResult
         Results whose scenes differ in the noise alone, drawn from top to bottom.
     cycles : sequence of int
         Cycles, each at least 1, drawn from left to right.

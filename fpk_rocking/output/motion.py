@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base.types import File
-from fpk_rocking.output import style
+from fpk_rocking.results import style
 from fpk_rocking.results.remarks import cautions, noise_text
-from fpk_rocking.results.result import label_of
 
 __all__ = ["ANGLE", "TIME", "VELOCITY", "history_panel", "motion_figure"]
 
@@ -57,7 +56,7 @@ def motion_figure(
     motion.png
     """
     scene = ensemble.scene
-    notes = [f"{label_of(ensemble)}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *cautions(ensemble)]
+    notes = [f"{ensemble.label}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *cautions(ensemble)]
     with style.page(path, _SIZE, title, notes) as figure:
         top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 1.0, 0.8))
         rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]

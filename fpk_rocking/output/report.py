@@ -12,12 +12,9 @@ import pathlib
 
 import numpy as np
 
-from fpk_rocking.base.look import OVERTURNED, SURFACE
-from fpk_rocking.results.pictures import edges_of
-from fpk_rocking.results.plane import plane_units
-from fpk_rocking.results.result import label_of
-from fpk_rocking.results.shown import picture_html, trust_html
+from fpk_rocking.results.pictures import edges_of, picture_html, plane_units
 from fpk_rocking.results.storage import write_text
+from fpk_rocking.results.style import OVERTURNED, SURFACE
 from fpk_rocking.results.times import when
 
 __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
@@ -50,13 +47,13 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
     ----------
     path : path
         By custom with the suffix .html.
-    shown : Shown
+    shown : Result
         What it is about: its title, verdict, picture and table stand there.
     values : dict
         Plain values, kept in the file as JSON under the id "summary".
     sentences : sequence of str
         What belongs below the table, the verdict aside.
-    films : sequence of Result
+    films : sequence of SurvivalResult
         Whose densities are shown after every cycle they have in common, of more than 121 cycles as many of them.
     scenes : sequence of Scene
         Listed at the end.
@@ -69,11 +66,11 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
     made = _film(films) if films else None
     script = (_HERE / "report.js").read_text(encoding="utf-8")
     parts = [
-        trust_html(shown.trust),
-        picture_html(shown.plot(), shown.headline),
+        shown.trust.html,
+        picture_html(shown.plot(), shown.title),
         _film_html(made) if made else "",
         "<h2>Numbers</h2>",
-        table_html(shown.columns()),
+        table_html(shown.table()),
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
@@ -82,7 +79,7 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
         json_html("summary", values),
         f"{json_html('film', made)}<script>{script}</script>" if made else "",
     ]
-    return write_page(path, shown.title, parts)
+    return write_page(path, shown.heading, parts)
 
 
 def write_page(path, title, parts):
@@ -166,7 +163,7 @@ def _film(results):
         codes = np.round((_COLOURS - 1) * np.sqrt(found / scales)).astype(np.uint8)
         lists.append(
             {
-                "name": label_of(result),
+                "name": result.label,
                 "survival": np.asarray(result.survival)[rows].tolist(),
                 "overturned": np.asarray(result.overturned)[rows].tolist(),
                 "codes": [base64.b64encode(frame.tobytes()).decode("ascii") for frame in codes],

@@ -9,10 +9,10 @@ from matplotlib.colors import PowerNorm
 from matplotlib.ticker import MaxNLocator
 
 from fpk_rocking.base.types import File
-from fpk_rocking.output import style
+from fpk_rocking.results import style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import cautions, scene_text
-from fpk_rocking.results.result import Result, label_of
+from fpk_rocking.results.survival import SurvivalResult
 
 __all__ = ["row_name", "surface_figure"]
 
@@ -23,7 +23,7 @@ _VIEW = {"elev": 32, "azim": -62}
 _PARTS = 4  # points a bin
 
 
-def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int], title: str) -> pathlib.Path:
+def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> pathlib.Path:
     """Draw joint densities as surfaces, one panel for each cycle, with walls for the overturned probability.
 
     The height of a surface is the probability in a bin around the point divided by the area of the bin, for all engines
@@ -34,7 +34,7 @@ def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int],
     ----------
     path : path
         File to write; the suffix chooses the format.
-    results : sequence of Result
+    results : sequence of SurvivalResult
         Results whose scenes differ in the noise alone, drawn from top to bottom.
     cycles : sequence of int
         Cycles, drawn from left to right, three in a row.
@@ -79,9 +79,9 @@ def surface_figure(path: File, results: Sequence[Result], cycles: Sequence[int],
         return style.save(figure, path)
 
 
-def row_name(result: Result) -> str:
+def row_name(result: SurvivalResult) -> str:
     """Return the name of a row of panels: the engine, its size, and whether it has the noise of the scene."""
-    return label_of(result).replace(", ", "\n") + "\nnoise replaced" * bool(result.closure)
+    return result.label.replace(", ", "\n") + "\nnoise replaced" * bool(result.noise_replacement)
 
 
 def _surface(result, cycle):

@@ -8,15 +8,13 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import interval_of, label_of
-from fpk_rocking.results.times import seconds_of, shown_times, time_name
+from fpk_rocking.results.remarks import noise_text
+from fpk_rocking.results.times import seconds_of, shown_times, time_name, when
 
-__all__ = ["comparison_table", "result_table", "show", "text_table", "told"]
+__all__ = ["comparison_table", "result_table", "show", "text_table", "verdict_first"]
 
 _NARROWEST = 100
-_INTERVAL = "95 % interval"
-_SIDES = {"result": "left", _INTERVAL: "center", "95 %": "center", "± estimate": "center"}
+_SIDES = {"result": "left", "95 % interval": "center", "95 %": "center", "± estimate": "center"}
 
 
 def show(title, table, sentences):
@@ -38,19 +36,32 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     if sized and result.cycles is not None:
         columns["time, s"] = [f"{time:.4g}" for time in seconds_of(result)]
     columns["survival"] = [f"{value:.5f}" for value in result.survival]
-    interval = interval_of(result)
-    if interval is not None:
-        columns[_INTERVAL] = [_limits(limits, 5) for limits in interval]
-    if result.replacement is not None:
+    if result.interval is not None:
+        columns["95 % interval"] = [_limits(limits, 5) for limits in result.interval]
+    if getattr(result, "replacement", None) is not None:
         columns["total ±"] = [f"{error:.5f}" for error in result.total_error[:, 0]]
     columns["overturned left"] = [f"{value:z.5f}" for value in left]
     columns["overturned right"] = [f"{value:z.5f}" for value in right]
-    made_by = f"{label_of(result)}: {noise_text(result.scene.noise)}{', ' * result.deterministic}{result.outcome}"
+    last, outcome = len(result.times) - 1, result.metadata.get("outcome", "")
+    seconds = f" ({seconds_of(result)[last]:.4g} s)" if sized and result.cycles is not None else ""
+    answer = f"{result.overturning_text()}, {when(result, last)}{seconds}"
+    made_by = f"{result.label}: {noise_text(result.scene.noise)}{', ' * bool(outcome)}{outcome}"
     return (
-        f"{result.answer}\n{made_by}",
+        f"{answer}\n{made_by}",
         text_table(columns, zip(*columns.values(), strict=True)),
-        told(result.trust, result.account, *remarks(result)),
+        verdict_first(result.trust, *_account(result), *result.remarks),
     )
+
+
+def _account(result):
+    """Yield the error figures beside that of the verdict, and seed, steps and seconds, as sentences."""
+    yield from (one.message for one in result.diagnostics if one.value is not None and one.message)
+    settings = {} if result.deterministic else {"seed {}": result.metadata.get("seed")}
+    if getattr(result, "method", "exact") != "exact":
+        settings["{} steps a cycle"] = result.steps_per_cycle
+    parts = [text.format(value) for text, value in settings.items() if value is not None]
+    text = ", ".join([*parts, f"{result.wall_s:.1f} s."])
+    yield text[0].upper() + text[1:]
 
 
 def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
@@ -68,7 +79,7 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
         For each cycle one row for the reference and one for each result held against it.
     sentences : tuple of str
     """
-    names = "cycles", "result", "survival", _INTERVAL, "z", "L1 (floor)", "Hellinger (floor)"
+    names = "cycles", "result", "survival", "95 % interval", "z", "L1 (floor)", "Hellinger (floor)"
     table = text_table(names, *(_compared(comparisons, *place) for place in enumerate(comparisons[0].joint_cycles)))
     sentences = dict.fromkeys(sentence for compared in comparisons for sentence in compared.remarks)
     title = "Survival, and distance of the joint densities from the first row of each cycle"
@@ -78,7 +89,7 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
     )
     said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
     for compared in reversed(comparisons):
-        verdict, *said = told(compared.trust, *said)
+        verdict, *said = verdict_first(compared.trust, *said)
         label = f"{compared.names[0]} against {compared.names[1]}, " if len(comparisons) > 1 else ""
         said = f"{label}{verdict}", *said
     return title, table, said
@@ -97,7 +108,7 @@ def _compared(comparisons, place, cycle):
         )
 
 
-def told(trust, *sentences) -> tuple[str, ...]:
+def verdict_first(trust, *sentences) -> tuple[str, ...]:
     """Return the verdict, and below it those sentences that are no reason of it."""
     return str(trust), *(sentence for sentence in sentences if sentence not in trust.reasons)
 

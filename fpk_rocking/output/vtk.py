@@ -20,13 +20,13 @@ import numpy as np
 
 from fpk_rocking.base.types import File
 from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import replaced_atomically, write_text
+from fpk_rocking.results.survival import SurvivalResult
 
 __all__ = ["write_function", "write_series"]
 
 
-def write_series(folder: File, name: str, result: Result, cycles: Sequence[int]) -> pathlib.Path:
+def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequence[int]) -> pathlib.Path:
     """Write the joint density of angle and velocity after each of some cycles as VTK files, for ParaView for example.
 
     A density is written on its own mesh; each cell is cut into as many pieces a side as its polynomial degree, so that
@@ -39,7 +39,7 @@ def write_series(folder: File, name: str, result: Result, cycles: Sequence[int])
         Folder of the files; created if missing.
     name : str
         First part of their names: ``<name>.pvd``, ``<name>_0000.vtu``, ...
-    result : Result
+    result : SurvivalResult
         Result of any engine.
     cycles : sequence of int
         Cycles to write.
@@ -177,7 +177,7 @@ def _mesh_of(points, cells, values, cell_data):
 
 def _fields(result, cycle) -> dict[str, float]:
     left, right = result.overturned[cycle]
-    own = {name: value for name, value in result.facts.items() if name == "negative_mass"}
+    own = {} if result.realizations else {"negative_mass": result.negative_mass}
     return own | {
         "cycle": cycle,
         "tau": result.times[cycle],

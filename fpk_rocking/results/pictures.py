@@ -1,20 +1,47 @@
 """Small pictures of results, for ``plot()``: survival, and densities over the plane; matplotlib comes with them."""
 
+import base64
+import html
+import io
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.look import COLOURS, SURFACE, drawing
 from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import shown_edges
-from fpk_rocking.results.plane import NONDIMENSIONAL, PlaneUnits, plane_units
+from fpk_rocking.results.style import COLOURS, SURFACE, drawing
 from fpk_rocking.results.times import shown_times, time_name, when
+from fpk_rocking.scene.scene import Scene
 
-__all__ = ["edges_of", "figure_of", "function_panel", "plane_panel", "result_panels", "survival_panel"]
+__all__ = [
+    "edges_of",
+    "figure_of",
+    "function_panel",
+    "picture_html",
+    "plane_panel",
+    "plane_units",
+    "result_panels",
+    "survival_panel",
+]
 
-_PANEL = 4.6, 3.3
-_LATTICE = 161
+
+class PlaneUnits(NamedTuple):
+    """What an angle and a velocity of 1 are on the axes of a picture, and the names of the axes."""
+
+    angle: float = 1.0
+    velocity: float = 1.0
+    names: tuple[str, str] = ("angle Θ", "velocity dΘ/dτ")
+
+
+def plane_units(scene: Scene) -> PlaneUnits:
+    """Return degrees and degrees a second for a block with dimensions; else nondimensional units."""
+    size = scene.block.dimensions
+    if size is None:
+        return PlaneUnits()
+    angle = math.degrees(size.critical_angle)
+    return PlaneUnits(angle, angle * size.frequency_parameter, ("angle θ, degrees", "velocity, degrees/s"))
 
 
 def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
@@ -30,7 +57,7 @@ def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
     matplotlib.figure.Figure
     """
     with drawing() as new_figure:
-        figure = new_figure(figsize=(_PANEL[0] * len(panels), _PANEL[1]), layout="constrained")
+        figure = new_figure(figsize=(4.6 * len(panels), 3.3), layout="constrained")
         for panel, axes in zip(panels, np.atleast_1d(figure.subplots(1, len(panels))), strict=True):
             panel(figure, axes)
     return figure
@@ -70,15 +97,15 @@ def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
 def survival_panel(axes: Any, *results: Any) -> None:
     """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands."""
     for result, colour in zip(results, COLOURS, strict=False):
-        survival, interval = np.asarray(result.survival), result.survival_interval()
-        label = f"{result.engine}, {'one path' if result.deterministic else '95 % interval'}"
+        survival, label = np.asarray(result.survival), "one path" if result.deterministic else "95 % interval"
+        interval = result.survival_interval()
         if interval is None:
-            error, label = result.facts["error_estimate"], f"{result.engine}, estimated error"
+            error, label = result.error_estimate, "estimated error"
             if result.replacement is not None:
-                error, label = result.total_error[:, 0], f"{result.engine}, total error"
+                error, label = result.total_error[:, 0], "total error"
             interval = np.stack([survival - error, survival + error], -1)
         axes.fill_between(shown_times(result), *np.asarray(interval).T, color=colour, alpha=0.3, linewidth=0.0)
-        axes.plot(shown_times(result), survival, color=colour, marker=".", label=label)
+        axes.plot(shown_times(result), survival, color=colour, marker=".", label=f"{result.engine}, {label}")
     axes.set(xlabel=time_name(results[0].scene), ylabel="P(not overturned)", ylim=(-0.03, 1.03))
     axes.legend(loc="best", fontsize=8)
 
@@ -90,7 +117,7 @@ def plane_panel(
     values: Array,
     name: str,
     power: float = 0.5,
-    units: PlaneUnits = NONDIMENSIONAL,
+    units: PlaneUnits = PlaneUnits(),
 ) -> None:
     """Draw a density (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
     from matplotlib.colors import PowerNorm
@@ -110,13 +137,30 @@ def function_panel(
     edges: Sequence[Array],
     name: str,
     power: float = 0.5,
-    units: PlaneUnits = NONDIMENSIONAL,
+    units: PlaneUnits = PlaneUnits(),
 ) -> None:
     """Draw a function of angle and velocity on a lattice between the outer edges."""
-    fine = [np.linspace(line[0], line[-1], _LATTICE) for line in edges]
+    fine = [np.linspace(line[0], line[-1], 161) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
     plane_panel(figure, axes, fine, values, name, power, units)
 
 
 def _title(result, cycle):
     return f"{when(result, cycle)}, survival {result.survival[cycle]:.4f}"
+
+
+def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
+    """Return a figure as an image of HTML that holds its own data.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    meaning : str
+        Text for those who do not see it.
+    dots : int
+        An inch.
+    """
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=dots)
+    data = base64.b64encode(picture.getvalue()).decode("ascii")
+    return f"<img alt='{html.escape(meaning)}' src='data:image/png;base64,{data}'>"

@@ -3,16 +3,21 @@
 import dataclasses
 from typing import Any
 
-import numpy as np
-
-from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise
-from fpk_rocking.results.trust import CAUTION, REPLACED, VERDICTS, Doubt
+from fpk_rocking.results.trust import CAUTION, VERDICTS, Diagnostic
 from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.scene import Scene
 
-__all__ = ["cautions", "closure_of", "doubts", "noise_text", "remarks"]
+__all__ = [
+    "cautions",
+    "describe_replacement",
+    "noise_text",
+    "remarks",
+    "scene_diagnostics",
+    "scene_remarks",
+    "scene_text",
+]
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
@@ -52,7 +57,7 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
     return "no noise"
 
 
-def closure_of(scene: Scene, solved: Scene) -> str:
+def describe_replacement(scene: Scene, solved: Scene) -> str:
     """Say which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
     noise = scene.noise
     if noise.kind != "band" or noise == solved.noise:
@@ -94,13 +99,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     >>> print(*remarks(simulate(Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz"), cycles=2)))
     A block with a friction coefficient below 0.278 slides before it rocks; rocking needs more still (contact_forces).
     """
-    sentences: list[str] = []
-    for result in results:
-        sentences += filter(None, (result.scene.noise.remark, _sliding(result.scene.block), result.closure))
-        sentences += [doubt.sentence for doubt in doubts(result)]
-        sentences += filter(None, [result.check, result.unjudged])
-        sentences += _explained(result)
-    return tuple(dict.fromkeys(sentences))
+    return tuple(dict.fromkeys(sentence for result in results for sentence in result.remarks))
 
 
 def cautions(*results: Any) -> tuple[str, ...]:
@@ -108,32 +107,42 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
     A picture has room for these alone; the `remarks` stand in tables and files.
     """
-    told = (
+    sentences = (
         f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons
     )
-    return tuple(dict.fromkeys(told))
+    return tuple(dict.fromkeys(sentences))
 
 
-def doubts(result: Any) -> list[Doubt]:
-    """Return what speaks against a result whatever its own errors: the model, and noise whose replacement is unchecked.
-
-    A replacement that was checked is judged by its figure, ``total_error``, as all figures are.
-    """
-    return scene_doubts(result.scene, "" if result.replacement else result.closure, result.unresolved)
+def scene_remarks(result: Any) -> tuple[str, ...]:
+    """Sentences about the scene of a result: its noise, when its block slides, which noise replaced that of the scene."""
+    scene = result.scene
+    return tuple(filter(None, (scene.noise.remark, _sliding(scene.block), getattr(result, "noise_replacement", ""))))
 
 
-def scene_doubts(
-    scene: Scene, closure: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
-) -> list[Doubt]:
-    """Return what speaks against any result for a scene, in which another noise may have replaced that of the scene.
+def scene_diagnostics(
+    scene: Scene, noise_replacement: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
+) -> list[Diagnostic]:
+    """What speaks against any result for a scene, whatever its own errors.
 
-    Between the smallest and the largest of some scales of its shaking, where there are several.
+    Parameters
+    ----------
+    scene : Scene
+    noise_replacement : str
+        Which noise replaced that of the scene, if what this changes was not checked; else empty.
+    unresolved : str
+        What the result does not resolve, as a sentence; empty where it resolves everything.
+    scales : (float, float)
+        Smallest and largest scale of the shaking, where there are several.
+
+    Returns
+    -------
+    list of Diagnostic
     """
     found = _slender(scene.block)
-    told = implausible(scene, *scales)
-    found += [Doubt(CAUTION, " ".join(told), "implausible")] * bool(told)
-    found += [Doubt(CAUTION, unresolved, "unresolved")] * bool(unresolved)
-    return found + [Doubt(CAUTION, UNCHECKED, "unchecked")] * bool(closure)
+    strange = implausible(scene, *scales)
+    found += [Diagnostic(CAUTION, " ".join(strange), "implausible")] * bool(strange)
+    found += [Diagnostic(CAUTION, unresolved, "unresolved")] * bool(unresolved)
+    return found + [Diagnostic(CAUTION, UNCHECKED, "unchecked")] * bool(noise_replacement)
 
 
 def _sliding(block):
@@ -147,7 +156,7 @@ def _sliding(block):
 
 
 def _slender(block):
-    """Say how wrong the moments are where a block is taken as slender in spite of its dimensions."""
+    """Diagnostic of a block that is taken as slender in spite of its dimensions: by how much its moments are wrong."""
     if not block.slender or block.dimensions is None:
         return []
     size = block.dimensions
@@ -157,31 +166,4 @@ def _slender(block):
         f"moment of gravity is then too large by up to {gravity:.2g} %, that of the shaking by up to {shaking:.2g} %: "
         "fpk_rocking.studies.slenderness_cost(scene) measures what this changes."
     )
-    return [Doubt(CAUTION, sentence, "slender")]
-
-
-def _explained(result):
-    """Yield what helps where the check says that the replacement of noise is off, and what may explain it."""
-    check = result.replacement
-    if check is None or result.facts["total_error"] <= max(REPLACED, result.facts["tol"]):
-        return
-    worst = np.unravel_index(result.total_error.argmax(), result.total_error.shape)
-    if check.sampling_error[worst] > abs(check.difference[worst]):
-        yield "Most of the total error is the sampling error of the check: more paths make it smaller."
-        return
-    alone = 1.0 - result.survival[-1] - check.difference[-1, 0]
-    yield (
-        f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
-    )
-    noise, block = result.scene.noise, result.scene.block
-    part = equivalence.cover(noise, block.critical_angle)
-    spread = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
-    rest = (
-        f"; the forcing alone reaches {result.scene.forcing.largest:.3g}, a block at rest lifts off above "
-        f"{block.lift_off:.4g}, and under white noise none rests"
-    )
-    yield (
-        f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
-        f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
-        f"strength by {100.0 * spread:.0f} %{'' if result.atom else rest}."
-    )
+    return [Diagnostic(CAUTION, sentence, "slender")]

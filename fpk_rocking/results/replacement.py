@@ -4,20 +4,18 @@ This is the one place that defines the measured replacement and the total error 
 """
 
 import dataclasses
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 import numpy as np
 
-from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.physics.noise import equivalence
+from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.storage import plain
+from fpk_rocking.results.trust import REPLACED
 
-__all__ = ["Replacement", "measured"]
-
-ARRAYS = {"replacement": "f8 k+1 2 3"}
-"""Layout of a saved replacement: difference and sampling error of survival, left and right."""
-
-_SAID = {"method": str, "realizations": int, "seed": int, "wall_s": float}
+__all__ = ["Replacement", "check_remarks", "measured"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,8 +48,8 @@ class Replacement:
     [ 0.01  0.   -0.01] [0.02 0.01 0.02]
     """
 
-    difference: np.ndarray
-    sampling_error: np.ndarray
+    difference: Annotated[Array, "f8 k+1 3"]
+    sampling_error: Annotated[Array, "f8 k+1 3"]
     method: str
     realizations: int
     seed: int
@@ -76,21 +74,8 @@ class Replacement:
     @property
     def plain(self) -> dict[str, Any]:
         """Everything as plain values by name, for JSON."""
-        own = {name: kind(getattr(self, name)) for name, kind in _SAID.items()}
-        lists = {"difference": self.difference.tolist(), "sampling_error": self.sampling_error.tolist()}
-        return own | {"columns": ["survival", "overturned left", "overturned right"]} | lists
-
-    def stored(self) -> tuple[dict[str, Array], dict[str, Any]]:
-        """Return arrays and attributes of a file; `restored` takes them."""
-        said = {name: kind(getattr(self, name)) for name, kind in _SAID.items()}
-        return {"replacement": np.stack([self.difference, self.sampling_error], axis=1)}, {"check": said}
-
-    @classmethod
-    def restored(cls, values: Array, said: dict) -> "Replacement":
-        """Return what `stored` gave; raises ValueError where `said` is something else."""
-        if said.keys() != _SAID.keys() or any(type(said[name]) is not kind for name, kind in _SAID.items()):
-            raise ValueError(checks.refusal("check", said, f"values of {', '.join(_SAID)}"))
-        return cls(values[:, 0], values[:, 1], **said)
+        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return plain(own | {"columns": ["survival", "overturned left", "overturned right"]})
 
 
 def measured(density: Any, paths: Any) -> Replacement:
@@ -98,8 +83,8 @@ def measured(density: Any, paths: Any) -> Replacement:
 
     Parameters
     ----------
-    density : DensityResult
-        Its noise was replaced (``closure``).
+    density : Evolution
+        Its noise was replaced (``noise_replacement``).
     paths : Ensemble or Tally
         Of the same scene, at the same times or more.
 
@@ -112,7 +97,7 @@ def measured(density: Any, paths: Any) -> Replacement:
     ValueError
         The paths are of another scene or of other times, or no noise was replaced.
     """
-    if not density.closure:
+    if not density.noise_replacement:
         raise ValueError("density: got one whose noise was solved as it is, accepted: one whose noise was replaced")
     if paths.scene != density.scene:
         raise ValueError("paths: got those of another scene, accepted: paths of the density's own scene and noise")
@@ -123,6 +108,48 @@ def measured(density: Any, paths: Any) -> Replacement:
     limits = wilson_interval(np.round(sampled * paths.realizations), paths.realizations)
     error = np.abs(limits - sampled[..., None]).max(axis=-1)
     return Replacement(sampled - solved, error, paths.method, paths.realizations, paths.seed, float(paths.wall_s))
+
+
+def check_remarks(density: Any) -> Iterator[str]:
+    """Sentences about a measured replacement: how it was measured and, where its total error is large, why and what helps.
+
+    Parameters
+    ----------
+    density : Evolution
+        Whose noise was replaced and whose replacement was measured (`measured`).
+
+    Yields
+    ------
+    str
+    """
+    check, total = density.replacement, density.total_error
+    yield (
+        f"{density.overturning_text()}. Replacement: {check.realizations:,} paths under the noise of the scene "
+        f"({check.method}, seed {check.seed}, {check.wall_s:.1f} s) less the density, with its 95 % sampling error. "
+        "Total: numerics + |replacement| + sampling error."
+    )
+    if total.max() <= max(REPLACED, density.tol):
+        return
+    worst = np.unravel_index(total.argmax(), total.shape)
+    if check.sampling_error[worst] > abs(check.difference[worst]):
+        yield "Most of the total error is the sampling error of the check: more paths make it smaller."
+        return
+    alone = 1.0 - density.survival[-1] - check.difference[-1, 0]
+    yield (
+        f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
+    )
+    noise, block = density.scene.noise, density.scene.block
+    part = equivalence.cover(noise, block.critical_angle)
+    spread = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
+    rest = (
+        f"; the forcing alone reaches {density.scene.forcing.largest:.3g}, a block at rest lifts off above "
+        f"{block.lift_off:.4g}, and under white noise none rests"
+    )
+    yield (
+        f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
+        f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
+        f"strength by {100.0 * spread:.0f} %{'' if density.atom else rest}."
+    )
 
 
 def _probabilities(result):

@@ -1,32 +1,34 @@
 """Saved results, and files that are written whole or not at all.
 
 A result file is an .npz archive without pickled objects: the arrays as they are, and one JSON header with the format's
-version, the kind of result, the scene as TOML, the scalar attributes and the versions of the programs that wrote it.
+version, the kind of result, its scenes as TOML, the scalar attributes and the versions of the programs that wrote it.
+What a file of a kind holds follows from the fields of its class, see `Saved`.
 """
 
 import contextlib
 import csv
+import dataclasses
 import importlib.metadata
 import io
 import json
+import math
 import os
 import pathlib
+import re
 import secrets
+import typing
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, File
-from fpk_rocking.results.layout import Layout
+from fpk_rocking.base.types import File, known
 from fpk_rocking.scene.scene import Scene
 
-_FORMAT = 6
+_FORMAT = 7
 _HEADER = "header"
-_HEADER_PARTS = {"kind": str, "scene": str, "attributes": dict}
-_PIECE = 2**20
 
 
 @contextlib.contextmanager
@@ -71,89 +73,43 @@ def write_csv(path: File, names: Iterable[str], rows: Iterable[Iterable[Any]]) -
     write_text(path, text.getvalue())
 
 
-def write_result(
-    path: File, kind: str, scene: Scene, arrays: Mapping[str, ArrayLike], attributes: dict[str, Any]
-) -> None:
-    """Save a result.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        File to write, by custom with the suffix .npz.
-    kind : str
-        "evolution" (density solver), "ensemble", "tally" or "histories" (Monte Carlo), "fragility" (either).
-    scene : Scene
-        The scene as it was asked for.
-    arrays : dict of str to array_like
-        Numbers or booleans.
-    attributes : dict of str
-        What JSON holds: numbers, strings, None, lists, dicts.
-
-    Raises
-    ------
-    TypeError
-        An attribute is not JSON.
-    """
-    header = {
-        "format": _FORMAT,
-        "kind": kind,
-        "scene": scene.to_toml(),
-        "attributes": attributes,
-        "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
-    }
-    text = json.dumps(header)
-    with replaced_atomically(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
+def write_json(path: File, values: Any) -> None:
+    """Write plain values as a JSON file, whole or not at all; nan is refused, for JSON has none."""
+    write_text(path, json.dumps(values, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
 
-def read_result(path: File, kind: str, *layouts: Layout, make: Callable[..., Any] | None = None) -> Any:
-    """Load a result that `write_result` saved, all that is read of it held against its checksum.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-    kind : str
-        The kind that is wanted.
-    *layouts : fpk_rocking.results.layout.Layout
-        What it has to hold: one of these, which differ in the names of their arrays.
-    make : callable, optional
-        Makes the result of scene, arrays and attributes, which come back as they are without it.
-
-    Returns
-    -------
-    result
-        What `make` returns.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    ValueError
-        The file is not a result, is damaged or truncated, or holds another kind, format or content.
-    """
-    with _opened(path) as (header, archive):
-        if header["kind"] != kind:
-            raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
-        names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
-        arrays = {name: _array(path, archive, name) for name in sorted(names)}
-    layout = next((one for one in layouts if one.arrays.keys() == arrays.keys()), layouts[0])
-    try:
-        layout.check(arrays, header["attributes"])
-        found = Scene.from_toml(header["scene"]), arrays, header["attributes"]
-        return found if make is None else make(*found)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+def plain(value: Any) -> Any:
+    """Return lists in place of arrays and tuples, Python's numbers in place of numpy's, and None in place of nan."""
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class Saved:
-    """A result that can be saved to a file and loaded again.
+    """A result that can be saved to a file and loaded again; its dataclass fields say what the file holds.
 
-    A subclass has the kind of its file and what that holds; where its fields are not that, also `_stored` and
-    `_restored`.
+    A field is one of these:
+
+    * ``Annotated[Array, "f8 n k+1"]``, an array with its dtype and lengths. A letter is one length in all arrays of the
+      result; it may have a factor in front and 1 added. After construction nobody can write to it.
+    * float, int, bool, str, dict or list, of what JSON holds; float takes whole numbers too.
+    * `Scene`, or ``tuple[Scene, ...]``.
+    * a NamedTuple or dataclass with such fields, or ``... | None``.
+
+    The fields check each other in ``__post_init__``, where that raises ValueError.
     """
 
-    _kind: ClassVar[str]
-    _layouts: ClassVar[tuple[Layout, ...]]
+    kind: ClassVar[str]
+    """Name of the kind of result in its file."""
+
+    def __post_init__(self) -> None:
+        for name, annotation in _fields(type(self)):
+            if _form(annotation):
+                getattr(self, name).flags.writeable = False
 
     def save(self, path: File) -> None:
         """Save the result to a file; an interruption leaves no partial file.
@@ -162,12 +118,30 @@ class Saved:
         ----------
         path : str or pathlib.Path
             File to write, by custom with the suffix .npz; its folder is created if missing.
+
+        Raises
+        ------
+        TypeError
+            An attribute is not JSON.
         """
-        write_result(path, self._kind, *self._stored())
+        arrays: dict[str, Any] = {}
+        attributes: dict[str, Any] = {}
+        scenes: list[Scene] = []
+        _take_apart(self, "", arrays, attributes, scenes)
+        header = {
+            "format": _FORMAT,
+            "kind": self.kind,
+            "scenes": [scene.to_toml() for scene in scenes],
+            "attributes": attributes,
+            "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
+        }
+        text = json.dumps(header)
+        with replaced_atomically(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **{_HEADER: np.array(text)}, **arrays)
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load a saved result.
+        """Load a saved result, all that is read of it held against its checksum.
 
         Parameters
         ----------
@@ -184,26 +158,120 @@ class Saved:
         FileNotFoundError
             There is no such file.
         ValueError
-            The file is damaged, or holds something else.
+            The file is not a result, is damaged or truncated, or holds another kind, format or content.
         """
-        return read_result(path, cls._kind, *cls._layouts, make=cls._restored)
-
-    def _stored(self) -> tuple[Any, dict[str, Any], dict[str, Any]]:
-        """Return the scene, the arrays and the attributes to save."""
-        own: Any = self
-        return own.scene, *self._layouts[0].of(self)
-
-    @classmethod
-    def _restored(cls, scene: Scene, arrays: dict[str, Any], attributes: dict[str, Any]) -> Self:
-        """Make the result from what was saved."""
-        own: Any = cls
-        return own(scene=scene, **arrays, **attributes)
+        with _opened(path) as (header, archive):
+            if header["kind"] != cls.kind:
+                raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {cls.kind!r}")
+            names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
+            arrays = {name: _array(path, archive, name) for name in sorted(names)}
+        try:
+            attributes = header["attributes"]
+            _check(cls, arrays, attributes)
+            if Scene in dict(_fields(cls)).values() and len(header["scenes"]) != 1:
+                raise ValueError(f"scenes: got {len(header['scenes'])}, accepted: 1")
+            return _put_together(cls, "", arrays, attributes, [Scene.from_toml(text) for text in header["scenes"]])
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
 
 
 def result_kind(path: File) -> str:
-    """Return the kind of a saved result; raises as `read_result`."""
+    """Return the kind of a saved result; raises as `Saved.load`."""
     with _opened(path) as (header, _):
         return header["kind"]
+
+
+def _fields(cls):
+    """Names and annotations of the fields of a dataclass or a NamedTuple."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    names = cls._fields if hasattr(cls, "_fields") else [field.name for field in dataclasses.fields(cls)]
+    return [(name, hints[name]) for name in names]
+
+
+def _form(annotation):
+    """Dtype and lengths of an annotated array, as in "f8 n k+1"; None of any other annotation."""
+    return annotation.__metadata__[0] if typing.get_origin(annotation) is typing.Annotated else None
+
+
+def _nested(annotation):
+    """The class, and whether it may be absent, of a field that has fields of its own; else None."""
+    options = [one for one in typing.get_args(annotation) if one is not type(None)]
+    cls = options[0] if len(options) == 1 else annotation
+    return (cls, cls is not annotation) if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls) else None
+
+
+def _take_apart(result, prefix, arrays, attributes, scenes):
+    """Collect the arrays, attributes and scenes of a result by the names that they have in a file."""
+    for name, annotation in _fields(type(result)):
+        value = getattr(result, name)
+        if _form(annotation):
+            arrays[prefix + name] = value
+        elif annotation in (Scene, tuple[Scene, ...]):
+            scenes.extend([value] if annotation is Scene else value)
+        elif not _nested(annotation):
+            attributes[prefix + name] = value
+        elif value is not None:
+            _take_apart(value, f"{prefix}{name}.", arrays, attributes, scenes)
+
+
+def _put_together(cls, prefix, arrays, attributes, scenes):
+    """Make an object of the class from what `_take_apart` collected."""
+    values = {}
+    for name, annotation in _fields(cls):
+        key = prefix + name
+        if annotation in (Scene, tuple[Scene, ...]):
+            values[name] = scenes[0] if annotation is Scene else tuple(scenes)
+        elif nested := _nested(annotation):
+            there = any(one.startswith(f"{key}.") for one in arrays)
+            values[name] = _put_together(nested[0], f"{key}.", arrays, attributes, scenes) if there else None
+        else:
+            values[name] = (arrays if _form(annotation) else attributes)[key]
+    return cls(**values)
+
+
+def _layout(cls, present, prefix=""):
+    """Forms of the arrays and types of the attributes that a file of a class has; optional parts where `present`."""
+    forms, types = {}, {}
+    for name, annotation in _fields(cls):
+        key = prefix + name
+        if form := _form(annotation):
+            forms[key] = form
+        elif nested := _nested(annotation):
+            if annotation is not Scene and (not nested[1] or any(one.startswith(f"{key}.") for one in present)):
+                inner = _layout(nested[0], present, f"{key}.")
+                forms, types = forms | inner[0], types | inner[1]
+        elif annotation != tuple[Scene, ...]:
+            types[key] = typing.get_origin(annotation) or annotation
+    return forms, types
+
+
+def _check(cls, arrays, attributes):
+    """Raise ValueError where arrays and attributes are not those of a class, or of another form."""
+    forms, types = _layout(cls, arrays)
+    for what, found, wanted in (("arrays", arrays, forms), ("attributes", attributes, types)):
+        if found.keys() != wanted.keys():
+            raise ValueError(f"{what}: got {', '.join(sorted(found))}, accepted: {', '.join(sorted(wanted))}")
+    for name, kind in types.items():
+        value = attributes[name]
+        if isinstance(value, bool) != (kind is bool) or not isinstance(value, (int, float) if kind is float else kind):
+            raise ValueError(f"{name}: got {value!r}, accepted: {kind.__name__}")
+    lengths: dict[str, int] = {}
+    for name, form in forms.items():
+        code, *dims = form.split()
+        values = arrays[name]
+        fits = values.dtype == np.dtype(code) and values.ndim == len(dims)
+        if not fits or not all(_fits(*pair, lengths) for pair in zip(values.shape, dims, strict=True)):
+            others = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
+            raise ValueError(f"{name}: got {values.dtype} of shape {values.shape}, accepted: {form!r} with {others}")
+
+
+def _fits(length, dim, lengths):
+    """Whether an array's length is as stated, such as "2", "n" or "20k+1"; a letter's first length is kept."""
+    factor, letter, one = known(re.fullmatch(r"(\d*)([a-z]?)(\+1)?", dim)).groups()
+    length, factor = length - bool(one), int(factor or 1)
+    if not letter:
+        return length == factor
+    return length % factor == 0 and length >= 0 and lengths.setdefault(letter, length // factor) == length // factor
 
 
 @contextlib.contextmanager
@@ -228,7 +296,7 @@ def _array(path, archive, name):
     """Read an array, to the end first: numpy reads no further than a shape says, and the checksum is known last."""
     try:
         with archive.open(f"{name}.npy") as member:
-            while member.read(_PIECE):
+            while member.read(2**20):
                 pass
         with archive.open(f"{name}.npy") as member:
             return np.lib.format.read_array(member, allow_pickle=False)
@@ -241,18 +309,24 @@ def _damaged(path, error):
 
 
 def _header(path, archive):
+    """Read and check the header of a result file."""
     strange = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
     if f"{_HEADER}.npy" not in archive.namelist():
         raise ValueError(strange)
     text = str(_array(path, archive, _HEADER))
     try:
         header = json.loads(text)
-        found = header["format"]
-        whole = found != _FORMAT or all(isinstance(header[name], cls) for name, cls in _HEADER_PARTS.items())
-    except (KeyError, TypeError, ValueError, RecursionError):
+        number = header["format"]
+        parts = (header.get(name) for name in ("kind", "scenes", "attributes"))
+        valid = all(isinstance(*pair) for pair in zip(parts, (str, list, dict), strict=True))
+        valid = valid and all(isinstance(scene, str) for scene in header["scenes"])
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         raise ValueError(strange) from None
-    if found != _FORMAT:
-        raise ValueError(f"{path}: got format {found!r}, accepted: {_FORMAT} (saved by another version)")
-    if not whole:
+    if number != _FORMAT:
+        version = header.get("versions")
+        version = version.get("fpk-rocking") if isinstance(version, dict) else None
+        by = f"version {version}, which reads it" if version else "another version"
+        raise ValueError(f"{path}: got format {number!r}, accepted: {_FORMAT} (saved by {by})")
+    if not valid:
         raise ValueError(strange)
     return header

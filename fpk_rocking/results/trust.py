@@ -1,17 +1,19 @@
-"""Whether the numbers of a result may be used: one verdict for all kinds of results, from their error figures."""
+"""Whether the numbers of a result may be used: its diagnostics, and the one verdict that follows from them."""
 
+import html
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["CAUTION", "UNUSABLE", "Doubt", "Trust", "trust_of", "verdict"]
+__all__ = ["CAUTION", "DIAGNOSTICS", "UNUSABLE", "Diagnostic", "Trust", "assess", "verdict"]
 
 CAUTION, UNUSABLE = 1, 2
-"""How much a doubt weighs."""
+"""Severity of a diagnostic that speaks against a result."""
 
 VERDICTS = "ok", "caution", "do not use"
+"""Verdict by the largest severity."""
 
 USELESS = 0.1
 """Possible error of a probability above which it is not to be used."""
@@ -23,39 +25,40 @@ REPLACED = 0.01
 """Total error of a density's probabilities, the measured replacement of its noise included, that needs no caution; the
 tolerance that was asked for, where that is larger."""
 
-_MASS, _NEGATIVE, _RESIDUAL = 1e-9, 1e-2, 1e-6
 
-
-class Doubt(NamedTuple):
-    """What speaks against a result.
+class Diagnostic(NamedTuple):
+    """One observation by which a result is judged: an error figure with its limit, or what is known about the model.
 
     Parameters
     ----------
-    weight : int
-        `CAUTION` or `UNUSABLE`.
-    sentence : str
-        What it is, with the figure and the limit.
-    code : str
-        Name of its kind: where many results are shown together, one of each kind is told. Without a code a doubt is
-        told wherever its sentence is another.
+    severity : int
+        0 where it does not speak against the result, else `CAUTION` or `UNUSABLE`.
+    message : str
+        What it is, as a sentence with the figure and the limit; empty for a figure that has no limit.
+    name : str
+        Name of the figure, one of `DIAGNOSTICS`, or of the kind of observation, of which one is told where many results
+        are shown together. Without a name an observation is told wherever its message is another.
+    value : float, optional
+        The error figure; None for an observation about the model.
 
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import fragility
+    >>> from montecarlo import simulate
     >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz", slender=True)
-    >>> print([(doubt.weight, doubt.code) for doubt in fragility(rack, scale=[1.0, 1.5], cycles=2).doubts])
+    >>> print([(one.severity, one.name) for one in simulate(rack, cycles=2).diagnostics])
     [(1, 'slender')]
     """
 
-    weight: int
-    sentence: str
-    code: str = ""
+    severity: int
+    message: str
+    name: str = ""
+    value: float | None = None
 
     @property
     def kind(self) -> str:
-        """What doubts of one kind share: the code, or the sentence where there is none."""
-        return self.code or self.sentence
+        """What diagnostics of one kind share: the name, or the message where there is none."""
+        return self.name or self.message
 
 
 class Trust(NamedTuple):
@@ -89,48 +92,69 @@ class Trust(NamedTuple):
         """Verdict and reasons as a dict, for JSON."""
         return {"verdict": self.verdict, "reasons": list(self.reasons)}
 
+    @property
+    def html(self) -> str:
+        """Verdict and reasons as a paragraph of HTML."""
+        colour = {"ok": "#00704a", "caution": "#9a5b00"}.get(self.verdict, "#b00020")
+        reasons = html.escape(" ".join(self.reasons))
+        return f"<p><strong style='color:{colour}'>trust: {html.escape(self.verdict)}</strong>. {reasons}</p>"
 
-def verdict(doubts: Iterable[Doubt], otherwise: str) -> Trust:
-    """Return the verdict of all doubts, and the reason `otherwise` where there is none."""
-    doubts = sorted(dict.fromkeys(doubts), key=lambda doubt: -doubt.weight)
-    weight = doubts[0].weight if doubts else 0
-    return Trust(VERDICTS[weight], tuple(doubt.sentence for doubt in doubts) or (otherwise,))
 
-
-def trust_of(facts: dict[str, Any], doubts: Iterable[Doubt] = (), otherwise: str = "") -> Trust:
-    """Judge a result by its own figures, each against two limits, and by doubts that are known beside them.
+def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
+    """Verdict that follows from diagnostics: the largest severity, with the messages of all that speak against.
 
     Parameters
     ----------
-    facts : dict
-        Figures by the names below, numbers or lists of them of which the largest counts; others are passed over.
-        "tol" is the error that was asked for.
-    doubts : iterable of Doubt
-        What else speaks against it, such as `fpk_rocking.results.remarks.doubts`.
-    otherwise : str
-        Reason where nothing speaks against it and no figure is judged. Without one, a result that has no figure is
-        doubted: nothing says how large its error is.
+    diagnostics : iterable of Diagnostic
+    reason : str
+        Reason of the verdict "ok" where no figure has a limit. Without one, a result that has no such figure gets
+        "caution": nothing says how large its error is.
 
     Returns
     -------
     Trust
     """
-    found, within, judged = list(doubts), [], bool(otherwise)
-    for name, (what, caution, unusable) in _limits(facts.get("tol", UNASKED), facts).items():
-        values = np.asarray(facts.get(name, ()), float)
-        if values.size == 0 or math.isinf(caution):
+    diagnostics = list(dict.fromkeys(diagnostics))
+    judged = [one for one in diagnostics if one.value is not None and one.message]
+    if not (judged or reason):
+        diagnostics.append(Diagnostic(CAUTION, "No error is estimated.", "unjudged"))
+    against = sorted((one for one in diagnostics if one.severity), key=lambda one: -one.severity)
+    if against:
+        return Trust(VERDICTS[against[0].severity], tuple(one.message for one in against))
+    return Trust(VERDICTS[0], (judged[0].message if judged else reason,))
+
+
+def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = math.inf) -> list[Diagnostic]:
+    """Hold error figures against their limits.
+
+    Parameters
+    ----------
+    values : dict
+        Figures by the names of `DIAGNOSTICS`: numbers, or arrays of which the largest counts. Other names are passed
+        over.
+    tol, bins_tol : float
+        Errors of survival and of the binned density that were asked for.
+
+    Returns
+    -------
+    list of Diagnostic
+        In the order of `DIAGNOSTICS`.
+    """
+    found = []
+    for name, (what, caution, unusable) in _limits(tol, bins_tol, values).items():
+        if np.size(values.get(name, ())) == 0:
             continue
-        value, judged = float(values.max()), True
-        # Written so that nan is not within a limit.
-        if value <= caution:
-            within.append(f"The {what} is {_beside(value, caution)}, within {caution:.2g}.")
+        value = float(np.max(values[name]))
+        if math.isinf(caution):
+            found.append(Diagnostic(0, "", name, value))
+        elif value <= caution:  # written so that nan is not within a limit
+            text = f"The {what} is {_beside(value, caution)}, within {caution:.2g}."
+            found.append(Diagnostic(0, text, name, value))
         else:
-            weight = CAUTION if value <= unusable else UNUSABLE
-            limit = caution if weight == CAUTION else unusable
-            found.append(Doubt(weight, f"The {what} is {_beside(value, limit)}, above {limit:.2g}.", name))
-    if not judged:
-        found.append(Doubt(CAUTION, "No error is estimated.", "unjudged"))
-    return verdict(found, within[0] if within else otherwise)
+            severity, limit = (CAUTION, caution) if value <= unusable else (UNUSABLE, unusable)
+            text = f"The {what} is {_beside(value, limit)}, above {limit:.2g}."
+            found.append(Diagnostic(severity, text, name, value))
+    return found
 
 
 def _beside(value, limit):
@@ -139,12 +163,12 @@ def _beside(value, limit):
     return next((text for text in texts if float(text) != limit), f"{value:.2g}")
 
 
-def _limits(tol, facts):
-    """Return by the name of a figure what it is, and above which values there is caution and no use."""
-    useless, bins_tol = max(USELESS, tol), facts.get("bins_tol", math.inf)
+def _limits(tol, bins_tol, values=()):
+    """By the name of an error figure what it is, and above which values there is caution and no use."""
+    useless, never = max(USELESS, tol), (math.inf, math.inf)
+    below = "integral of the density where it is below 0"
     # Mass at rest rattles below the mesh and may be negative there; a solver that knows the rest is judged by that.
-    negative = "moving_negative_mass" if "moving_negative_mass" in facts else "negative_mass"
-    below = "integral of the density where it is below 0" + ", blocks at rest left out" * (negative != "negative_mass")
+    negative = never if "moving_negative_mass" in values else (1e-2, useless)
     return {
         "total_error": (
             "largest total error of all times, with the replacement of the noise,",
@@ -157,8 +181,14 @@ def _limits(tol, facts):
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
+        "rest_error_estimate": ("estimated error of the probability of being at rest", *never),
         "lost": ("probability lost beyond the largest velocity of the mesh", tol, useless),
-        "mass_defect": ("mass defect (probability that the solver created or lost)", _MASS, tol),
-        negative: (f"negative mass ({below})", _NEGATIVE, useless),
-        "residual": ("residual of the modes", _RESIDUAL, tol),
+        "mass_defect": ("mass defect (probability that the solver created or lost)", 1e-9, tol),
+        "negative_mass": (f"negative mass ({below})", *negative),
+        "moving_negative_mass": (f"negative mass ({below}, blocks at rest left out)", 1e-2, useless),
+        "residual": ("residual of the modes", 1e-6, tol),
     }
+
+
+DIAGNOSTICS = tuple(_limits(UNASKED, math.inf))
+"""Names of all error figures. A result has those of which it has an attribute."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Number
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.drawing import Draws
@@ -236,7 +236,7 @@ class IntensityCurve:
         several = len(fragility.place) > 1
         if fragility.mixture or (several and fragility.axis != "scene"):
             accepted = "a fragility of one scene, or of a list of scenes before `pooled`"
-            raise ValueError(checks.refusal("fragility", fragility.headline, accepted))
+            raise ValueError(checks.refusal("fragility", fragility.title, accepted))
         found = np.array([intensity_of(scene, measure) for scene in fragility.scenes])
         if np.ptp(found) > _EQUAL * found.max():
             accepted = "equal ones: make each scene with `at_intensity`"

@@ -10,8 +10,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File, Number
-from fpk_rocking.results.layout import plain
-from fpk_rocking.results.trust import CAUTION, Doubt
+from fpk_rocking.results.storage import plain
+from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.curve import IntensityCurve
 
 _NODES = 12
@@ -214,7 +214,7 @@ class Risk:
         return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
 
     @property
-    def doubts(self) -> list[Doubt]:
+    def doubts(self) -> list[Diagnostic]:
         """What speaks against it: shares from beyond what is known."""
         known = "its lognormal curve goes on" if self.curve.fitted else "the probability is 0 below, the last one above"
         beyond = {
@@ -222,7 +222,7 @@ class Risk:
             "the fragility": (self.beyond_curve, known),
         }
         return [
-            Doubt(
+            Diagnostic(
                 CAUTION,
                 f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where {done}: "
                 "give more of them.",
@@ -251,7 +251,7 @@ class Risk:
             f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
             "hazard and the model of the block count as known."
         )
-        return [text, *(doubt.sentence for doubt in self.doubts)]
+        return [text, *(doubt.message for doubt in self.doubts)]
 
     @property
     def headline(self) -> str:

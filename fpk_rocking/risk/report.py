@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.output import style
 from fpk_rocking.output.report import json_html, left_out, table_html, write_page
-from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results import style
+from fpk_rocking.results.pictures import figure_of, picture_html
 from fpk_rocking.results.remarks import noise_text
-from fpk_rocking.results.shown import picture_html, trust_html
 from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
@@ -54,7 +53,7 @@ def write_risk_report(path: File, study: Any) -> int:
     words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
     parts = [
         "".join(f"<p>{html.escape(text)}</p>" for text in risk.sentences),
-        trust_html(study.trust),
+        study.trust.html,
         "<h2>Block</h2>",
         _block(study.scene, study.draws),
         "<h2>Motions</h2>",

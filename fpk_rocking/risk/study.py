@@ -10,9 +10,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.results.layout import plain
-from fpk_rocking.results.storage import write_text
-from fpk_rocking.results.trust import CAUTION, Doubt, Trust, trust_of
+from fpk_rocking.results.storage import plain, write_json, write_text
+from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
 from fpk_rocking.risk.curve import FEWEST, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
@@ -84,7 +83,7 @@ class Study:
     def trust(self) -> Trust:
         """Verdict on the rate: its relative standard error, and doubts of scenes, engine, hazard and records."""
         doubts = model_doubts(self.fragility) + self.risk.doubts + self._of_records()
-        return trust_of({"relative_error": self.risk.relative_error}, doubts)
+        return verdict([*doubts, *assess({"relative_error": self.risk.relative_error})])
 
     def _of_records(self):
         """Doubts about the motions: how many there are, and whether they differ."""
@@ -94,14 +93,14 @@ class Study:
                 f"The limits rest on {count} motions, and over few they are too narrow: of 95 % limits of the "
                 "rate 75 % contained the true one over 5 motions, 86 % over 12, 90 % over 20."
             )
-            found.append(Doubt(CAUTION, sentence, "few records"))
+            found.append(Diagnostic(CAUTION, sentence, "few records"))
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
-            found.append(Doubt(CAUTION, sentence, "one record"))
+            found.append(Diagnostic(CAUTION, sentence, "one record"))
         same = len(motions) - len(dict.fromkeys(motions))
         if same:
             sentence = f"{same} of {len(motions)} motions are the same as another one."
-            found.append(Doubt(CAUTION, sentence, "equal records"))
+            found.append(Diagnostic(CAUTION, sentence, "equal records"))
         return found
 
     def text(self) -> str:
@@ -163,7 +162,6 @@ class Study:
             Created if missing. NAME.xml is OpenQuake's NRML, NAME.csv and NAME.json are pelicun's; pelicun's files are
             left out where it could not take the curve: `not_for_pelicun` says why, and so does risk.json.
         """
-        from fpk_rocking.output.summary import write_summary
         from fpk_rocking.risk.report import risk_figure, write_risk_report
 
         out, curve = pathlib.Path(folder), self.risk.curve
@@ -173,7 +171,7 @@ class Study:
         refused = self.not_for_pelicun
         if not refused:
             to_pelicun(out / f"{self.name}.csv", curve, self.name)
-        write_summary(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv"})
+        write_json(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv"})
         write_text(out / "risk.txt", self.text() + "\n")
         risk_figure(out / "risk.png", self.risk, self.records)
         write_risk_report(out / "report.html", self)

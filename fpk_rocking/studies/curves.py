@@ -111,7 +111,7 @@ def fragility(
     levels = () if isinstance(levels, tuple | list) and not levels else checks.several("levels", levels, most=_MOST)
     _check_levels(levels, scenes)
     seed = checks.count("seed", seed, at_least=0)
-    engine, shaken, closure = _engine(engine, scenes)
+    engine, shaken, noise_replacement = _engine(engine, scenes)
     for one in shaken:
         result_times(one, cycles, times)
     lasting: dict[str, Any] = {} if cycles is None else {"cycles": int(cycles)}
@@ -128,8 +128,8 @@ def fragility(
     values = [row["values"] for row in rows]
     if not any(values):
         raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
-    if any(one.get("closure") for one in values):
-        closure = _REPLACED.format("white")
+    if any(one.get("noise_replacement") for one in values):
+        noise_replacement = _REPLACED.format("white")
     return Fragility(
         scenes=scenes,
         axis=axis,
@@ -142,7 +142,7 @@ def fragility(
         realizations=realizations,
         noise_scaled=bool(scale_noise),
         options=options | {"seed": seed},
-        closure=closure,
+        noise_replacement=noise_replacement,
         reasons={
             ",".join(map(str, np.unravel_index(row["cell"], shape))): row["reason"] for row in rows if row["reason"]
         },

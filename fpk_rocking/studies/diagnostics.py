@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.results.intervals import wilson_interval
-from fpk_rocking.results.remarks import scene_doubts
-from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Doubt
-from montecarlo.results.sample import path_doubts
+from fpk_rocking.results.remarks import scene_diagnostics
+from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Diagnostic
+from montecarlo.results.ensemble import path_diagnostics
 
 __all__ = ["doubts_of", "model_doubts"]
 
@@ -15,16 +15,18 @@ _SURE = 0.9999
 """Confidence of the limits by which a probability is seen to fall: chance alone seldom makes it of any curve."""
 
 
-def doubts_of(result: Any) -> list[Doubt]:
+def doubts_of(result: Any) -> list[Diagnostic]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
     return (
         model_doubts(result) + _rejected(result) + _falling(result) + (_few_motions(result) if result.mixture else [])
     )
 
 
-def model_doubts(result: Any) -> list[Doubt]:
+def model_doubts(result: Any) -> list[Diagnostic]:
     """Return what speaks against the model, the noise and the engine of a `studies.Fragility`, each kind once."""
-    return _unanswered(result) + _noise(result) + (path_doubts(result.engine) if result.deterministic.any() else [])
+    return (
+        _unanswered(result) + _noise(result) + (path_diagnostics(result.engine) if result.deterministic.any() else [])
+    )
 
 
 def _unanswered(result):
@@ -32,20 +34,20 @@ def _unanswered(result):
         return []
     count, first = result.probability.size, next(iter(result.reasons.values()))
     sentence = f"The engine gave no answer for {len(result.reasons)} of {count} probabilities: {first}"
-    return [Doubt(CAUTION if len(result.reasons) < count else UNUSABLE, sentence, "unanswered")]
+    return [Diagnostic(CAUTION if len(result.reasons) < count else UNUSABLE, sentence, "unanswered")]
 
 
 def _noise(result):
     """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
-    kinds: dict[str, dict[Doubt, None]] = {}
+    kinds: dict[str, dict[Diagnostic, None]] = {}
     for scene in result.scenes:
-        for doubt in scene_doubts(scene, result.closure, scales=(result.scale[0], result.scale[-1])):
+        for doubt in scene_diagnostics(scene, result.noise_replacement, scales=(result.scale[0], result.scale[-1])):
             kinds.setdefault(doubt.kind, {})[doubt] = None
     found = []
     for kind in kinds.values():
-        first, *others = sorted(kind, key=lambda doubt: -doubt.weight)
+        first, *others = sorted(kind, key=lambda doubt: -doubt.severity)
         likewise = f" (Other scenes: {len(others)} likewise.)" * bool(others)
-        found.append(first._replace(sentence=first.sentence + likewise))
+        found.append(first._replace(message=first.message + likewise))
     return found
 
 
@@ -61,7 +63,7 @@ def _rejected(result):
         f"The lognormal fit{which} is rejected ({worst.rejected}): it is off by up to {worst.misfit:.2g}. "
         "Use the probabilities themselves."
     )
-    return [Doubt(CAUTION, sentence, "fit")]
+    return [Diagnostic(CAUTION, sentence, "fit")]
 
 
 def _falling(result):
@@ -80,7 +82,7 @@ def _falling(result):
         f"The probability falls as the shaking grows: {curve[first]:.3g} at scale {scale[first]:.4g}, "
         f"{curve[last]:.3g} at {scale[last]:.4g}. {repeats}"
     )
-    return [Doubt(CAUTION, sentence.strip(), "falls")]
+    return [Diagnostic(CAUTION, sentence.strip(), "falls")]
 
 
 def _differing(result):
@@ -104,4 +106,4 @@ def _few_motions(result):
         f"The mean is over {count} {what} alone: for others of their kind its probabilities are "
         f"known to ±{half:.2g} at worst (95 %, had these been drawn at random), above {UNASKED:g}."
     )
-    return [Doubt(CAUTION, sentence, "few motions")]
+    return [Diagnostic(CAUTION, sentence, "few motions")]

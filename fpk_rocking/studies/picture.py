@@ -8,8 +8,8 @@ import numpy as np
 from rich.table import Table
 
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.output import style
-from fpk_rocking.output.tables import text_table, told
+from fpk_rocking.output.tables import text_table, verdict_first
+from fpk_rocking.results import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
 
@@ -304,4 +304,4 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     what = "PGA, PGV: peak acceleration and velocity" if sized else "p PGV / (g tan θ_cr): peak velocity"
     notes.append(f"{what} of the shaking without noise{'' if sized else ', nondimensional'}.")
     table = text_table(names, *(rows(*place) for place in enumerate(result.place)))
-    return title, table, told(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)
+    return title, table, verdict_first(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)

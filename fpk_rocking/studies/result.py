@@ -3,22 +3,20 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, File
-from fpk_rocking.results.intervals import wilson_interval
-from fpk_rocking.results.layout import Layout, plain
-from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.storage import Saved, write_csv
-from fpk_rocking.results.trust import Doubt, Trust, trust_of
+from fpk_rocking.base.types import Array
+from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.storage import Saved, plain
+from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.diagnostics import doubts_of
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.scenes import Intensities, intensities
-from montecarlo.results.sample import EXACT_PATH
+from montecarlo.results.ensemble import EXACT_PATH
 
 _LEVEL = 0.95
 """Confidence of the intervals of the fits."""
@@ -26,30 +24,9 @@ _LEVEL = 0.95
 _EQUAL = 1e-9
 """Relative difference up to which scenes have a measure in common: blocks of other sizes round it differently."""
 
-_LAYOUT = Layout(
-    {
-        "place": "f8 m",
-        "level": "f8 l",
-        "scale": "f8 n",
-        "probability": "f8 m l+1 n",
-        "error_estimate": "f8 m l+1 n",
-    },
-    {
-        "engine": str,
-        "axis": str,
-        "realizations": int,
-        "noise_scaled": bool,
-        "mixture": bool,
-        "options": dict,
-        "closure": str,
-        "reasons": dict,
-        "wall_s": float,
-    },
-)
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Fragility(Saved, Shown):
+class Fragility(Saved, Result):
     """Fragility curves: the probability of overturning, or of reaching an angle, against the scale of the shaking.
 
     There are m curves, one for each scene, n scales and l levels, which are angles below that of overturning.
@@ -80,7 +57,7 @@ class Fragility(Saved, Shown):
         Whether the scale multiplies the noise as well.
     options : dict
         Cycles, seed and settings of the engine, as given to `fpk_rocking.studies.fragility`.
-    closure : str
+    noise_replacement : str
         Which noise replaced that of the scenes, as a sentence; empty where none did.
     reasons : dict of str to str
         Why the engine gave no answer, by the indices "scene,level,scale" into `probability`.
@@ -104,27 +81,27 @@ class Fragility(Saved, Shown):
     median 1.30, 4.90 m/s² at scale 1
     """
 
-    _kind: ClassVar = "fragility"
-    _layouts: ClassVar = (_LAYOUT._replace(attributes=_LAYOUT.attributes | {"scenes": list}),)
+    kind: ClassVar = "fragility"
     scenes: tuple[Scene, ...]
     axis: str
-    place: np.ndarray
-    level: np.ndarray
-    scale: np.ndarray
-    probability: np.ndarray
-    error_estimate: np.ndarray
+    place: Annotated[Array, "f8 m"]
+    level: Annotated[Array, "f8 l"]
+    scale: Annotated[Array, "f8 n"]
+    probability: Annotated[Array, "f8 m l+1 n"]
+    error_estimate: Annotated[Array, "f8 m l+1 n"]
     engine: str
     realizations: int
     noise_scaled: bool
     options: dict[str, Any]
-    closure: str
+    noise_replacement: str
     reasons: dict[str, str]
     wall_s: float
     mixture: bool = False
 
-    def __post_init__(self):
-        for name in _LAYOUT.arrays:
-            getattr(self, name).flags.writeable = False
+    def __post_init__(self) -> None:
+        if len(self.place) != (1 if self.mixture else len(self.scenes)):
+            raise ValueError(f"{len(self.scenes)} scenes for {len(self.place)} places")
+        super().__post_init__()
 
     @property
     def overturned(self) -> Array:
@@ -245,38 +222,40 @@ class Fragility(Saved, Shown):
         return f"scene {scene}"
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> tuple[str, ...]:
         """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
-        of = [*(scene.noise.remark for scene in self.scenes), self.closure]
-        return [*dict.fromkeys(filter(None, of)), *(doubt.sentence for doubt in self.doubts)]
+        of = (*(scene.noise.remark for scene in self.scenes), self.noise_replacement)
+        return tuple(dict.fromkeys((*filter(None, of), *(one.message for one in self.model_diagnostics()))))
 
-    @functools.cached_property
-    def doubts(self) -> list[Doubt]:
-        """What speaks against this result, each kind once."""
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """What speaks against this result whatever its own errors, each kind once."""
         return doubts_of(self)
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """Engine, sizes, and the largest error over the probabilities that have an answer, as plain values by name."""
+    def error_figures(self) -> dict[str, Any]:
+        """Largest half width of the intervals, or estimated error, over the probabilities that have an answer."""
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
         own = {} if self.deterministic.all() else own
-        most = {name: float(np.nanmax(found)) for name, found in own.items() if np.isfinite(found).any()}
-        tol = {"tol": self.options["tol"]} if "tol" in self.options else {}
-        return {"engine": self.engine, "realizations": self.realizations, "wall_s": self.wall_s} | most | tol
-
-    @functools.cached_property
-    def trust(self) -> Trust:
-        """Verdict with its reasons: "ok", "caution" or "do not use"."""
-        return trust_of(self.facts, self.doubts, EXACT_PATH if self.deterministic.all() else "")
+        return {name: np.nanmax(values) for name, values in own.items() if np.isfinite(values).any()}
 
     @property
-    def headline(self) -> str:
+    def tol(self) -> float:
+        """Error that was asked for; that of a sample where none was."""
+        return self.options.get("tol", UNASKED)
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok" where all scenes are deterministic."""
+        return EXACT_PATH if self.deterministic.all() else ""
+
+    @property
+    def title(self) -> str:
         """Engine, scales and the median of the fit, as a line of text."""
         count, (low, high) = len(self.place), self.scale[[0, -1]]
         fit = self.fits[0][0]
-        told = count == 1 and not fit.reason and not (fit.rejected and self._beyond(fit))
-        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if told else ""
+        fitted = count == 1 and not fit.reason and not (fit.rejected and self._beyond(fit))
+        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if fitted else ""
         scenes = self.label(0) if self.mixture else f"{count} scene{'s' * (count > 1)}"
         return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
 
@@ -312,59 +291,56 @@ class Fragility(Saved, Shown):
         known = self.intensities[scene].at(fit.median)
         return text + f". At the median: {known}" * bool(known) + "."
 
-    def columns(self) -> dict[str, Array]:
-        """Table of `to_csv`: arrays by column name."""
-        rows = list(self.rows())
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    def dataset(self) -> Dataset:
+        """Probabilities with their limits, fits, levels and intensities, over scenes, scales and levels.
 
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays with named dimensions, and their coordinates, for `to_xarray`; overturning has the level inf."""
-        limits, dims = self.interval(), (self.axis, "level", "scale")
-        values = {"probability": self.probability, "low": limits[..., 0], "high": limits[..., 1]}
-        places = {self.axis: self.place, "level": [np.inf, *self.level], "scale": self.scale}
-        return {name: (dims, one) for name, one in values.items()}, places
+        The level of overturning is inf among the coordinates.
+        """
+        limits, dims, last = self.interval(), (self.axis, "level", "scale"), len(self.level)
+        angles = [scene.overturning.angle for scene in self.scenes]
+        degrees = [math.degrees(scene.block.critical_angle) or math.nan for scene in self.scenes]
+        if self.mixture:
+            angles, degrees = [_common(angles)], [_common(degrees)]
+        place = range(len(self.place)) if self.axis == "scene" and not self.mixture else self.place
+        levels = np.array([[angle, *self.level] for angle in angles])
+        fitted = [
+            [np.full(len(self.scale), math.nan) if fit.reason else fit(self.scale) for fit in fits]
+            for fits in self.fits
+        ]
+        reasons = np.full(self.probability.shape, "", dtype=object)
+        for key, reason in self.reasons.items():
+            reasons[tuple(map(int, key.split(",")))] = reason
+        measures = [[one.columns(scale) for scale in self.scale] for one in self.intensities]
+        return Dataset(
+            {
+                "event_angle": ((self.axis, "level"), levels),
+                "level_deg": ((self.axis, "level"), levels * np.array(degrees)[:, None]),
+                "event": ("level", np.array(["overturned", *["reached"] * last])),
+                "probability": (dims, self.probability),
+                "low": (dims, limits[..., 0]),
+                "high": (dims, limits[..., 1]),
+                "lognormal": (dims, np.array(fitted)),
+                **{
+                    name: ((self.axis, "scale"), np.array([[at[name] for at in one] for one in measures]))
+                    for name in measures[0][0]
+                },
+                "reason": (dims, reasons.astype(str)),
+            },
+            {self.axis: place, "scale": self.scale, "level": [np.inf, *self.level]},
+            rows=(self.axis, "scale", "level"),
+        )
+
+    def table(self) -> dict[str, Array]:
+        """Columns of the table; its "level" of overturning is the angle at which the block overturns."""
+        columns = super().table()
+        columns["level"] = columns.pop("event_angle")
+        return columns
 
     def plot(self) -> Any:
         """Draw the curves with their fits, or the surface over a parameter; returns a matplotlib figure."""
         from fpk_rocking.studies.picture import small_figure
 
         return small_figure(self)
-
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows of `to_csv`, a dict for each probability."""
-        limits, angles = self.interval(), [scene.overturning.angle for scene in self.scenes]
-        degrees = [math.degrees(scene.block.critical_angle) or math.nan for scene in self.scenes]
-        if self.mixture:
-            angles, degrees = [_common(angles)], [_common(degrees)]
-        place = range(len(self.place)) if self.axis == "scene" and not self.mixture else self.place
-        for m, measure in enumerate(self.intensities):
-            for n, scale in enumerate(self.scale):
-                for which, level in enumerate([angles[m], *self.level]):
-                    low, high = limits[m, which, n]
-                    yield {
-                        self.axis: place[m],
-                        "scale": scale,
-                        "level": level,
-                        "level_deg": level * degrees[m],
-                        "event": "overturned" if which == 0 else "reached",
-                        "probability": self.probability[m, which, n],
-                        "low": low,
-                        "high": high,
-                        "lognormal": math.nan if (fit := self.fits[m][which]).reason else float(fit(scale)),
-                        **measure.columns(scale),
-                        "reason": self.reasons.get(f"{m},{which},{n}", ""),
-                    }
-
-    def to_csv(self, path: File) -> None:
-        """Write all probabilities, with their limits and the intensity measures of the motion, as a CSV file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write.
-        """
-        rows = list(self.rows())
-        write_csv(path, rows[0], (row.values() for row in rows))
 
     def summary(self) -> dict[str, Any]:
         """Return all but the scenes as plain values, for JSON."""
@@ -387,20 +363,9 @@ class Fragility(Saved, Shown):
             "intensities": [plain(one._asdict()) for one in self.intensities],
             "reasons": self.reasons,
             "trust": self.trust.plain,
-            "remarks": self.remarks,
+            "remarks": list(self.remarks),
             "wall_s": self.wall_s,
         }
-
-    def _stored(self):
-        arrays, attributes = _LAYOUT.of(self)
-        return self.scenes[0], arrays, attributes | {"scenes": [scene.to_toml() for scene in self.scenes]}
-
-    @classmethod
-    def _restored(cls, _, arrays, attributes):
-        scenes = attributes.pop("scenes")
-        if len(arrays["place"]) != (1 if attributes["mixture"] else len(scenes)):
-            raise ValueError(f"{len(scenes)} scenes for {len(arrays['place'])} places")
-        return cls(scenes=tuple(Scene.from_toml(text) for text in scenes), **arrays, **attributes)
 
 
 def _outcomes(scale, curve):

@@ -2,7 +2,6 @@
 
 import concurrent.futures
 import dataclasses
-import functools
 import itertools
 import time
 from collections.abc import Callable, Sequence
@@ -12,9 +11,9 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File, Progress
-from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import write_csv
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Doubt, Trust, verdict
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.scenes import Grid
@@ -24,7 +23,7 @@ _LABELLED = 8
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Sweep(Shown):
+class Sweep(Result):
     """Results of a sweep over scenes, a row for each.
 
     Parameters
@@ -42,7 +41,7 @@ class Sweep(Shown):
     >>> from fpk_rocking import load_scene
     >>> from fpk_rocking.studies import grid, sweep
     >>> done = sweep(grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6]}), cycles=4, realizations=500)
-    >>> print(done.headline)
+    >>> print(done.title)
     2 scenes over forcing.amplitude (2), 0 failed
     >>> print(done.rows[1]["values"]["survival"], done.trust.verdict)
     [1.0, 1.0, 0.996, 0.958, 0.834] ok
@@ -112,44 +111,59 @@ class Sweep(Shown):
         }
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """Numbers of scenes, of those that failed and of those with each verdict, by name."""
-        told = [row["values"].get("trust") for row in self.rows]
-        counts = {name: told.count(name) for name in VERDICTS if name in told}
-        return {"scenes": len(self.rows), "failed": len(self.failed)} | counts | {"wall_s": self.wall_s}
+    def metadata(self) -> dict[str, Any]:
+        """Numbers of scenes, of those that failed and of those with each verdict, and seconds, by name."""
+        return {"scenes": len(self.rows), "failed": len(self.failed)} | self._verdicts() | {"wall_s": self.wall_s}
 
-    @functools.cached_property
-    def trust(self) -> Trust:
-        """The worst verdict of its scenes; "caution" where one failed or has none, "do not use" where all failed."""
-        found, count = [], len(self.rows)
-        if self.failed:
-            sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
-            found.append(Doubt(CAUTION if len(self.failed) < count else UNUSABLE, sentence, "failed"))
-        unjudged = count - len(self.failed) - sum(self.facts.get(name, 0) for name in VERDICTS)
-        if unjudged:
-            sentence = f'{unjudged} of {count} scenes have no verdict: their function returned none as "trust".'
-            found.append(Doubt(CAUTION, sentence, "unjudged"))
-        for weight in (CAUTION, UNUSABLE):
-            name = VERDICTS[weight]
-            if name in self.facts:
-                found.append(Doubt(weight, f'{self.facts[name]} of {count} scenes have the verdict "{name}".', name))
-        judged = self.facts.get(VERDICTS[0], 0)
-        return verdict(found, f'{judged} of {count} scenes have the verdict "{VERDICTS[0]}".')
+    def _verdicts(self):
+        """Number of scenes with each verdict."""
+        found = [row["values"].get("trust") for row in self.rows]
+        return {name: found.count(name) for name in VERDICTS if name in found}
 
     @property
-    def headline(self) -> str:
+    def diagnostics(self) -> list[Diagnostic]:
+        """Scenes that failed, have no verdict, or one that is not "ok"."""
+        found, count, verdicts = [], len(self.rows), self._verdicts()
+        if self.failed:
+            sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
+            found.append(Diagnostic(CAUTION if len(self.failed) < count else UNUSABLE, sentence, "failed"))
+        unjudged = count - len(self.failed) - sum(verdicts.values())
+        if unjudged:
+            sentence = f'{unjudged} of {count} scenes have no verdict: their function returned none as "trust".'
+            found.append(Diagnostic(CAUTION, sentence, "unjudged"))
+        for severity in (CAUTION, UNUSABLE):
+            name = VERDICTS[severity]
+            if name in verdicts:
+                found.append(
+                    Diagnostic(severity, f'{verdicts[name]} of {count} scenes have the verdict "{name}".', name)
+                )
+        return found
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok": that of the scenes."""
+        count = self._verdicts().get(VERDICTS[0], 0)
+        return f'{count} of {len(self.rows)} scenes have the verdict "{VERDICTS[0]}".'
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about scenes that failed or are not to be trusted."""
+        return tuple(one.message for one in self.diagnostics)
+
+    @property
+    def title(self) -> str:
         """Number of scenes, parameters and failures, as a line of text."""
         over = " × ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
         return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
 
-    def columns(self) -> dict[str, Array]:
-        """Table of `to_csv` without the seeds: arrays by column name."""
+    def table(self) -> dict[str, Array]:
+        """Columns of `to_csv` without the seeds, each of shape (scenes,); nan where a row has no such value."""
         return {name: np.array(values) for name, values in self._table(np.nan).items() if name != "seed"}
 
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """All numbers among the values over the axes of the grid, or over the scenes of a list, for `to_xarray`."""
-        dims = tuple(self.axes) or ("cell",)
-        return {name: (dims, self.values(name)) for name in self._numbers()}, dict(self.axes)
+    def dataset(self) -> Dataset:
+        """All numbers among the values over the axes of the grid, or over the scenes of a list."""
+        dims, places = tuple(self.axes) or ("cell",), {name: np.array(values) for name, values in self.axes.items()}
+        return Dataset({name: (dims, self.values(name)) for name in self._numbers()}, places, rows=dims)
 
     def _numbers(self):
         found = {key: value for row in self.rows for key, value in row["values"].items()}

@@ -35,7 +35,7 @@ def fpk(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:  # noqa: 
         "error_estimate": result.error_estimate,
         "mass_defect": result.mass_defect,
         "negative_mass": result.negative_mass,
-        "closure": result.closure,
+        "noise_replacement": result.noise_replacement,
         "trust": result.trust.verdict,
     }
 
@@ -147,7 +147,7 @@ def checked(
     """
     scene = density.scene
     realizations, seed = _check_size(scene, realizations, seed)
-    if not density.closure:
+    if not density.noise_replacement:
         return density
     if beside is not None and beside.scene == scene and beside.realizations >= CHECK_PATHS:
         return density.checked(beside)

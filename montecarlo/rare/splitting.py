@@ -14,9 +14,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, Progress
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
-from fpk_rocking.results.remarks import doubts
-from fpk_rocking.results.shown import Shown
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, Trust, trust_of
+from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import running
 from montecarlo.engines.random import stream_keys
@@ -40,7 +39,7 @@ _UNBRANCHED = {
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Splitting(Shown):
+class Splitting(Result):
     """Probabilities of rare overturning, from independent repeats of adaptive multilevel splitting.
 
     The estimate of every repeat is unbiased for any number of walkers: its expectation is that of `simulate` with the
@@ -144,57 +143,51 @@ class Splitting(Shown):
         """Whether less than half of the repeats are effective at the last cycle: more walkers are then needed."""
         return bool(self.effective_repeats[-1] < _SKEWED * self.repeats)
 
-    closure = ""
+    @property
+    def relative_error(self) -> float | None:
+        """Standard error of the last probability over this probability; None where it is 0."""
+        last = float(self.probability[-1])
+        return float(self.standard_error[-1]) / last if last else None
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Sizes, seed and the relative standard error of the last probability, as plain values by name."""
-        names = "walkers", "repeats", "extinct", "skewed", "seed", "steps_per_cycle", "wall_s"
-        found, last = {name: getattr(self, name) for name in names}, float(self.probability[-1])
-        return found | ({"relative_error": float(self.standard_error[-1]) / last} if last else {})
+        return super().metadata | {name: getattr(self, name) for name in ("repeats", "extinct", "skewed")}
 
-    @functools.cached_property
-    def trust(self) -> Trust:
-        """Verdict with its reasons: "ok", "caution" or "do not use"."""
-        found = doubts(self)
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """What speaks against the model, and against the number of walkers and repeats."""
+        found = super().model_diagnostics()
         if self.skewed:
             few = (
                 f"Few repeats dominate the mean: {self.effective_repeats[-1]:.1f} of {self.repeats} are effective, "
                 f"less than {_SKEWED:g} of them, so it is probably too small; take more walkers."
             )
-            found.append(Doubt(UNUSABLE, few, "skewed"))
+            found.append(Diagnostic(UNUSABLE, few, "skewed"))
         if self.repeats < _USUAL_REPEATS:
             few = f"{self.repeats} repeats are few for a standard error; take {_USUAL_REPEATS} or more."
-            found.append(Doubt(CAUTION, few, "few repeats"))
-        return trust_of(self.facts, found)
+            found.append(Diagnostic(CAUTION, few, "few repeats"))
+        return found
 
     @property
-    def headline(self) -> str:
+    def title(self) -> str:
         """The last probability with its error, as a line of text."""
         error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
         return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
 
-    def columns(self) -> dict[str, Array]:
-        """Table of the probability of having overturned and its standard error by cycle: arrays by column name."""
-        left, right = self.overturned.T
-        return {
-            "cycle": np.arange(self.cycles + 1),
-            "probability": self.probability,
-            "standard_error": self.standard_error,
-            "overturned_left": left,
-            "overturned_right": right,
-        }
-
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {
-            "probability": ("cycle", self.probability),
-            "standard_error": ("cycle", self.standard_error),
-            "repeat_overturned": (("repeat", "cycle", "side"), self.repeat_overturned),
-            "levels": ("repeat", self.levels),
-            "killed": ("repeat", self.killed),
-        }
-        return variables, {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]}
+    def dataset(self) -> Dataset:
+        """Probability of having overturned by cycle, its standard error, and the estimates of the repeats."""
+        return Dataset(
+            {
+                "probability": ("cycle", self.probability),
+                "standard_error": ("cycle", self.standard_error),
+                "overturned": (("cycle", "side"), self.overturned),
+                "repeat_overturned": (("repeat", "cycle", "side"), self.repeat_overturned),
+                "levels": ("repeat", self.levels),
+                "killed": ("repeat", self.killed),
+            },
+            {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]},
+            rows=("cycle",),
+        )
 
     def plot(self) -> Any:
         """Draw the probability of having overturned, with two standard errors; returns a matplotlib figure."""

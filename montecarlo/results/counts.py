@@ -7,7 +7,7 @@ their own, the low ones to less than 2^63: nothing overflows an int64.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numba import prange
@@ -59,15 +59,15 @@ class Counts(NamedTuple):
     [1000 1000 1000  966  862] [ 27 111]
     """
 
-    times: np.ndarray
-    angle_edges: np.ndarray
-    velocity_edges: np.ndarray
-    quantum: np.ndarray
-    standing: np.ndarray
-    passages: np.ndarray
-    histogram: np.ndarray
-    sums: np.ndarray
-    products: np.ndarray
+    times: Annotated[Array, "f8 k+1"]
+    angle_edges: Annotated[Array, "f8 a+1"]
+    velocity_edges: Annotated[Array, "f8 v+1"]
+    quantum: Annotated[Array, "f8 2"]
+    standing: Annotated[Array, "i8 k+1"]
+    passages: Annotated[Array, f"i8 {PARTS}k+1 2"]
+    histogram: Annotated[Array, "i4 k+1 a v"]
+    sums: Annotated[Array, "i8 k+1 2"]
+    products: Annotated[Array, "i8 k+1 3 2"]
 
 
 def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:

@@ -1,22 +1,170 @@
-"""The result of a simulation: every realization's Poincaré points and its overturning."""
+"""Samples of realizations: what an ensemble and a tally have in common, and the ensemble, which keeps every realization."""
 
 import dataclasses
 import functools
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.results.binning import ascending_edges
-from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.result import Dataset
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.survival import SurvivalResult
+from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from montecarlo.results.sample import Sample
 
-_LAYOUT = Layout(
-    {"times": "f8 k+1", "angle": "f8 n k+1", "velocity": "f8 n k+1", "overturn_time": "f8 n", "overturn_side": "i1 n"},
-    {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
-)
+EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion amplifies."
+"""Reason of the verdict on the one path of a deterministic scene by the method "exact"."""
+
+
+def path_diagnostics(method: str) -> list[Diagnostic]:
+    """What speaks against the one path of a deterministic scene, where only a method's own error is left."""
+    if method == "exact":
+        return []
+    sentence = (
+        f"Deterministic: one path, by the time steps of the method {method!r}, whose error is not estimated. Compare "
+        "with the method 'exact', or with another `steps_per_cycle`."
+    )
+    return [Diagnostic(CAUTION, sentence, "steps")]
+
+
+class Sample(SurvivalResult):
+    """What an ensemble and a tally have in common: survival from counts, with its sampling error.
+
+    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle`, `wall_s` and what follows here for
+    the type checker.
+    """
+
+    if TYPE_CHECKING:  # properties here would be the default values of fields of these names
+        method: str
+        seed: int
+        steps_per_cycle: int
+
+        @property
+        def realizations(self) -> int: ...
+
+        @property
+        def overturned_counts(self) -> Array:
+            """Number of realizations that have overturned to the left and to the right, shape (cycles + 1, 2)."""
+
+        @property
+        def first_overturning(self) -> tuple[float, float, int] | None:
+            """Earliest and latest time of overturning of the first realization, and the side; None if it stands."""
+
+    noise_replacement = ""
+    shown_bins = 24
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine and its method."""
+        return f"Monte Carlo {self.method}"
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether nothing is random (`Scene.deterministic`): all realizations are one path."""
+        return self.scene.deterministic
+
+    @property
+    def half_width(self) -> float | None:
+        """Largest half width of the 95 % interval of survival; None where nothing is random."""
+        return None if self.interval is None else float(0.5 * np.diff(self.interval).max())
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Method, seed and sizes, half width, or what the one path does as "outcome": plain values by name.
+
+        The outcome is as in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``, with seconds where the
+        size of the block is known.
+        """
+        found = super().metadata | {"realizations": int(self.realizations)}
+        return found | ({"outcome": self._outcome()} if self.deterministic else {})
+
+    def _outcome(self):
+        """What the one path of a deterministic scene does, as a text."""
+        if self.first_overturning is None:
+            return f"deterministic: stands until {self._time_text(self.times[-1])}"
+        low, high, side = self.first_overturning
+        at = f"at {self._time_text(high)}"
+        when = at if low == high else f"between {self._time_text(low)} and {self._time_text(high)}"
+        return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
+
+    def _time_text(self, time):
+        size = self.scene.block.dimensions
+        return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
+
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """What speaks against this sample whatever its sampling error: the model, and the steps of a single path."""
+        return super().model_diagnostics() + (path_diagnostics(self.method) if self.deterministic else [])
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok" on a deterministic scene, which has no sampling error."""
+        return EXACT_PATH if self.deterministic else ""
+
+    @property
+    def title(self) -> str:
+        """The engine, and the last survival with its interval or what the one path does, as a line of text."""
+        return f"{self.label}, {self._outcome()}" if self.deterministic else super().title
+
+    def overturning_text(self) -> str:
+        """Probability of overturning until the last time with its sampling error, as a text."""
+        over = 1.0 - float(self.survival[-1])
+        if self.interval is None:
+            return f"P(overturned) = {over:.0f} (one path)"
+        half = np.abs(self.interval[-1] - self.survival[-1]).max()
+        return f"P(overturned) = {over:z.4f} ± {half:#.2g} (95 %, sampling)"
+
+    def summary(self) -> dict[str, Any]:
+        """Noise, rows, metadata, survival, "interval" (95 %), overturned, verdict and remarks, for JSON."""
+        found = super().summary()
+        interval = found.pop("survival_interval", None)
+        return found if interval is None else found | {"interval": interval}
+
+    def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
+        """Return None: a sample has no density. Use `bin_probabilities`.
+
+        Parameters
+        ----------
+        cycle : int
+            Not used.
+        """
+        return
+
+    @property
+    def survivors(self) -> Array:
+        """Number of realizations that have not overturned by kT, shape (cycles + 1,)."""
+        return self.realizations - self.overturned_counts.sum(axis=1)
+
+    @property
+    def survival(self) -> Array:
+        """Probability of not having overturned by kT, shape (cycles + 1,)."""
+        return self.survivors / self.realizations
+
+    @property
+    def overturned(self) -> Array:
+        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
+        return self.overturned_counts / self.realizations
+
+    def survival_interval(self, level: float = 0.95) -> Array:
+        """Return Wilson's confidence limits of survival; of a deterministic scene survival itself, which is exact.
+
+        Parameters
+        ----------
+        level : float
+            Confidence of each interval, in (0, 1).
+
+        Returns
+        -------
+        ndarray, shape (cycles + 1, 2)
+        """
+        limits = wilson_interval(self.survivors, self.realizations, level)
+        return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits
+
+    def _checked_cycle(self, cycle):
+        return checks.count("cycle", cycle, at_least=0, at_most=len(self.times) - 1)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -58,22 +206,17 @@ class Ensemble(Saved, Sample):
     [0.027 0.111]
     """
 
-    _kind: ClassVar = "ensemble"
-    _layouts: ClassVar = (_LAYOUT,)
+    kind: ClassVar = "ensemble"
     scene: Scene
     method: str
     seed: int
     steps_per_cycle: int
     wall_s: float
-    times: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    overturn_time: np.ndarray
-    overturn_side: np.ndarray
-
-    def __post_init__(self):
-        for name in _LAYOUT.arrays:
-            getattr(self, name).flags.writeable = False
+    times: Annotated[Array, "f8 k+1"]
+    angle: Annotated[Array, "f8 n k+1"]
+    velocity: Annotated[Array, "f8 n k+1"]
+    overturn_time: Annotated[Array, "f8 n"]
+    overturn_side: Annotated[Array, "i1 n"]
 
     @property
     def realizations(self) -> int:
@@ -89,12 +232,14 @@ class Ensemble(Saved, Sample):
         return np.count_nonzero((self.angle == 0.0) & (self.velocity == 0.0), axis=0) / self.realizations
 
     @functools.cached_property
-    def _gone(self) -> Array:
+    def overturned_counts(self) -> Array:
+        """Number of realizations that have overturned to the left and to the right, shape (cycles + 1, 2)."""
         sides = [np.count_nonzero(np.isnan(self.angle[self.overturn_side == side]), axis=0) for side in (-1, 1)]
         return np.stack(sides, axis=-1)
 
     @property
-    def _overturning(self) -> tuple[float, float, int] | None:
+    def first_overturning(self) -> tuple[float, float, int] | None:
+        """Twice the time of overturning of the first realization, and the side; None if it stands."""
         time, side = float(self.overturn_time[0]), int(self.overturn_side[0])
         return (time, time, side) if side else None
 
@@ -125,13 +270,13 @@ class Ensemble(Saved, Sample):
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays with named dimensions, those of every realization among them, and their coordinates."""
-        variables, coordinates = super().grids()
-        own = {
-            "angle": (("realization", "time"), self.angle),
-            "velocity": (("realization", "time"), self.velocity),
-            "overturn_time": ("realization", self.overturn_time),
-            "overturn_side": ("realization", self.overturn_side),
-        }
-        return variables | own, coordinates
+    def dataset(self) -> Dataset:
+        """All of a sample, and the states and overturnings of every realization."""
+        found = super().dataset()
+        found.variables.update(
+            angle=(("realization", "time"), self.angle),
+            velocity=(("realization", "time"), self.velocity),
+            overturn_time=("realization", self.overturn_time),
+            overturn_side=("realization", self.overturn_side),
+        )
+        return found

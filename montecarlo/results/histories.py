@@ -1,38 +1,21 @@
 """The result of `histories`: states between the Poincaré points of some realizations, and their impacts."""
 
 import dataclasses
-import functools
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.results.layout import Layout
-from fpk_rocking.results.remarks import doubts
-from fpk_rocking.results.shown import Shown
+from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
-from fpk_rocking.results.trust import Trust, verdict
+from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.scene import Scene
-from montecarlo.results.sample import EXACT_PATH, path_doubts
-
-_LAYOUT = Layout(
-    {
-        "time": "f8 k",
-        "angle": "f8 n k",
-        "velocity": "f8 n k",
-        "overturn_time": "f8 n",
-        "overturn_side": "i1 n",
-        "impact_realization": "i8 i",
-        "impact_time": "f8 i",
-        "impact_velocity": "f8 i",
-    },
-    {"method": str, "seed": int, "steps_per_cycle": int, "samples_per_cycle": int, "wall_s": float},
-)
+from montecarlo.results.ensemble import EXACT_PATH, path_diagnostics
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Histories(Saved, Shown):
+class Histories(Saved, Result):
     """Time histories of independent realizations, with every impact; all quantities are nondimensional.
 
     There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
@@ -75,26 +58,21 @@ class Histories(Saved, Shown):
     [3 5 2] [ 0.32 -1.09  0.86  0.07 -0.06  0.06 -0.45  1.08  0.14 -0.8 ]
     """
 
-    _kind: ClassVar = "histories"
-    _layouts: ClassVar = (_LAYOUT,)
+    kind: ClassVar = "histories"
     scene: Scene
     method: str
     seed: int
     steps_per_cycle: int
     samples_per_cycle: int
     wall_s: float
-    time: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    overturn_time: np.ndarray
-    overturn_side: np.ndarray
-    impact_realization: np.ndarray
-    impact_time: np.ndarray
-    impact_velocity: np.ndarray
-
-    def __post_init__(self):
-        for name in _LAYOUT.arrays:
-            getattr(self, name).flags.writeable = False
+    time: Annotated[Array, "f8 k"]
+    angle: Annotated[Array, "f8 n k"]
+    velocity: Annotated[Array, "f8 n k"]
+    overturn_time: Annotated[Array, "f8 n"]
+    overturn_side: Annotated[Array, "i1 n"]
+    impact_realization: Annotated[Array, "i8 i"]
+    impact_time: Annotated[Array, "f8 i"]
+    impact_velocity: Annotated[Array, "f8 i"]
 
     @property
     def realizations(self) -> int:
@@ -111,23 +89,22 @@ class Histories(Saved, Shown):
         """Number of impacts of each realization, shape (realizations,)."""
         return np.bincount(self.impact_realization, minlength=self.realizations)
 
-    closure = ""
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """What speaks against the model, and against the steps of a path where nothing is random."""
+        return super().model_diagnostics() + (path_diagnostics(self.method) if self.scene.deterministic else [])
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok": single paths have no sampling error."""
+        return EXACT_PATH if self.scene.deterministic else "These are single paths: nothing is estimated from them."
+
+    @property
+    def metadata(self) -> dict[str, Any]:
         """Method, seed, sizes and seconds, as plain values by name."""
-        names = "method", "realizations", "seed", "steps_per_cycle", "samples_per_cycle", "wall_s"
-        return {name: getattr(self, name) for name in names}
-
-    @functools.cached_property
-    def trust(self) -> Trust:
-        """Verdict with its reasons, on the model alone: single paths have no sampling error."""
-        if self.scene.deterministic:
-            return verdict(doubts(self) + path_doubts(self.method), EXACT_PATH)
-        return verdict(doubts(self), "These are single paths: nothing is estimated from them.")
+        return super().metadata | {"realizations": self.realizations}
 
     @property
-    def headline(self) -> str:
+    def title(self) -> str:
         """Number of paths, of those overturned and of impacts, as a line of text."""
         ended = np.count_nonzero(self.overturn_side)
         return (
@@ -135,25 +112,21 @@ class Histories(Saved, Shown):
             f"τ = {self.time[-1]:.4g}, {ended:,} overturned, {self.impact_time.size:,} impacts"
         )
 
-    def columns(self) -> dict[str, Array]:
-        """Table of the states of all realizations below each other: arrays by column name."""
-        return {
-            "realization": np.repeat(np.arange(self.realizations), self.time.size),
-            "time": np.tile(self.time, self.realizations),
-            "angle": self.angle.ravel(),
-            "velocity": self.velocity.ravel(),
-        }
-
-    def grids(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Arrays with named dimensions, and their coordinates, of which `to_xarray` makes a dataset."""
-        variables = {
-            "angle": (("realization", "time"), self.angle),
-            "velocity": (("realization", "time"), self.velocity),
-            "overturn_time": ("realization", self.overturn_time),
-            "overturn_side": ("realization", self.overturn_side),
-            **{name: ("impact", getattr(self, name)) for name in _LAYOUT.arrays if name.startswith("impact")},
-        }
-        return variables, {"time": self.time}
+    def dataset(self) -> Dataset:
+        """States of all realizations, below each other in the table, their overturnings and their impacts."""
+        return Dataset(
+            {
+                "angle": (("realization", "time"), self.angle),
+                "velocity": (("realization", "time"), self.velocity),
+                "overturn_time": ("realization", self.overturn_time),
+                "overturn_side": ("realization", self.overturn_side),
+                "impact_realization": ("impact", self.impact_realization),
+                "impact_time": ("impact", self.impact_time),
+                "impact_velocity": ("impact", self.impact_velocity),
+            },
+            {"realization": np.arange(self.realizations), "time": self.time},
+            rows=("realization", "time"),
+        )
 
     def plot(self, realizations: int = 3) -> Any:
         """Draw angle against time, and paths in the phase plane.

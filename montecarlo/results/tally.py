@@ -1,36 +1,19 @@
-"""The result of a tally: survival, histograms and moments of an ensemble whose realizations are not kept."""
+"""Tallies: survival, histograms and moments of an ensemble whose realizations are not kept, and files to resume from."""
 
 import dataclasses
 import functools
-from typing import ClassVar
+import time
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.types import Array, ArrayLike, File
 from fpk_rocking.results.binning import ascending_edges
-from fpk_rocking.results.layout import Layout
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import PARTS, Counts, moments
-from montecarlo.results.sample import Sample
-
-LAYOUT = Layout(
-    {
-        "times": "f8 k+1",
-        "angle_edges": "f8 a+1",
-        "velocity_edges": "f8 v+1",
-        "quantum": "f8 2",
-        "standing": "i8 k+1",
-        "passages": f"i8 {PARTS}k+1 2",
-        "histogram": "i4 k+1 a v",
-        "sums": "i8 k+1 2",
-        "products": "i8 k+1 3 2",
-    },
-    {"method": str, "seed": int, "steps_per_cycle": int, "wall_s": float},
-)
-"""What a saved tally holds."""
-_NEAR = 1e-6
+from montecarlo.results.ensemble import Sample
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -62,8 +45,7 @@ class Tally(Saved, Sample):
      [0.08 0.08]]
     """
 
-    _kind: ClassVar = "tally"
-    _layouts: ClassVar = (LAYOUT,)
+    kind: ClassVar = "tally"
     scene: Scene
     method: str
     seed: int
@@ -95,11 +77,13 @@ class Tally(Saved, Sample):
         return usual if all(np.isin(*pair).all() for pair in zip(usual, kept, strict=True)) else kept
 
     @functools.cached_property
-    def _gone(self) -> Array:
+    def overturned_counts(self) -> Array:
+        """Number of realizations that have overturned to the left and to the right, shape (cycles + 1, 2)."""
         return np.cumsum(self.counts.passages, axis=0)[::PARTS]
 
     @property
-    def _overturning(self) -> tuple[float, float, int] | None:
+    def first_overturning(self) -> tuple[float, float, int] | None:
+        """Ends of the 20th of a cycle in which the first realization overturned, and the side; None if it stands."""
         rows, sides = np.nonzero(self.counts.passages)
         if not rows.size:
             return None
@@ -168,13 +152,6 @@ class Tally(Saved, Sample):
         inner = np.add.reduceat(inner, rows[:-1] - rows[0], axis=0, dtype=np.int64)
         return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
 
-    def _stored(self):
-        return self.scene, self.counts._asdict(), {name: getattr(self, name) for name in LAYOUT.attributes}
-
-    @classmethod
-    def _restored(cls, scene, arrays, attributes):
-        return cls(scene=scene, counts=Counts(**arrays), **attributes)
-
 
 def _places(name, edges, kept):
     """Return the numbers of the kept edges that the given ones are."""
@@ -185,9 +162,93 @@ def _places(name, edges, kept):
     edges = ascending_edges(name, edges, finite=True)
     middles = 0.5 * (kept[1:] + kept[:-1])
     places = np.searchsorted(middles, edges)
-    strange = ~(np.abs(kept[places] - edges) <= _NEAR * np.diff(kept).min())
+    strange = ~(np.abs(kept[places] - edges) <= 1e-6 * np.diff(kept).min())
     if strange.any():
         raise ValueError(checks.refusal(name, float(edges[strange][0]), accepted))
     if np.any(np.diff(places) <= 0):
         raise ValueError(checks.refusal(name, edges.tolist(), accepted))
     return places
+
+
+class Checkpoint:
+    """Keeps a tally in a file: at once, so that a path that cannot be written is refused early, then now and then.
+
+    Parameters
+    ----------
+    path : path or None
+        None keeps nothing.
+    done : int
+        Realizations that the file holds already.
+    """
+
+    least_s = 30.0
+    """Least seconds between two savings."""
+
+    share = 0.02
+    """Largest part of a run that saving takes."""
+
+    def __init__(self, path, done):
+        self._path, self._done, self._due = path, done, 0.0
+
+    @property
+    def is_due(self) -> bool:
+        """Whether enough time has passed to save again."""
+        return self._path is not None and time.perf_counter() >= self._due
+
+    def save(self, tally: Tally) -> None:
+        """Save a tally, unless the file holds as many realizations already."""
+        if self._path is None or tally.realizations == self._done:
+            return
+        began = time.perf_counter()
+        tally.save(self._path)
+        ended = time.perf_counter()
+        self._done, self._due = tally.realizations, ended + max(self.least_s, (ended - began) / self.share)
+
+
+def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
+    """Return the counts of a checkpoint and the seconds spent on them.
+
+    Parameters
+    ----------
+    path : path
+    run : montecarlo.engines.Run
+        What is asked for.
+    empty : Counts
+        Its counts of no realization.
+
+    Returns
+    -------
+    counts : Counts
+    spent : float
+
+    Raises
+    ------
+    ValueError
+        The file is not a saved tally, is damaged, is of another run, or holds more realizations than are asked for.
+    """
+    try:
+        found = Tally.load(path)
+    except ValueError as error:
+        raise ValueError(f"checkpoint: {error}") from error
+    counts = Counts(*(array.copy() for array in found.counts))  # a loaded result cannot be written to
+    if not np.array_equal(found.times, run.times):
+        raise _foreign(path, _counted(found), _counted(run))
+    for name in ("scene", "seed", "method", "steps_per_cycle"):
+        if getattr(found, name) != getattr(run, name):
+            raise _foreign(path, f"{name} {getattr(found, name)}", f"{name} {getattr(run, name)}")
+    for name in ("angle_edges", "velocity_edges"):
+        if not np.array_equal(getattr(counts, name), getattr(empty, name)):
+            raise _foreign(path, f"other {name}", f"the {name} that are asked for")
+    if found.realizations > run.realizations:
+        raise _foreign(path, f"realizations {found.realizations}", f"at most {run.realizations}, as asked for")
+    return counts, found.wall_s
+
+
+def _counted(run):
+    if run.scene.period is None:
+        return f"{len(run.times) - 1} times up to {run.times[-1]:g}"
+    return f"cycles {len(run.times) - 1}"
+
+
+def _foreign(path, got, accepted):
+    return ValueError(f"checkpoint: got {path} with {got}, accepted: {accepted}, or the name of a new file")

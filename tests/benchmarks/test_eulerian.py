@@ -11,7 +11,7 @@ import pytest
 from fpk_rocking import Scene, solve_fpk
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.physics.motion.flight import flight_covariance
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import Block, Harmonic, Overturning, WhiteNoise
 
 ROOT = pathlib.Path(__file__).parents[2]

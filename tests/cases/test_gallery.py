@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image, PngImagePlugin
 
-from fpk_rocking.output import style
+from fpk_rocking.results import style
 
 ROOT = pathlib.Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("gallery", ROOT / "cases" / "gallery.py")

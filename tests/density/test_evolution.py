@@ -69,8 +69,8 @@ def test_band_noise_is_solved_as_its_white_equivalent_and_says_so(band):
     assert 0.5 * elapsed < white.wall_s <= elapsed
     assert band.scene == MAIN
     assert band.diffusion == equivalent_diffusion(MAIN.noise)
-    assert band.closure.startswith("Band noise (variance 0.04 on [0, 10]) was replaced by white noise")
-    assert white.closure == ""
+    assert band.noise_replacement.startswith("Band noise (variance 0.04 on [0, 10]) was replaced by white noise")
+    assert white.noise_replacement == ""
     assert white.coefficients.tobytes() == band.coefficients.tobytes()
 
 
@@ -188,17 +188,17 @@ def test_a_point_that_is_no_number_has_no_density(band):
 
 
 def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
-    facts = band.facts
+    facts = band.metadata
     assert (facts["tol"], facts["bins_tol"]) == (1e-2, pytest.approx(0.1 / 3.0))
     assert facts["bins_error_estimate"] == band.bins_error_estimate
     band = checked(band)
     assert band.trust.verdict == "ok"
-    assert band.columns()["at_rest"].tolist() == band.at_rest.tolist()
+    assert band.table()["at_rest"].tolist() == band.at_rest.tolist()
     assert len(repr(band)) < 300
     loose = dataclasses.replace(band, settings=band.settings | {"bins_tol": np.inf}, bins_error_estimate=0.9)
     assert loose.trust.verdict == "ok"
     loose.save(tmp_path / "loose.npz")
-    assert "bins_tol" not in Evolution.load(tmp_path / "loose.npz").facts
+    assert "bins_tol" not in Evolution.load(tmp_path / "loose.npz").metadata
     assert dataclasses.replace(band, bins_error_estimate=0.9).trust.verdict == "caution"
 
 
@@ -209,7 +209,7 @@ def test_rows_whose_density_is_not_judged_are_told(band, rows, where, verdict):
     """Where bins are judged: with a tolerance of inf nobody asked for them."""
     told = band.settings | {"unresolved": rows, "bins_tol": 1.0}
     found, survival_alone = (
-        dataclasses.replace(band, closure="", settings=told | {"bins_tol": most}) for most in (1.0, math.inf)
+        dataclasses.replace(band, noise_replacement="", settings=told | {"bins_tol": most}) for most in (1.0, math.inf)
     )
     sentence = (
         f"The density of angle and velocity is too narrow for the mesh at {where}: only survival is judged there."
@@ -225,12 +225,12 @@ def test_a_replacement_that_was_checked_is_saved_and_tabulated(band, tmp_path):
     found.save(tmp_path / "checked.npz")
     loaded = Evolution.load(tmp_path / "checked.npz")
     assert loaded.replacement.plain == found.replacement.plain
-    assert (loaded.trust, loaded.headline) == (found.trust, found.headline)
-    columns = loaded.columns()
+    assert (loaded.trust, loaded.title) == (found.trust, found.title)
+    columns = loaded.table()
     assert columns["survival_total_error"].tolist() == found.total_error[:, 0].tolist()
     assert columns["survival_replacement"].tolist() == found.replacement.difference[:, 0].tolist()
     assert columns["survival_replacement_error"].tolist() == found.replacement.sampling_error[:, 0].tolist()
-    assert "survival_total_error" not in band.columns()
+    assert "survival_total_error" not in band.table()
 
 
 def test_a_density_says_what_it_is(band):

@@ -34,7 +34,6 @@ from fpk_rocking.density.refusals import warn_unresolved
 from fpk_rocking.density.resolution import RESOLUTIONS
 from fpk_rocking.density.run.filtered import FilteredRun
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.output.summary import result_summary
 from fpk_rocking.physics.noise.state_space import transition_and_factor
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
@@ -269,9 +268,9 @@ def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
 def test_rest_that_is_not_resolved_is_told(resting):
     wanted = bins_tolerance(0.1)
     below, above = (dataclasses.replace(resting, rest_error_estimate=part * wanted) for part in (0.9, 1.1))
-    assert list(remarks(below)) == result_summary(below)["remarks"] == []
-    assert list(remarks(above)) == result_summary(above)["remarks"] == [above.unresolved]
-    assert result_summary(above)["rest_error_estimate"] == above.rest_error_estimate
+    assert list(remarks(below)) == below.summary()["remarks"] == []
+    assert list(remarks(above)) == above.summary()["remarks"] == [above.unresolved]
+    assert above.summary()["rest_error_estimate"] == above.rest_error_estimate
     with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.12"):
         warn_unresolved(above, wanted, stacklevel=1)
 

@@ -7,16 +7,15 @@ its velocity normal and independent of the angle; both depend on the side, so th
 import dataclasses
 import functools
 import math
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from fpk_rocking import Scene
-from fpk_rocking.results import storage
-from fpk_rocking.results.layout import Layout
-from fpk_rocking.results.replacement import ARRAYS, Replacement
-from fpk_rocking.results.result import DensityResult
-from montecarlo.results.sample import Sample
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.results.storage import Saved
+from montecarlo.results.ensemble import Sample
 
 KEPT = 0.9
 LEFT_SHARE = 0.6  # of what is left, and of what has overturned
@@ -78,46 +77,38 @@ class FakeDensity:
         return exact_bins(self.scene, self.cycle, angle_edges, velocity_edges)
 
 
-@dataclasses.dataclass(frozen=True)
-class FakeEvolution(DensityResult):
-    scene: Scene
-    cycles: int = 10
-    wall_s: float = 1.5
-    error_estimate: float = 1e-4
-    mass_defect: float = 1e-15
-    negative_mass: float = 0.0
-    moving_negative_mass: float = 0.0
-    diffusion: float = 0.00628
-    tol: float = 1e-3
-    closure: str | None = None
-    replacement: Replacement | None = None
+class FakeEvolution(Evolution):
+    """An evolution of the known law; a subclass may have other arrays and numbers as attributes of the class."""
 
-    def __post_init__(self):
-        if self.closure is None:
-            stands = "Band noise stands as white noise of equal Melnikov variance."
-            object.__setattr__(self, "closure", stands * (self.scene.noise.kind == "band"))
-
-    @property
-    def times(self):
-        return self.scene.period * np.arange(self.cycles + 1)
-
-    @property
-    def survival(self):
-        return KEPT ** np.arange(self.cycles + 1)
-
-    @property
-    def overturned(self):
-        return np.multiply.outer(1.0 - self.survival, [LEFT_SHARE, 1.0 - LEFT_SHARE])
-
-    @property
-    def facts(self):
-        names = "error_estimate", "mass_defect", "negative_mass", "moving_negative_mass", "diffusion", "tol"
-        own = {name: getattr(self, name) for name in names}
-        return own | {"lost": self.lost.tolist()} | self.replacement_facts
-
-    @property
-    def lost(self):
-        return np.zeros(self.cycles + 1)
+    def __init__(self, scene, cycles=10, **fields):
+        stands = "Band noise stands as white noise of equal Melnikov variance."
+        survival = KEPT ** np.arange(cycles + 1)
+        usual = {
+            "scene": scene,
+            "diffusion": 0.00628,
+            "noise_replacement": stands * (scene.noise.kind == "band"),
+            "tol": 1e-3,
+            "times": (scene.period or 1.0) * np.arange(cycles + 1),
+            "survival": survival,
+            "overturned": np.multiply.outer(1.0 - survival, [LEFT_SHARE, 1.0 - LEFT_SHARE]),
+            "lost": np.zeros(cycles + 1),
+            "at_rest": np.zeros(cycles + 1),
+            "error_estimate": 1e-4,
+            "bins_error_estimate": 1e-3,
+            "rest_error_estimate": 0.0,
+            "mass_defect": 1e-15,
+            "negative_mass": 0.0,
+            "moving_negative_mass": 0.0,
+            "wall_s": 1.5,
+            "settings": {},
+            "coefficients": np.zeros((cycles + 1, 1, 1, 1, 1)),
+            "angle_lines": np.array([-1.0, 1.0]),
+            "velocity_lines": np.array([-1.0, 1.0]),
+            "atom": False,
+            "replacement": None,
+        }
+        own = {name for cls in type(self).__mro__[:-1] if issubclass(cls, FakeEvolution) for name in vars(cls)}
+        vars(self).update({name: value for name, value in (usual | fields).items() if name not in own})
 
     def at(self, cycle):
         if cycle == 0:
@@ -129,20 +120,10 @@ class FakeEvolution(DensityResult):
             return np.histogram2d([0.0], [0.0], [angle_edges, velocity_edges])[0]
         return self.at(cycle).bin_probabilities(angle_edges, velocity_edges)
 
-    def save(self, path):
-        values, said = self.replacement.stored() if self.replacement else ({}, {})
-        storage.write_result(path, "evolution", self.scene, values, {"cycles": self.cycles} | said)
-
-    @classmethod
-    def load(cls, path):
-        checked = Layout(ARRAYS, {"cycles": int, "check": dict})
-        scene, arrays, found = storage.read_result(path, "evolution", Layout({}, {"cycles": int}), checked)
-        check = Replacement.restored(arrays["replacement"], found["check"]) if arrays else None
-        return cls(scene, found["cycles"], replacement=check)
-
 
 @dataclasses.dataclass(frozen=True)
-class FakeEnsemble(Sample):
+class FakeEnsemble(Saved, Sample):
+    kind: ClassVar = "ensemble"
     scene: Scene
     cycles: int = 10
     realizations: int = 1000
@@ -150,7 +131,7 @@ class FakeEnsemble(Sample):
     method: str = "rk4"
     steps_per_cycle: int = 200
     wall_s: float = 2.5
-    _overturning = None
+    first_overturning = None
 
     @property
     def times(self):
@@ -209,13 +190,3 @@ class FakeEnsemble(Sample):
         edges = [angle_edges, velocity_edges]
         counts = np.histogram2d(self.angle[alive, cycle], self.velocity[alive, cycle], edges)[0]
         return counts / self.realizations
-
-    def save(self, path):
-        attributes = {name: getattr(self, name) for name in ("cycles", "realizations", "seed", "method")}
-        storage.write_result(path, "ensemble", self.scene, {}, attributes)
-
-    @classmethod
-    def load(cls, path):
-        types = {"cycles": int, "realizations": int, "seed": int, "method": str}
-        scene, _, attributes = storage.read_result(path, "ensemble", Layout({}, types))
-        return cls(scene, **attributes)

@@ -1,6 +1,6 @@
 """A result of every kind, made of arrays that no two readings can share: rows, sides, limits and scenes all differ.
 
-Beside a result stand the columns and grids that it has to give, from these arrays and by other formulas than its own.
+Beside a result stand the table and dataset that it has to give, from these arrays and by other formulas than its own.
 """
 
 import functools
@@ -17,7 +17,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.horizon.plane import PlaneMap
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.studies import Fragility, Sweep
 from montecarlo import Ensemble, Histories, Splitting, Tally
@@ -33,7 +33,7 @@ SPACE = Space(np.array([-1.6, -0.7, 0.0, 0.4, 1.6]), np.array([-3.0, -1.1, 0.0, 
 
 
 class Made(NamedTuple):
-    """A result; what `columns` has to return; and what `grids` has to: (dimensions, array) by name, and coordinates."""
+    """A result; what `table` has to return; and what `dataset` has to: (dimensions, array) by name, and coordinates."""
 
     result: Any
     columns: dict
@@ -60,6 +60,8 @@ def _survival_grids(result, times, survival, overturned, limits=None):
     }
     middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
     places = {"time": times, "side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
+    if result.scene.period is not None:
+        places["cycle"] = np.arange(len(times))
     if limits is not None:
         variables["survival_interval"], places["limit"] = (("time", "limit"), limits), ["low", "high"]
     return variables, places
@@ -88,7 +90,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
     result = Evolution(
         scene=scene,
         diffusion=0.00628,
-        closure="White noise stands for the band." * (scene.noise.kind == "band"),
+        noise_replacement="White noise stands for the band." * (scene.noise.kind == "band"),
         tol=1e-3,
         times=times,
         survival=survival,
@@ -104,11 +106,14 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
         wall_s=1.5,
         settings=settings,
         coefficients=coefficients,
-        space=SPACE,
+        angle_lines=SPACE.angle_lines,
+        velocity_lines=SPACE.velocity_lines,
         atom=atom,
     )
     columns = _survival_columns(scene, times, survival, overturned) | {"lost": lost, "at_rest": at_rest}
-    return Made(result, columns, *_survival_grids(result, times, survival, overturned))
+    variables, places = _survival_grids(result, times, survival, overturned)
+    variables |= {"lost": (("time",), lost), "at_rest": (("time",), at_rest)}
+    return Made(result, columns, variables, places)
 
 
 def _paths(times, seed, paths=PATHS):
@@ -167,12 +172,14 @@ def histories():
         "time": time,
         "angle": np.concatenate(angle),
         "velocity": np.concatenate(velocity),
+        "overturn_time": ends[numbers],
+        "overturn_side": side[numbers],
     }
     variables = {"angle": (("realization", "time"), angle), "velocity": (("realization", "time"), velocity)}
     variables |= {"overturn_time": (("realization",), ends), "overturn_side": (("realization",), side)}
     names = "impact_realization", "impact_time", "impact_velocity"
     variables |= {name: (("impact",), values) for name, values in zip(names, impacts, strict=True)}
-    return Made(result, columns, variables, {"time": times})
+    return Made(result, columns, variables, {"realization": np.arange(paths), "time": times})
 
 
 def splitting(repeats=30):
@@ -186,6 +193,7 @@ def splitting(repeats=30):
     columns = {"cycle": np.arange(CYCLES + 1), "probability": totals.mean(axis=0), "standard_error": error}
     left, right = (sum(estimates[:, :, side]) / repeats for side in (0, 1))
     variables = {name: (("cycle",), columns[name]) for name in ("probability", "standard_error")}
+    variables["overturned"] = ("cycle", "side"), np.stack([left, right], axis=1)
     variables["repeat_overturned"] = ("repeat", "cycle", "side"), estimates
     variables |= {"levels": (("repeat",), levels), "killed": (("repeat",), killed)}
     places = {"cycle": np.arange(CYCLES + 1), "side": ["left", "right"]}
@@ -207,8 +215,9 @@ def comparison():
     limits = first["survival_low"], first["survival_high"]
     nothing = np.full(CYCLES + 1, math.nan)
     columns = {"cycle": np.arange(CYCLES + 1), "time": WHOLE}
-    columns |= {"survival_first": pair[0], "low_first": limits[0], "high_first": limits[1]}
-    columns |= {"survival_second": pair[1], "low_second": nothing, "high_second": nothing}
+    columns |= {"survival_first": pair[0], "survival_second": pair[1]}
+    columns |= {"survival_first_low": limits[0], "survival_first_high": limits[1]}
+    columns |= {"survival_second_low": nothing, "survival_second_high": nothing}
     columns |= {"difference": pair[0] - pair[1], "standard_error": error, "z": scores}
     variables = {name: (("cycle",), columns[name]) for name in ("difference", "standard_error", "z")}
     bins = [[one.result.bin_probabilities(cycle, *joint_edges(MAIN)) for cycle in JOINT] for one in (sample, density)]
@@ -221,14 +230,15 @@ def comparison():
     for name, values in found.items():
         columns[name] = nothing.copy()
         columns[name][JOINT] = values
-        variables[name] = ("joint_cycle",), np.array(values)
+        variables[name] = ("cycle",), columns[name]
     empty = np.stack([nothing, nothing], axis=1)
     variables["survival"] = ("cycle", "result"), np.stack(pair, axis=1)
-    variables["interval"] = ("cycle", "result", "limit"), np.stack([np.stack(limits, axis=1), empty], axis=1)
+    variables["survival_interval"] = ("cycle", "result", "limit"), np.stack([np.stack(limits, axis=1), empty], axis=1)
     sides = [np.stack([one["overturned_left"], one["overturned_right"]], axis=1) for one in (first, second)]
     variables["leakage"] = ("during", "result", "side"), np.stack([one[1:] - one[:-1] for one in sides], axis=1)
-    places = {"cycle": np.arange(CYCLES + 1), "during": np.arange(1, CYCLES + 1), "joint_cycle": np.array(JOINT)}
-    return Made(result, columns, variables, places | {"limit": ["low", "high"], "side": ["left", "right"]})
+    places = {"cycle": np.arange(CYCLES + 1), "time": WHOLE, "during": np.arange(1, CYCLES + 1)}
+    places |= {"result": ["first", "second"], "limit": ["low", "high"], "side": ["left", "right"]}
+    return Made(result, columns, variables, places)
 
 
 BLOCKS = tuple(
@@ -259,7 +269,7 @@ def fragility(axis="scene", sampled=True):
         realizations=1000 if sampled else 0,
         noise_scaled=True,
         options={"cycles": 4, "seed": 1} | ({} if sampled else {"tol": 1e-2}),
-        closure="",
+        noise_replacement="",
         reasons={"1,2,3": reason},
         wall_s=1.0,
     )
@@ -285,6 +295,15 @@ def fragility(axis="scene", sampled=True):
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     dims = axis, "level", "scale"
     variables = {"probability": (dims, probability), "low": (dims, limits[..., 0]), "high": (dims, limits[..., 1])}
+    cubes = {name: values.reshape(len(BLOCKS), SCALES.size, 3).swapaxes(1, 2) for name, values in columns.items()}
+    variables |= {name: (dims, cubes[name]) for name in ("lognormal", "reason")}
+    variables |= {
+        "event_angle": (dims[:2], cubes["level"][..., 0]),
+        "level_deg": (dims[:2], cubes["level_deg"][..., 0]),
+    }
+    variables["event"] = (dims[1:2], cubes["event"][0, :, 0])
+    measures = "acceleration", "velocity", "pga_g", "pgv_m_per_s", "relative_velocity"
+    variables |= {name: ((axis, "scale"), cubes[name][:, 0]) for name in measures}
     return Made(result, columns, variables, {axis: place, "level": [math.inf, *LEVELS], "scale": SCALES})
 
 
@@ -327,7 +346,7 @@ def operator():
     density = density / SPACE.masses(density).sum()
     values = np.array([0.93, 0.4 + 0.3j, 0.4 - 0.3j, -0.2])
     leakage = np.array([0.05, 0.02])
-    own = {"scene": MAIN, "closure": "", "diffusion": 0.006, "tol": 1e-3, "escape_rate": -math.log(0.93)}
+    own = {"scene": MAIN, "noise_replacement": "", "diffusion": 0.006, "tol": 1e-3, "escape_rate": -math.log(0.93)}
     own |= {"escape_error": 1e-4, "refinement": [(10, 0.07)], "leakage": leakage, "lost": 0.0, "eigenvalues": values}
     own |= {"residuals": np.full(4, 1e-9), "negative_mass": 1e-5, "settings": {}}
     vars(result).update(own, _fine=types.SimpleNamespace(space=SPACE, quasi_stationary=density))
@@ -338,9 +357,8 @@ def operator():
     variables |= {"leakage": (("side",), leakage)}
     variables |= {"bin_probability": (("bin_angle", "bin_velocity"), SPACE.bin_integrals(density, *edges))}
     middles = [0.5 * (line[1:] + line[:-1]) for line in edges]
-    return Made(
-        result, columns, variables, {"side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
-    )
+    places = {"mode": np.arange(4), "side": ["left", "right"], "bin_angle": middles[0], "bin_velocity": middles[1]}
+    return Made(result, columns, variables, places)
 
 
 def plane_map():

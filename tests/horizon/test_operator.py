@@ -423,8 +423,8 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
     assert operator.trust.verdict == "caution"
     assert operator.trust.reasons == (UNCHECKED,)
     assert len(operator._repr_html_()) < 150_000
-    assert operator.columns()["modulus"][0] == pytest.approx(np.exp(-operator.escape_rate), rel=1e-9)
-    variables, places = operator.grids()
+    assert operator.table()["modulus"][0] == pytest.approx(np.exp(-operator.escape_rate), rel=1e-9)
+    variables, places, _ = operator.dataset()
     dims, bins = variables["bin_probability"]
     assert bins.shape == tuple(places[name].size for name in dims)
     assert bins.sum() == pytest.approx(1.0, abs=2e-3)

@@ -14,7 +14,7 @@ from fpk_rocking import cli
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene, WhiteNoise
 from montecarlo import Tally, simulate, tally, tallying
 from montecarlo.engines import running
-from montecarlo.results import checkpoint
+from montecarlo.results.tally import Checkpoint
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
 SIZE = {"cycles": 6, "realizations": 3000}
@@ -109,8 +109,8 @@ def test_the_state_is_saved_at_once_at_the_end_and_now_and_then(tmp_path, monkey
     monkeypatch.setattr(Tally, "save", lambda self, path: (saved.append(self.realizations), write(self, path)))
     tally(MAIN, cycles=1, realizations=300, checkpoint=tmp_path / "first.npz")
     assert saved == [64, 300]
-    monkeypatch.setattr(checkpoint, "_BETWEEN_S", 0.0)
-    monkeypatch.setattr(checkpoint, "_SHARE", math.inf)
+    monkeypatch.setattr(Checkpoint, "least_s", 0.0)
+    monkeypatch.setattr(Checkpoint, "share", math.inf)
     tally(MAIN, cycles=1, realizations=300, checkpoint=tmp_path / "second.npz")
     assert saved[2:] == [64, 128, 192, 256, 300]
 
@@ -201,8 +201,8 @@ def test_the_command_line_tallies_and_goes_on(tmp_path):
 
 def test_a_checkpoint_is_due_at_first_and_not_again_at_once(tmp_path):
     """Without a file it is never due."""
-    keeper, small = checkpoint.Keeper(tmp_path / "state.npz", 0), tally(MAIN, cycles=1, realizations=3)
+    keeper, small = Checkpoint(tmp_path / "state.npz", 0), tally(MAIN, cycles=1, realizations=3)
     assert keeper.is_due
-    keeper.keep(small)
+    keeper.save(small)
     assert not keeper.is_due
-    assert not checkpoint.Keeper(None, 0).is_due
+    assert not Checkpoint(None, 0).is_due

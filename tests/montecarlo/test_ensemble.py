@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from two_samples import survival_test
 
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import load_scene
 from montecarlo import Ensemble, correlation_dimension, simulate
 

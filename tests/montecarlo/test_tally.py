@@ -215,7 +215,7 @@ def test_a_run_that_does_not_fit_tells_what_it_counts(cycle, rows):
 
 def test_a_tally_compares_as_the_ensemble_does(whole, ensemble):
     against = fakes.FakeEvolution(MAIN, cycles=6)
-    compared, truth = compare(whole, against).to_dict(), compare(ensemble, against).to_dict()
+    compared, truth = compare(whole, against).summary(), compare(ensemble, against).summary()
     assert compared["names"] == ["Monte Carlo white", "Fokker-Planck density"]
     for values in (compared, truth):
         values.pop("wall_s")

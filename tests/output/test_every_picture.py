@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from made_results import SAMPLES, WITH_ROWS, equal, kind
 
-from fpk_rocking.output import curves, maps, motion, style, vtk
+from fpk_rocking.output import curves, maps, motion, vtk
+from fpk_rocking.results import style
 from fpk_rocking.studies.picture import draw_surface
 from montecarlo.poincare import MeanMap
-from montecarlo.results.histograms import Histogram
+from montecarlo.results.statistics import Histogram
 
 
 def band(collection):
@@ -34,7 +35,7 @@ def test_pictures_of_survival_and_bins(name):
     figure = result.plot(cycle=97)
     axes, plane = figure.axes[:2]
     x = columns["time"] if result.scene.period is None else columns["cycle"]
-    error = result.facts.get("error_estimate", math.nan)
+    error = getattr(result, "error_estimate", math.nan)
     low, high = columns["survival"] - error, columns["survival"] + error
     if name in SAMPLES:
         low, high = columns["survival_low"], columns["survival_high"]
@@ -83,7 +84,7 @@ def test_pictures_of_a_comparison():
     second = columns["survival_second"]
     for which, (name, low, high) in enumerate(
         (
-            ("survival_first", columns["low_first"], columns["high_first"]),
+            ("survival_first", columns["survival_first_low"], columns["survival_first_high"]),
             ("survival_second", second - error, second + error),
         )
     ):

@@ -17,7 +17,8 @@ import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, maps, progress, report, style, summary, surfaces, tables
+from fpk_rocking.output import curves, maps, progress, report, surfaces, tables
+from fpk_rocking.results import storage, style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.pictures import edges_of
 from fpk_rocking.results.times import shown_times, time_name, when
@@ -154,7 +155,7 @@ def test_result_table_and_summary(capsys, result):
     tables.show(*tables.result_table(result))
     printed = capsys.readouterr().out
     assert f"{result.survival[7]:.5f}" in printed
-    values = summary.result_summary(result)
+    values = result.summary()
     assert values["survival"] == pytest.approx(result.survival.tolist())
     assert ("interval" in values) == (result is ENSEMBLE)
     assert ("error_estimate" in values) == (result is DENSITY)
@@ -162,7 +163,7 @@ def test_result_table_and_summary(capsys, result):
 
 def test_summary_refuses_nan(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
-        summary.write_summary(tmp_path / "summary.json", {"survival": math.nan})
+        storage.write_json(tmp_path / "summary.json", {"survival": math.nan})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -236,7 +237,7 @@ def test_a_block_with_a_size_is_shown_in_seconds_and_degrees(capsys, tmp_path):
     assert first == f"{told}10 cycles ({last:.4g} s)"
     assert head.split()[:3] == ["cycles", "time,", "s"]
     assert float(rows[4].split()[1]) == pytest.approx(size.seconds(found.times[4]), rel=1e-3)
-    assert found.columns()["time_s"] == pytest.approx(size.seconds(found.times))
+    assert found.table()["time_s"] == pytest.approx(size.seconds(found.times))
     survival, plane = found.plot(cycle=4).axes[:2]
     assert survival.get_xlabel() == "forcing cycles"
     assert (plane.get_xlabel(), plane.get_ylabel()) == ("angle θ, degrees", "velocity, degrees/s")

@@ -19,11 +19,10 @@ DENSITY = fakes.FakeEvolution(MAIN)
 ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
 
 
-@dataclasses.dataclass(frozen=True)
 class SignedEvolution(fakes.FakeEvolution):
     """After a cycle a density on a mesh of the solver's own kind, with negative parts."""
 
-    negative_mass: float = 0.05
+    negative_mass = 0.05
 
     def at(self, cycle):
         space = Space(np.linspace(-1.5, 1.5, 5), np.linspace(-2.0, 2.0, 4), 3)

@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Harmonic, Scene, cli
-from fpk_rocking.base.look import OVERTURNED
 from fpk_rocking.compare import compare
-from fpk_rocking.output import summary
 from fpk_rocking.output.report import left_out, write_report
 from fpk_rocking.results.pictures import edges_of
+from fpk_rocking.results.style import OVERTURNED
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 DENSITY, ENSEMBLE = fakes.FakeEvolution(MAIN), fakes.FakeEnsemble(MAIN, realizations=2000)
@@ -69,14 +68,14 @@ def written(path, shown, values, films=(DENSITY,), **more):
 
 @pytest.fixture
 def report(tmp_path):
-    values = summary.result_summary(DENSITY)
+    values = DENSITY.summary()
     return written(tmp_path / "out.html", DENSITY, values, scenes=[MAIN], sentences=["One < two & more."])
 
 
 @pytest.fixture
 def both(tmp_path):
     compared = compare(ENSEMBLE, DENSITY)
-    return written(tmp_path / "out.html", compared, compared.to_dict(), [DENSITY, ENSEMBLE])[1]
+    return written(tmp_path / "out.html", compared, compared.summary(), [DENSITY, ENSEMBLE])[1]
 
 
 def test_nothing_is_loaded_from_anywhere(report):
@@ -92,11 +91,11 @@ def test_nothing_is_loaded_from_anywhere(report):
 
 def test_numbers_are_those_of_the_result(report):
     _, page = report
-    assert page.json["summary"] == json.loads(json.dumps(summary.result_summary(DENSITY)))
-    assert page.rows[0] == ["cycle", "time τ", "survival", "overturned left", "overturned right"]
+    assert page.json["summary"] == json.loads(json.dumps(DENSITY.summary()))
+    assert page.rows[0] == ["cycle", "time τ", "survival", "overturned left", "overturned right", "lost", "at rest"]
     survival = [float(row[2]) for row in page.rows[1:]]
     assert survival == pytest.approx(DENSITY.survival, rel=1e-5)
-    assert page.texts.count(DENSITY.title) == 2
+    assert page.texts.count(DENSITY.heading) == 2
     assert "trust: caution" in page.texts
     assert any("restitution = 0.5" in text for text in page.texts)
     assert "One < two & more." in page.texts
@@ -154,7 +153,7 @@ def test_bins_are_shown_around_what_is_there():
 def test_of_many_cycles_some_are_shown(tmp_path):
     """The first and the last among them."""
     long = fakes.FakeEvolution(MAIN, cycles=500)
-    _, page = written(tmp_path / "out.html", long, summary.result_summary(long), [long])
+    _, page = written(tmp_path / "out.html", long, long.summary(), [long])
     film = page.json["film"]
     assert len(film["when"]) == 121
     assert (film["when"][0], film["when"][-1]) == ("after 0 cycles", "after 500 cycles")
@@ -165,8 +164,8 @@ def test_of_many_cycles_some_are_shown(tmp_path):
 def test_texts_of_a_scene_cannot_become_elements(tmp_path):
     trap = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     scene = dataclasses.replace(MAIN, noise=BandNoise(0.04, (0.0, 10.0), 100, trap))
-    density = fakes.FakeEvolution(scene, closure=trap)
-    values = summary.result_summary(density)
+    density = fakes.FakeEvolution(scene, noise_replacement=trap)
+    values = density.summary()
     text, page = written(tmp_path / "out.html", density, values, scenes=[scene], sentences=[trap])
     assert text.count("<script") == 3
     assert text.count("<img") == 1

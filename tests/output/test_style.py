@@ -1,6 +1,6 @@
 """A page of panels: its size, its title and its notes."""
 
-from fpk_rocking.output import style
+from fpk_rocking.results import style
 
 
 def test_notes_are_wrapped_to_the_width_of_the_page(tmp_path):

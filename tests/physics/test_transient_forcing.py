@@ -27,7 +27,7 @@ from fpk_rocking.scene import limits
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
 from montecarlo.rare.splitting import split
-from montecarlo.results.rates import overturning_rate
+from montecarlo.results.statistics import overturning_rate
 
 ROOT = pathlib.Path(__file__).parents[2]
 SIZE = Dimensions(0.6, 2.0)

@@ -11,9 +11,8 @@ from scipy.special import ndtr
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise, melnikov
 from fpk_rocking.compare import compare, joint_edges, shown_cycles
-from fpk_rocking.results import distances
+from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import label_of
 from montecarlo import histories
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
@@ -81,7 +80,6 @@ def test_samples_of_the_density_itself_lie_at_the_floor():
 
 
 def test_another_law_lies_far_above_the_floor():
-    @dataclasses.dataclass(frozen=True)
     class Mirrored(fakes.FakeEvolution):
         def bin_probabilities(self, cycle, angle_edges, velocity_edges):
             return super().bin_probabilities(cycle, angle_edges, velocity_edges)[::-1]
@@ -151,12 +149,13 @@ def test_common_cycles_and_leakage():
 
 def test_to_dict_is_json():
     compared = compare(fakes.FakeEnsemble(MAIN), fakes.FakeEvolution(MAIN), joint_cycles=[2, 5])
-    values = json.loads(json.dumps(compared.to_dict(), allow_nan=False))
+    values = json.loads(json.dumps(compared.summary(), allow_nan=False))
     assert values["names"] == ["Monte Carlo rk4", "Fokker-Planck density"]
     assert values["realizations"] == [1000, None]
     assert values["interval"][3][1] == [None, None]
     assert values["survival"][3] == pytest.approx(compared.survival[3].tolist())
-    assert set(values) == {field.name for field in dataclasses.fields(compared)}
+    fields = {field.name for field in dataclasses.fields(compared)} - {"results"}
+    assert set(values) == fields | {"names", "realizations", "wall_s", "trust", "remarks"}
 
 
 def test_melnikov_figures_of_each_noise():
@@ -199,7 +198,7 @@ def test_noise_may_differ_and_is_named():
     compared = compare(fakes.FakeEnsemble(MAIN.white_equivalent(), method="white"), fakes.FakeEvolution(MAIN))
     assert any("white noise, diffusion 0.00628" in remark and "band noise" in remark for remark in compared.remarks)
     assert "The band was assumed." in compared.remarks
-    assert fakes.FakeEvolution(MAIN).closure in compared.remarks
+    assert fakes.FakeEvolution(MAIN).noise_replacement in compared.remarks
 
 
 @pytest.mark.parametrize(("cycles", "error"), [([11], ValueError), ([-1], ValueError), ([1.0], TypeError)])
@@ -248,8 +247,8 @@ def test_bins_hold_a_strongly_driven_escape():
 
 
 def test_labels():
-    assert label_of(fakes.FakeEnsemble(MAIN, realizations=20_000)) == "Monte Carlo rk4, 20,000 realizations"
-    assert label_of(fakes.FakeEvolution(MAIN)) == "Fokker-Planck density"
+    assert fakes.FakeEnsemble(MAIN, realizations=20_000).label == "Monte Carlo rk4, 20,000 realizations"
+    assert fakes.FakeEvolution(MAIN).label == "Fokker-Planck density"
     assert noise_text(MAIN.noise) == "band noise, variance 0.04 on [0, 10], 100 harmonics"
     assert noise_text(NoNoise()) == "no noise"
     own = dataclasses.replace(MAIN, noise=BandNoise(0.04, (1.0, 6.0), 100))

@@ -12,7 +12,7 @@ from made_results import MAIN, WHITE
 from fpk_rocking import Block, Dimensions
 from fpk_rocking.compare import compare
 from fpk_rocking.results import trust
-from fpk_rocking.results.remarks import doubts, remarks, scene_doubts
+from fpk_rocking.results.remarks import remarks, scene_diagnostics
 from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.studies.diagnostics import doubts_of
 from fpk_rocking.studies.lognormal import LognormalFit
@@ -28,6 +28,8 @@ LIMITS = {
     "lost": (0.002, 0.1),
     "mass_defect": (1e-9, 0.002),
     "negative_mass": (0.01, 0.1),
+    "moving_negative_mass": (0.01, 0.1),
+    "rest_error_estimate": (math.inf, math.inf),
     "residual": (1e-6, 0.002),
 }
 """Of each figure for a tolerance of .002: above the first there is caution, above the second no use."""
@@ -37,11 +39,11 @@ COARSE = {"total_error": (0.3, 0.3), "lost": (0.3, 0.3), "negative_mass": (0.01,
 
 
 def test_the_limits_are_these():
-    found = trust._limits(0.002, {"bins_tol": 0.03})
+    found = trust._limits(0.002, 0.03)
     assert {name: pair for name, (_, *pair) in found.items()} == {name: [*pair] for name, pair in LIMITS.items()}
-    coarse = trust._limits(0.3, {})
+    coarse = trust._limits(0.3, math.inf)
     assert {name: tuple(coarse[name][1:]) for name in COARSE} == COARSE
-    assert trust._limits(0.002, {"moving_negative_mass": 0.0})["moving_negative_mass"][1:] == (0.01, 0.1)
+    assert trust._limits(0.002, math.inf, {"moving_negative_mass": 0.0})["negative_mass"][1:] == (math.inf, math.inf)
     assert trust.UNASKED == 0.05
 
 
@@ -58,8 +60,8 @@ def test_the_limits_are_these():
 def test_a_block_with_dimensions_that_is_taken_as_slender_is_remarked_on(block, said, friction):
     """And with which friction it slides first, where that is known."""
     result = fakes.FakeEvolution(dataclasses.replace(MAIN.varied(noise=WHITE.noise), block=block))
-    assert [doubt.code for doubt in doubts(result)] == ["slender"] * said
-    assert [doubt.code for doubt in scene_doubts(result.scene, "")] == ["slender"] * said
+    assert [one.name for one in result.model_diagnostics()] == ["slender"] * said
+    assert [one.name for one in scene_diagnostics(result.scene, "")] == ["slender"] * said
     assert result.trust.verdict == ("caution" if said else "ok")
     sliding = (
         f"A block with a friction coefficient below {friction} slides before it rocks; rocking needs more still "
@@ -174,7 +176,7 @@ def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=Fal
         fits=[[one] for one in fits],
         scenes=scenes,
         scale=np.array([0.5, 2.0]),
-        closure="",
+        noise_replacement="",
         mixture=mixture,
         deterministic=np.array([False]),
         engine="exact",
@@ -183,7 +185,7 @@ def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=Fal
 
 def test_curves_without_an_answer_are_of_no_use():
     (some,), (none,) = (doubts_of(curves(reasons=range(count), probability=[0.5] * 4)) for count in (3, 4))
-    assert some == (trust.CAUTION, "The engine gave no answer for 3 of 4 probabilities: refused.", "unanswered")
+    assert some[:3] == (trust.CAUTION, "The engine gave no answer for 3 of 4 probabilities: refused.", "unanswered")
     assert none[:2] == (trust.UNUSABLE, "The engine gave no answer for 4 of 4 probabilities: refused.")
     assert doubts_of(curves()) == []
 
@@ -200,10 +202,10 @@ def test_a_fit_is_rejected_beyond_its_limits(inside, outside, rule):
     """Of several the worst is told, and how many there are."""
     assert doubts_of(curves([inside])) == []
     (one,), (two,) = doubts_of(curves([outside])), doubts_of(curves([inside, outside, outside]))
-    assert one.sentence.startswith(f"The lognormal fit is rejected {rule}")
-    assert two.sentence.startswith(f"The lognormal fit of 2 of 3 curves is rejected {rule}")
+    assert one.message.startswith(f"The lognormal fit is rejected {rule}")
+    assert two.message.startswith(f"The lognormal fit of 2 of 3 curves is rejected {rule}")
     better = outside._replace(misfit=outside.misfit - 1e-3, p_value=0.0)
-    assert f"off by up to {outside.misfit:.2g}" in doubts_of(curves([better, outside, better]))[0].sentence
+    assert f"off by up to {outside.misfit:.2g}" in doubts_of(curves([better, outside, better]))[0].message
 
 
 @pytest.mark.parametrize(("count", "said"), [(381, False), (380, True)])
@@ -211,6 +213,6 @@ def test_a_mean_over_motions_is_doubted_up_to_380_of_them(count, said):
     """Wilson's half width at one half is z/(2 √(n + z²)): .05 at n = 380.3, z = 1.96."""
     many = {"scenes": (WHITE,) * count, "mixture": True}
     found = doubts_of(curves(probability=[0.0, 0.5, math.nan], **many))
-    assert [doubt.sentence.split(":")[0] for doubt in found] == [f"The mean is over {count} motions alone"] * said
+    assert [doubt.message.split(":")[0] for doubt in found] == [f"The mean is over {count} motions alone"] * said
     assert doubts_of(curves(probability=[0.0, 0.5], scenes=many["scenes"])) == []
-    assert doubts_of(curves(mixture=True))[0].sentence.startswith("The mean is over 1 motion alone")
+    assert doubts_of(curves(mixture=True))[0].message.startswith("The mean is over 1 motion alone")

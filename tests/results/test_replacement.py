@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
-from fpk_rocking.output import summary, tables
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.output import tables
 from fpk_rocking.results.remarks import remarks
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.studies import tasks
 from montecarlo import simulate
 
@@ -127,17 +127,17 @@ def test_every_form_prints_value_numerics_replacement_and_total():
     found = density().checked(even(32_600))
     line = "P(overturned) = 0.1900 ± 0.0001 (numerics), replacement of the noise: -0.0050 ± 0.0038, total ± 0.0089"
     _, table, sentences = tables.result_table(found)
-    assert line in found.headline
+    assert line in found.title
     assert line in found._repr_html_()
     assert any(text.startswith(line) for text in sentences)
     assert (
         list(next(one for one in table.columns if one.header == "total ±").cells)[2] == f"{found.total_error[2, 0]:.5f}"
     )
-    values = summary.result_summary(found)
+    values = found.summary()
     assert values["total_error"] == pytest.approx(found.total_error.max())
     assert values["replacement"]["difference"][2][0] == pytest.approx(0.005)
     assert (values["replacement"]["method"], values["replacement"]["realizations"]) == ("rk4", 40_000)
-    assert "replacement of the noise: not checked" in density().headline
+    assert "replacement of the noise: not checked" in density().title
     band = found.plot("survival").axes[0].collections[0].get_paths()[0].vertices[:, 1]
     assert 0.81 + found.total_error[2, 0] == pytest.approx(band[np.isclose(band, 0.819, atol=2e-3)][0])
 
@@ -196,4 +196,4 @@ def test_a_probability_that_rounds_to_0_has_no_sign():
     class Standing(fakes.FakeEvolution):
         survival = np.array([1.0, 1.0, 1.0 + 4e-8])
 
-    assert "P(overturned) = 0.0000 ± " in Standing(MAIN, cycles=2).headline
+    assert "P(overturned) = 0.0000 ± " in Standing(MAIN, cycles=2).title

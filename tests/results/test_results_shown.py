@@ -14,19 +14,13 @@ from scipy import special
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare
 from fpk_rocking.results.binning import joint_edges, shown_edges
-from fpk_rocking.results.trust import CAUTION, UNUSABLE, Doubt, trust_of
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic, assess, verdict
 from fpk_rocking.studies import Fragility, Sweep
 from montecarlo import Splitting, histories, simulate, tally
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "results.md"
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 WHITE = dataclasses.replace(MAIN, noise=WhiteNoise(0.006))
-
-
-class Density(fakes.FakeEvolution):
-    """With the line and the card of a real one in place of those that dataclasses make."""
-
-    __repr__ = fakes.DensityResult.__repr__
 
 
 def splitting(repeats=30, spread=0.1):
@@ -59,7 +53,7 @@ def fragility(axis="scene", size=1):
         realizations=1000,
         noise_scaled=True,
         options={"cycles": 4, "seed": 1},
-        closure="",
+        noise_replacement="",
         reasons={},
         wall_s=1.0,
     )
@@ -73,12 +67,12 @@ def rows(*verdicts):
 
 
 KINDS = {
-    "density": lambda: Density(MAIN),
+    "density": lambda: fakes.FakeEvolution(MAIN),
     "ensemble": lambda: simulate(MAIN, cycles=2, realizations=400, method="rk4"),
     "tally": lambda: tally(MAIN, cycles=2, realizations=400, method="rk4"),
     "histories": lambda: histories(MAIN, cycles=2, realizations=3, method="rk4"),
     "splitting": splitting,
-    "comparison": lambda: compare(fakes.FakeEnsemble(MAIN, realizations=4000), Density(MAIN)),
+    "comparison": lambda: compare(fakes.FakeEnsemble(MAIN, realizations=4000), fakes.FakeEvolution(MAIN)),
     "fragility": fragility,
     "surface": lambda: fragility("size", 3),
     "sweep": lambda: Sweep(tuple(rows("ok", "ok", "ok", "caution")), {"a": (1.0, 2.0), "b": (3.0, 4.0)}, 2.0),
@@ -112,12 +106,12 @@ def test_the_card_holds_all_it_shows(result):
 
 
 def test_texts_cannot_become_elements_of_the_card():
-    class Named(Density):
+    class Named(fakes.FakeEvolution):
         engine = "<b>"
 
         @property
-        def facts(self):
-            return super().facts | {"note": "<i>"}
+        def metadata(self):
+            return super().metadata | {"note": "<i>"}
 
     failed = Sweep(tuple(rows("ok", "")), {"<u>": (1.0, 2.0)}, 2.0)
     for card in (Named(MAIN)._repr_html_(), failed._repr_html_()):
@@ -148,7 +142,7 @@ def test_a_tally_is_shown_in_the_bins_that_it_kept(kinds):
     edges = np.array([-1.6, -0.7, 0.0, 0.4, 1.6]), np.array([-4.0, 0.0, 1.0, 4.0])
     own = tally(MAIN, cycles=2, realizations=400, method="rk4", angle_edges=edges[0], velocity_edges=edges[1])
     assert all(np.array_equal(*pair) for pair in zip(own.bin_edges, edges, strict=True))
-    assert own.grids()[0]["bin_probability"][1].sum(axis=(1, 2)) == pytest.approx(own.survival)
+    assert own.dataset().variables["bin_probability"][1]().sum(axis=(1, 2)) == pytest.approx(own.survival)
     assert own.plot("bins").axes[0].get_xlim() == (-1.6, 1.6)
     assert all(np.array_equal(*pair) for pair in zip(kinds["tally"].bin_edges, joint_edges(MAIN), strict=True))
 
@@ -179,7 +173,7 @@ def test_pictures_show_the_bins_that_hold_the_probability():
 
 
 @pytest.mark.parametrize(
-    ("facts", "verdict", "reason"),
+    ("facts", "wanted", "reason"),
     [
         ({"error_estimate": 9e-4, "tol": 1e-3}, "ok", "error of the probabilities is 0.0009, within 0.001."),
         ({"error_estimate": 2e-3, "tol": 1e-3}, "caution", "error of the probabilities is 0.002, above 0.001."),
@@ -203,16 +197,17 @@ def test_pictures_show_the_bins_that_hold_the_probability():
         ({}, "caution", "No error is estimated."),
     ],
 )  # fmt: skip
-def test_the_verdict_of_figures(facts, verdict, reason):
-    trust = trust_of(facts)
-    assert trust.verdict == verdict
+def test_the_verdict_of_figures(facts, wanted, reason):
+    asked = {name: facts[name] for name in ("tol", "bins_tol") if name in facts}
+    trust = verdict(assess(facts, **asked))
+    assert trust.verdict == wanted
     assert trust.reasons[0].endswith(reason) or reason in trust.reasons[0]
-    assert str(trust) == f"trust: {verdict}. {trust.reasons[0]}"
+    assert str(trust) == f"trust: {wanted}. {trust.reasons[0]}"
 
 
 def test_the_weightiest_doubt_decides_and_stands_first():
-    known = [Doubt(CAUTION, "Few."), Doubt(UNUSABLE, "Wrong."), Doubt(CAUTION, "Few.")]
-    trust = trust_of({"error_estimate": 0.02, "tol": 1e-2}, known)
+    known = [Diagnostic(CAUTION, "Few."), Diagnostic(UNUSABLE, "Wrong."), Diagnostic(CAUTION, "Few.")]
+    trust = verdict([*known, *assess({"error_estimate": 0.02}, tol=1e-2)])
     assert trust.verdict == "do not use"
     assert trust.reasons[:2] == ("Wrong.", "Few.")
     assert trust.plain == {"verdict": "do not use", "reasons": list(trust.reasons)}
@@ -223,12 +218,12 @@ def test_one_path_without_noise_is_certain_by_the_exact_engine():
     """Two realizations say no less than one; with noise, or from a spread start, they say nothing."""
     quiet = dataclasses.replace(MAIN, noise=NoNoise())
     spread = quiet.varied(start=Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01))))
-    for method, verdict in (("exact", "ok"), ("rk4", "caution")):
+    for method, wanted in (("exact", "ok"), ("rk4", "caution")):
         samples = [fakes.FakeEnsemble(scene, realizations=2, method=method) for scene in (quiet, MAIN, spread)]
-        assert [sample.trust.verdict for sample in samples] == [verdict, "do not use", "do not use"]
+        assert [sample.trust.verdict for sample in samples] == [wanted, "do not use", "do not use"]
         curves = [dataclasses.replace(fragility(), scenes=(scene,), realizations=1) for scene in (quiet, MAIN)]
         curves = [dataclasses.replace(curve, engine=method) for curve in curves]
-        assert [curve.trust.verdict for curve in curves] == [verdict, "do not use"]
+        assert [curve.trust.verdict for curve in curves] == [wanted, "do not use"]
         for found in (samples[0], curves[0]):
             assert found.trust.reasons[0].startswith("Deterministic: one path, ")
 
@@ -242,20 +237,20 @@ def test_splitting_is_doubted_where_its_repeats_are_few_or_skewed():
 
 
 def test_comparisons_are_as_good_as_the_worse_result_and_doubted_where_these_differ():
-    ensemble, density = fakes.FakeEnsemble(MAIN, realizations=4000), Density(MAIN)
+    ensemble, density = fakes.FakeEnsemble(MAIN, realizations=4000), fakes.FakeEvolution(MAIN)
     white = fakes.FakeEnsemble(WHITE, realizations=4000, method="white")
-    assert compare(white, Density(WHITE)).trust.verdict == "ok"
+    assert compare(white, fakes.FakeEvolution(WHITE)).trust.verdict == "ok"
     bad = compare(fakes.FakeEnsemble(MAIN, realizations=90), density)
     assert bad.trust.verdict == "do not use"
     assert [reason.partition(": ")[2][:10] for reason in bad.trust.reasons] == ["The half w", "Replaced, "]
-    assert bad.to_dict()["trust"] == bad.trust.plain
+    assert bad.summary()["trust"] == bad.trust.plain
 
     class Other(fakes.FakeEvolution):
         @property
         def survival(self):
-            return super().survival - 0.06 * (np.arange(11) == 5)
+            return fakes.KEPT ** np.arange(11) - 0.06 * (np.arange(11) == 5)
 
-    differing = compare(Other(WHITE), Density(WHITE)).trust
+    differing = compare(Other(WHITE), fakes.FakeEvolution(WHITE)).trust
     assert differing.verdict == "caution"
     (reason,) = differing.reasons
     assert reason == (
@@ -321,8 +316,8 @@ def test_a_fragility_that_falls_or_never_reaches_a_half_says_so(kinds):
     first = low.probability[0, 0]
     reached = f"the probability is {first.min():.3g} to {first.max():.3g} at these scales"
     assert low.describe(0) == f"Lognormal (overturned): no median, {reached}, and the fit is rejected."
-    assert "median" not in low.headline
-    assert "median" in whole.headline
+    assert "median" not in low.title
+    assert "median" in whole.title
     some = scale[:3]
     rising = special.ndtr(np.log(some / (1.2 * some[-1])) / 0.4)
     options = {"scale": some, "probability": np.round([[rising, rising]], 3), "error_estimate": np.zeros((1, 2, 3))}

@@ -1,47 +1,85 @@
 """Files that are whole or not there, and results that come back bit by bit."""
 
+import dataclasses
 import json
 import math
 import os
 import pathlib
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
 
 from fpk_rocking import Block, Dimensions, Harmonic, NoNoise, Scene
+from fpk_rocking.base.types import Array
 from fpk_rocking.results import storage
-from fpk_rocking.results.layout import Layout
+from fpk_rocking.results.storage import Saved
 
 SCENE = Scene(Block(1 / 3, Dimensions(0.4, 1.7)), Harmonic(4.6, 2.7, math.pi), NoNoise())
-ARRAYS = {
-    "survival": np.array([1.0, 0.1 + 0.2, math.nan, -0.0]),
-    "counts": np.arange(6, dtype=np.int32).reshape(2, 3),
-    "flags": np.array([True, False]),
-    "empty": np.zeros((0, 4)),
-}
-LAYOUT = Layout(
-    {"survival": "f8 n", "counts": "i4 2 k+1", "flags": "? 2", "empty": "f8 m n"},
-    {"seed": int, "method": str, "wall_s": float, "closure": str, "tol": type(None), "bins": list},
+
+
+class Part(NamedTuple):
+    """A part of a result that may be absent."""
+
+    flags: Annotated[Array, "? 2"]
+    note: str
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Things(Saved):
+    """Fields of every sort."""
+
+    kind: ClassVar = "ensemble"
+    scene: Scene
+    survival: Annotated[Array, "f8 n"]
+    counts: Annotated[Array, "i4 2 k+1"]
+    empty: Annotated[Array, "f8 m n"]
+    seed: int
+    method: str
+    wall_s: float
+    bins: list
+    options: dict[str, Any]
+    part: Part | None = None
+
+
+class Other(Things):
+    kind = "evolution"
+
+
+WHOLE = Things(
+    SCENE,
+    np.array([1.0, 0.1 + 0.2, math.nan, -0.0]),
+    np.arange(6, dtype=np.int32).reshape(2, 3),
+    np.zeros((0, 4)),
+    2**63,
+    "σ_M²/2",
+    0.1,
+    [1, 2.5],
+    {"cycles": 4},
+    Part(np.array([True, False]), "here"),
 )
-ATTRIBUTES = {"seed": 2**63, "method": "rk4", "wall_s": 0.1, "closure": "σ_M²/2", "tol": None, "bins": [1, 2.5]}
+ARRAYS = {"survival": WHOLE.survival, "counts": WHOLE.counts, "empty": WHOLE.empty}
 
 
 @pytest.fixture
 def saved(tmp_path):
     path = tmp_path / "result.npz"
-    storage.write_result(path, "ensemble", SCENE, ARRAYS, ATTRIBUTES)
+    WHOLE.save(path)
     return path
 
 
 def test_result_comes_back_bit_by_bit(saved):
-    scene, arrays, attributes = storage.read_result(saved, "ensemble", LAYOUT)
-    assert scene == SCENE
-    assert attributes == ATTRIBUTES
-    assert arrays.keys() == ARRAYS.keys()
-    for name, values in ARRAYS.items():
-        assert arrays[name].dtype == values.dtype
-        assert arrays[name].shape == values.shape
-        assert arrays[name].tobytes() == values.tobytes()
+    found = Things.load(saved)
+    assert found.scene == SCENE
+    for name in ("seed", "method", "wall_s", "bins", "options"):
+        assert getattr(found, name) == getattr(WHOLE, name)
+    assert found.part.note == "here"
+    pairs = [(getattr(found, name), values) for name, values in ARRAYS.items()]
+    for values, wanted in [*pairs, (found.part.flags, WHOLE.part.flags)]:
+        assert values.dtype == wanted.dtype
+        assert values.shape == wanted.shape
+        assert values.tobytes() == wanted.tobytes()
+    assert not found.survival.flags.writeable
     assert storage.result_kind(saved) == "ensemble"
     assert [file.name for file in saved.parent.iterdir()] == ["result.npz"]
 
@@ -49,7 +87,7 @@ def test_result_comes_back_bit_by_bit(saved):
 def test_header_names_the_versions(saved):
     with np.load(saved, allow_pickle=False) as archive:
         header = json.loads(str(archive["header"]))
-    assert header["format"] == 6
+    assert header["format"] == 7
     assert header["versions"].keys() == {"fpk-rocking", "numpy", "scipy", "numba"}
 
 
@@ -66,27 +104,44 @@ def test_a_pickled_array_is_refused_and_never_run(saved, where):
         arrays = dict(archive)
     np.savez(saved, allow_pickle=True, **arrays | {where: np.array(Touching(), dtype=object)})
     with pytest.raises(ValueError, match=r"result\.npz: a damaged saved result \(Object arrays cannot be loaded"):
-        storage.read_result(saved, "ensemble", LAYOUT)
+        Things.load(saved)
     assert not trace.exists()
 
 
 def test_another_kind_is_refused(saved):
     with pytest.raises(ValueError, match=r"result\.npz: got a result of kind 'ensemble', accepted: 'evolution'"):
-        storage.read_result(saved, "evolution", LAYOUT)
+        Other.load(saved)
 
 
-@pytest.mark.parametrize("number", [5, 7])
+@pytest.mark.parametrize("number", [6, 8])
 def test_another_format_is_refused(saved, number):
-    np.savez(saved, header=np.array(json.dumps({"format": number, "kind": "ensemble"})))
-    with pytest.raises(ValueError, match=rf"got format {number}, accepted: 6"):
-        storage.result_kind(saved)
+    header = {"format": number, "kind": "ensemble"}
+    for more, by in (({}, "another version"), ({"versions": {"fpk-rocking": "0.3"}}, "version 0.3, which reads it")):
+        np.savez(saved, header=np.array(json.dumps(header | more)))
+        with pytest.raises(ValueError, match=rf"got format {number}, accepted: 7 \(saved by {by}\)"):
+            storage.result_kind(saved)
+
+
+def test_a_part_may_be_absent_and_fields_have_to_be_there(tmp_path):
+    path = tmp_path / "result.npz"
+    dataclasses.replace(WHOLE, part=None).save(path)
+    assert Things.load(path).part is None
+    for changes, message in (
+        ({"counts": np.arange(6.0).reshape(2, 3)}, r"counts: got float64 of shape \(2, 3\), accepted: 'i4 2 k\+1'"),
+        ({"empty": np.zeros((0, 3))}, r"empty: got float64 of shape \(0, 3\), accepted: 'f8 m n' with n = 4"),
+        ({"seed": "one"}, r"seed: got 'one', accepted: int"),
+        ({"seed": True}, r"seed: got True, accepted: int"),
+    ):
+        dataclasses.replace(WHOLE, **changes).save(path)
+        with pytest.raises(ValueError, match=rf"result\.npz: not the content of a saved result: {message}"):
+            Things.load(path)
 
 
 @pytest.mark.parametrize("kept", [0, 10, 0.5, 0.999])
 def test_truncated_file_is_refused(saved, kept):
     whole = saved.read_bytes()
     saved.write_bytes(whole[: kept if kept >= 1 else int(kept * len(whole))])
-    for read in (storage.result_kind, lambda path: storage.read_result(path, "ensemble", LAYOUT)):
+    for read in (storage.result_kind, Things.load):
         with pytest.raises(ValueError, match=r"result\.npz: not a saved result, or truncated"):
             read(saved)
 
@@ -97,21 +152,20 @@ def test_damaged_array_is_refused(saved):
     content[where + 3] ^= 255
     saved.write_bytes(content)
     with pytest.raises(ValueError, match=r"result\.npz: a damaged saved result"):
-        storage.read_result(saved, "ensemble", LAYOUT)
+        Things.load(saved)
 
 
 def test_a_flipped_bit_of_a_shape_is_refused(tmp_path):
     """A smaller shape or type reads only a part of the array: its checksum must be taken over all of it."""
-    path, layout = tmp_path / "large.npz", Layout({"values": "f8 n k"}, {})
-    values = np.arange(3200.0).reshape(800, 4)
-    storage.write_result(path, "ensemble", SCENE, {"values": values}, {})
+    path = tmp_path / "large.npz"
+    dataclasses.replace(WHOLE, counts=np.arange(6400, dtype=np.int32).reshape(2, 3200)).save(path)
     whole = path.read_bytes()
     for k in range(8 * 128):
         spoiled = bytearray(whole)
-        spoiled[whole.index(b"\x93NUMPY", whole.index(b"values.npy")) + k // 8] ^= 1 << k % 8
+        spoiled[whole.index(b"\x93NUMPY", whole.index(b"counts.npy")) + k // 8] ^= 1 << k % 8
         path.write_bytes(spoiled)
         with pytest.raises(ValueError, match="a damaged saved result"):
-            storage.read_result(path, "ensemble", layout)
+            Things.load(path)
 
 
 def test_other_files_are_refused(tmp_path):
@@ -121,14 +175,14 @@ def test_other_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"notes\.txt: not a saved result"):
         storage.result_kind(text)
     with pytest.raises(ValueError, match=r"plain\.npz: not a saved result \(no header\)"):
-        storage.read_result(plain, "ensemble", LAYOUT)
+        Things.load(plain)
     with pytest.raises(FileNotFoundError, match=r"no result file .*absent\.npz"):
-        storage.read_result(tmp_path / "absent.npz", "ensemble", LAYOUT)
+        Things.load(tmp_path / "absent.npz")
 
 
 def test_what_json_does_not_hold_is_refused_and_leaves_no_file(tmp_path):
     with pytest.raises(TypeError, match="int64"):
-        storage.write_result(tmp_path / "result.npz", "ensemble", SCENE, ARRAYS, {"seed": np.int64(1)})
+        dataclasses.replace(WHOLE, seed=np.int64(1)).save(tmp_path / "result.npz")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
-from fpk_rocking.results.intervals import wilson_interval
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.curve import intensity_of
 from fpk_rocking.studies import drawn, fragility, synthetic_records

@@ -10,7 +10,7 @@ import fuzz
 
 from montecarlo import Tally, tally
 from montecarlo.engines import running
-from montecarlo.results import checkpoint
+from montecarlo.results.tally import Checkpoint
 
 SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
 ASKED = {"cycles": 4, "angle_edges": [-1.6, 0.0, 1.6], "velocity_edges": [-3.0, 0.0, 3.0]}
@@ -26,5 +26,5 @@ def told(self, path):
 if __name__ == "__main__":
     save, Tally.save = Tally.save, told
     running._BATCH_S, running._SMALLEST_BATCH = 1e-9, 256
-    checkpoint._BETWEEN_S, checkpoint._SHARE = 0.0, math.inf
+    Checkpoint.least_s, Checkpoint.share = 0.0, math.inf
     tally(SCENE, **ASKED, realizations=int(sys.argv[2]), checkpoint=sys.argv[1])

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from fpk_rocking import Start
 from fpk_rocking.density import Evolution
-from fpk_rocking.density.space.space import Space
 from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.results.storage import result_kind
 from fpk_rocking.studies import Fragility, fragility
@@ -33,10 +32,9 @@ def evolution():
     times, survival, gone = WHITE.period * np.arange(3), np.array([1.0, 0.9, 0.8]), np.full((3, 2), 0.05)
     lost, at_rest, figures = np.zeros(3), np.full(3, 0.1), (1e-3, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.1)
     coefficients = np.arange(48.0).reshape(3, 2, 2, 2, 2)
-    space = Space(lines, lines, 1)
     check = Replacement(np.full((3, 3), 0.01), np.full((3, 3), 0.02), "exact", 100, 2, 0.1)
     return Evolution(
-        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, space, False,
+        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, lines, lines, False,
         check,
     )  # fmt: skip
 
@@ -239,7 +237,7 @@ def test_archives_of_other_content(examples, kind, saved, tmp_path):
         if changed(other, arrays, change):
             assert loads(cls, other) is None
 
-    fuzz.hold(examples, claim, change=changes(names, ["format", "kind", "scene", "attributes"]))
+    fuzz.hold(examples, claim, change=changes(names, ["format", "kind", "scenes", "attributes"]))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from fpk_rocking import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, Start, WhiteNoise, cli
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, summary, tables
+from fpk_rocking.output import curves, tables
 from montecarlo import histories, mean_poincare_map, overturning_rate, restarted_poincare_map, simulate, tally
 from montecarlo.engines import exact, nonlinear
 
@@ -87,18 +87,18 @@ def test_the_outcome_is_the_time_of_a_free_fall():
     seconds = FALL.block.dimensions.seconds(FALLEN)
     found = simulate(FALL, cycles=2)
     assert found.overturn_time[0] == pytest.approx(FALLEN, rel=1e-12)
-    assert found.outcome == f"deterministic: overturns to the left at τ = {FALLEN:.4g} ({seconds:.3g} s)"
+    assert found.metadata["outcome"] == f"deterministic: overturns to the left at τ = {FALLEN:.4g} ({seconds:.3g} s)"
     pattern = r"deterministic: overturns to the left between τ = (\S+) \((\S+) s\) and τ = (\S+) \((\S+) s\)"
-    low, low_s, high, high_s = map(float, re.fullmatch(pattern, tally(FALL, cycles=2).outcome).groups())
+    low, low_s, high, high_s = map(float, re.fullmatch(pattern, tally(FALL, cycles=2).metadata["outcome"]).groups())
     assert low < FALLEN < high
     assert high - low == pytest.approx(FALL.period / 20, rel=0.01)
     assert low_s < seconds < high_s
     right = FALL.varied(start=Start(1.1))
-    assert "to the right at" in simulate(right, cycles=2).outcome
-    assert "to the right between" in tally(right, cycles=2).outcome
+    assert "to the right at" in simulate(right, cycles=2).metadata["outcome"]
+    assert "to the right between" in tally(right, cycles=2).metadata["outcome"]
     for run in (simulate, tally):
-        assert run(QUIET, cycles=2).outcome == f"deterministic: stands until τ = {2 * QUIET.period:.4g}"
-        assert run(MAIN, cycles=2, realizations=10).outcome == ""
+        assert run(QUIET, cycles=2).metadata["outcome"] == f"deterministic: stands until τ = {2 * QUIET.period:.4g}"
+        assert "outcome" not in run(MAIN, cycles=2, realizations=10).metadata
 
 
 @pytest.mark.parametrize("run", [simulate, tally])
@@ -108,17 +108,17 @@ def test_no_output_has_an_interval(run, tmp_path, capsys):
     assert found.survival.tolist() == [1.0, 1.0, 0.0]
     with pytest.raises(ValueError, match="level: got"):
         found.survival_interval(2.0)
-    values = summary.result_summary(found)
-    assert values["outcome"] == found.outcome
+    values = found.summary()
+    assert values["outcome"] == found.metadata["outcome"]
     assert not {"interval", "half_width"} & values.keys()
-    assert not [name for name in found.columns() if name.endswith(("low", "high"))]
-    assert "survival_interval" not in found.grids()[0]
+    assert not [name for name in found.table() if name.endswith(("low", "high"))]
+    assert "survival_interval" not in found.dataset().variables
     tables.show(*tables.result_table(found))
     assert "95 %" not in capsys.readouterr().out
-    assert found.headline == f"Monte Carlo exact, one path, {found.outcome}"
+    assert found.title == f"Monte Carlo exact, one path, {found.metadata['outcome']}"
     assert "95 %" not in found._repr_html_()
     assert found.plot("survival").axes[0].get_legend_handles_labels()[1] == ["Monte Carlo exact, one path"]
-    assert "seed" not in found.account.lower()
+    assert "seed" not in " ".join(tables.result_table(found)[2]).lower()
     curves.survival_figure(tmp_path / "one.png", [found, run(FALL, cycles=2, method="rk4")], "One path")
 
 
@@ -154,7 +154,7 @@ def test_histories_are_judged_by_their_method():
 def test_the_command_line_says_what_happens(tmp_path, capsys):
     file = tmp_path / "fall.toml"
     file.write_text(FALL.to_toml(), encoding="utf-8")
-    outcome = simulate(FALL, cycles=2).outcome
+    outcome = simulate(FALL, cycles=2).metadata["outcome"]
     assert cli.main(["mc", str(file), "--cycles", "2", "--report", str(tmp_path / "fall.html")]) == 0
     text = capsys.readouterr().out
     seconds = FALL.block.dimensions.seconds(2 * FALL.period)

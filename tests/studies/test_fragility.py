@@ -13,7 +13,7 @@ from rich.console import Console
 from scipy import stats
 
 from fpk_rocking import cli, load_scene
-from fpk_rocking.results.trust import CAUTION, Doubt
+from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, fragility, scaled
 from fpk_rocking.studies.execution import seed_of
@@ -156,12 +156,12 @@ def test_a_mixture_states_what_its_scenes_have_in_common(tmp_path, outcomes):
     assert measure.acceleration == own[0].acceleration == own[4].acceleration
     assert measure.pga == own[0].pga
     assert np.isnan([measure.velocity, measure.pgv, measure.relative_velocity]).all()
-    row = next(pooled.rows())
+    row = {name: values[0] for name, values in pooled.table().items()}
     assert row["pga_g"] == pytest.approx(0.4 * own[0].pga / 9.80665, rel=1e-14)
     assert np.isnan([row["scene"], row["pgv_m_per_s"]]).all()
     other = [PULSES[0], PULSES[0].varied(overturning={"angle": 1.2}, forcing={"amplitude": 1.0})]
     differing = fragility(other, scale=(1.0, 2.0)).pooled
-    assert np.isnan([next(differing.rows())[name] for name in ("level", "pga_g")]).all()
+    assert np.isnan([differing.table()[name][0] for name in ("level", "pga_g")]).all()
     (fit,) = pooled.fits[0]
     assert fit.median > 0.0
     assert np.isnan([*fit.median_interval, fit.p_value]).all()
@@ -177,7 +177,7 @@ def test_a_mixture_states_what_its_scenes_have_in_common(tmp_path, outcomes):
     assert again.trust == pooled.trust
     assert json.dumps(pooled.summary(), allow_nan=False)
     assert pooled.plot().get_suptitle() == "Half of the blocks overturn at scale 0.628: PGA 0.3078 g"
-    assert "mean of 5 scenes" in pooled.headline
+    assert "mean of 5 scenes" in pooled.title
     assert pooled.describe(0) == pooled.describe(0, 0)
     assert fragility_table(pooled)[0] == "Fragility by exact, mean of 5 scenes, one path a point"
 
@@ -195,13 +195,17 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     noise = {"variance": 0.02, "remark": "Measured: here."}, {"variance": 0.02, "remark": "Measured: there."}
     scenes = [BLOCK.varied(noise=one) for one in noise]
     found = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
-    assert found.remarks[:2] == ["Measured: here.", "Measured: there."]
+    assert found.remarks[:2] == ("Measured: here.", "Measured: there.")
 
     def told(scene, *_, **__):
         size = scene.noise.remark
-        return [Doubt(CAUTION, f"Wide: {size}", "wide"), Doubt(CAUTION, f"Wide: of {size}", "other"), Doubt(1, "Bare.")]
+        return [
+            Diagnostic(CAUTION, f"Wide: {size}", "wide"),
+            Diagnostic(CAUTION, f"Wide: of {size}", "other"),
+            Diagnostic(1, "Bare."),
+        ]
 
-    monkeypatch.setattr("fpk_rocking.studies.diagnostics.scene_doubts", told)
+    monkeypatch.setattr("fpk_rocking.studies.diagnostics.scene_diagnostics", told)
     told = [reason for reason in dataclasses.replace(found, wall_s=2.0).trust.reasons if "half width" not in reason]
     assert [reason for reason in told if "fit" not in reason] == [
         "Wide: Measured: here. (Other scenes: 1 likewise.)",

@@ -86,7 +86,7 @@ class Pulse(TransientForcing):
     >>> from fpk_rocking import Block, NoNoise, Pulse, Scene
     >>> from montecarlo import simulate
     >>> pulse = Pulse("one-sine", amplitude=3.0, frequency=3.0)
-    >>> print(simulate(Scene(Block(0.9, critical_angle=0.1), pulse, NoNoise())).outcome)
+    >>> print(simulate(Scene(Block(0.9, critical_angle=0.1), pulse, NoNoise())).metadata["outcome"])
     deterministic: overturns to the left at τ = 4.561
     """
 

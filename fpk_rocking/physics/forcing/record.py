@@ -41,7 +41,7 @@ class Record(TransientForcing):
     >>> from fpk_rocking import Record, Scene
     >>> from montecarlo import simulate
     >>> record = Record(interval=0.25, samples=(0.0, 0.6, -0.6, 0.0), units="g")
-    >>> print(simulate(Scene.from_block(0.5, 1.8, record=record)).outcome)
+    >>> print(simulate(Scene.from_block(0.5, 1.8, record=record)).metadata["outcome"])
     deterministic: overturns to the left at τ = 3.691 (1.32 s)
     """
 

@@ -197,7 +197,7 @@ class NoNoise:
     --------
     >>> from fpk_rocking import NoNoise, load_scene
     >>> from montecarlo import simulate
-    >>> print(simulate(load_scene("main").varied(noise=NoNoise()), cycles=10).outcome)
+    >>> print(simulate(load_scene("main").varied(noise=NoNoise()), cycles=10).metadata["outcome"])
     deterministic: stands until τ = 23.27
     """
 

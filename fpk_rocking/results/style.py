@@ -1,4 +1,4 @@
-"""Pages of panels in the one look of every figure, and files of them."""
+"""The drawing style of every figure: sizes, fonts, the colour-blind-safe colours of Okabe and Ito, pages, and files."""
 
 import contextlib
 import pathlib
@@ -6,13 +6,42 @@ import textwrap
 
 import numpy as np
 
-from fpk_rocking.base.look import COLOURS, OVERTURNED, SURFACE, drawing
 from fpk_rocking.results.storage import replaced_atomically
 
-__all__ = ["COLOURS", "OVERTURNED", "SURFACE", "drawing", "error_bars", "named", "page", "save", "shades", "title_size"]
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+OVERTURNED = "#D55E00"
+SURFACE = "GnBu"
 
-_NOTE_WIDTH = 13.0  # letters an inch
-_TITLE, _TITLE_WIDTH = 15.0, 122.0  # points of print; points times letters an inch
+_SETTINGS = {
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.labelsize": 10,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "figure.dpi": 110,
+    "savefig.dpi": 120,
+}
+
+
+@contextlib.contextmanager
+def drawing():
+    """Yield matplotlib's figure class with the project's settings in force; no window system is used."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    def figure(**options):
+        made = Figure(**options)
+        FigureCanvasAgg(made)
+        return made
+
+    with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):
+        yield figure
 
 
 @contextlib.contextmanager
@@ -35,7 +64,7 @@ def page(path, size, title, notes=()):
         figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
         figure.suptitle(title, fontsize=title_size(title, size[0]))
         if notes:
-            text = "\n".join(line for note in notes for line in textwrap.wrap(note, round(_NOTE_WIDTH * size[0])))
+            text = "\n".join(line for note in notes for line in textwrap.wrap(note, round(13.0 * size[0])))
             figure.supxlabel(text, x=0.02, ha="left", color="#333333", fontsize=10, linespacing=1.5)
         yield figure
         save(figure, path)
@@ -43,7 +72,7 @@ def page(path, size, title, notes=()):
 
 def title_size(title, width) -> float:
     """Return the size of print, in points, at which a title fits on a line of some width in inches."""
-    return min(_TITLE, _TITLE_WIDTH * width / max(len(title), 1))
+    return min(15.0, 122.0 * width / max(len(title), 1))  # 122: points times letters an inch
 
 
 def shades(count) -> list:

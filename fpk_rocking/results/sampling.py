@@ -1,19 +1,48 @@
-"""Distances between binned probabilities, and the part of them that sampling alone explains.
+"""What sampling explains: intervals of probabilities, distances of binned probabilities and their sampling floors.
 
 Bins hold sub-probabilities: their sum is the survival, not one. A sample size is the number of realizations behind the
 bins, ``math.inf`` for bins that come from a density and carry no sampling error.
 """
 
 import math
+import statistics
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike
 
-__all__ = ["hellinger", "hellinger_floor", "l1", "l1_floor", "pooled"]
+__all__ = ["hellinger", "hellinger_floor", "l1", "l1_floor", "pooled", "wilson_interval"]
 
-_SERIES_UP_TO = 30.0
-_SERIES_TERMS = 160
+
+def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.95) -> Array:
+    """Confidence interval of a probability from a count (E. B. Wilson, J. Am. Stat. Assoc. 22, 209-212, 1927).
+
+    Parameters
+    ----------
+    successes : array_like of int
+        Counts.
+    trials : int or array_like
+        Size of the sample.
+    level : float
+        Confidence of each interval, in (0, 1).
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Lower and upper limits, within [0, 1] also where the count is 0 or `trials`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The level is not a number above 0 and below 1.
+    """
+    z = statistics.NormalDist().inv_cdf(0.5 + 0.5 * checks.part("level", level))
+    share = np.asarray(successes) / trials
+    scale = 1.0 / (1.0 + z * z / trials)
+    centre = scale * (share + 0.5 * z * z / trials)
+    half = scale * z * np.sqrt(share * (1.0 - share) / trials + 0.25 * (z / trials) ** 2)
+    return np.stack([np.where(share == 0.0, 0.0, centre - half), np.where(share == 1.0, 1.0, centre + half)], axis=-1)
 
 
 def l1(first: ArrayLike, second: ArrayLike) -> float:
@@ -113,10 +142,11 @@ def _root_deficit(mean) -> np.ndarray:
     """sqrt(mean) - E sqrt(count) of Poisson counts: summed up to a mean of 30, its asymptotic series above."""
     from scipy.special import gammaln
 
-    large = np.maximum(mean, _SERIES_UP_TO)
+    series_from = 30.0  # the counts up to 159 hold all but 1e-60 of a Poisson distribution of this mean
+    large = np.maximum(mean, series_from)
     asymptotic = (1.0 / 8.0 + (7.0 / 128.0 + 75.0 / (1024.0 * large)) / large) / np.sqrt(large)
-    small = np.clip(mean, 1e-300, _SERIES_UP_TO)[:, None]
-    count = np.arange(1, _SERIES_TERMS)
+    small = np.clip(mean, 1e-300, series_from)[:, None]
+    count = np.arange(1, 160)
     weights = np.exp(count * np.log(small) - small - gammaln(count + 1.0))
     summed = np.sqrt(small[:, 0]) - weights @ np.sqrt(count)
-    return np.where(mean > _SERIES_UP_TO, asymptotic, summed)
+    return np.where(mean > series_from, asymptotic, summed)

@@ -1,0 +1,180 @@
+"""Results that say how many blocks still stand, row by row, whichever engine they come from."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.remarks import noise_text
+from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.times import cycles_of, seconds_of, when
+
+__all__ = ["SurvivalResult"]
+
+
+class SurvivalResult(Result):
+    """Survival and overturning of the blocks of a scene; `compare`, tables, pictures and VTK files take such results.
+
+    Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
+    row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene that was given.
+    times : ndarray, shape (cycles + 1,)
+        Times τ of the rows, from 0 on.
+    survival : ndarray, shape (cycles + 1,)
+        Probability of not having overturned.
+    overturned : ndarray, shape (cycles + 1, 2)
+        Probability of having overturned to the left and to the right.
+    wall_s : float
+        Seconds that the call took.
+    engine : str
+        Name of the engine, for tables and legends.
+    realizations : int or None
+        Number of realizations of a sample; None for a density.
+    deterministic : bool
+        Whether nothing is random, so that one path decides and there are no intervals.
+    noise_replacement : str
+        Which noise replaced that of the scene, as a sentence; empty where none did.
+    shown_bins : int
+        Least number of bins along an axis in pictures; 0 where only some bins are known.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from montecarlo import simulate
+    >>> scene = load_scene("main")
+    >>> for result in (solve_fpk(scene, cycles=4, tol=1e-2), simulate(scene, cycles=4, realizations=1000)):
+    ...     print(result.engine, result.survival[4].round(2))
+    Fokker-Planck density 0.86
+    Monte Carlo exact 0.86
+    """
+
+    if TYPE_CHECKING:  # here alone, as a property would be the default value of a field of its name
+        shown_bins: int
+
+        @property
+        def times(self) -> Array: ...
+        @property
+        def survival(self) -> Array: ...
+        @property
+        def overturned(self) -> Array: ...
+        @property
+        def wall_s(self) -> float: ...
+        @property
+        def engine(self) -> str: ...
+        @property
+        def realizations(self) -> int | None: ...
+        @property
+        def deterministic(self) -> bool: ...
+        @property
+        def noise_replacement(self) -> str: ...
+
+        def survival_interval(self, level: float = 0.95) -> Array | None:
+            """Confidence limits of survival (cycles + 1, 2); None for a density, which is no sample."""
+
+        def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
+            """Probability of standing, with angle and velocity in each of some bins: (angle bins, velocity bins)."""
+
+        def at(self, cycle: int) -> Any:
+            """Density of a row as a function on a mesh; None for a sample, which is known in bins only."""
+
+        def overturning_text(self) -> str:
+            """Probability of having overturned at the last time with its error, as in "P(overturned) = 0.5 ± 0.02"."""
+
+    @property
+    def cycles(self) -> int | None:
+        """Number of forcing cycles; None where the forcing does not repeat."""
+        return cycles_of(self)
+
+    @property
+    def bin_edges(self) -> tuple[Array, Array]:
+        """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
+        return joint_edges(self.scene)
+
+    @property
+    def label(self) -> str:
+        """The engine and the size of a sample, as in ``"Monte Carlo rk4, 1,000 realizations"``."""
+        if self.deterministic:
+            return f"{self.engine}, one path"
+        return self.engine if self.realizations is None else f"{self.engine}, {self.realizations:,} realizations"
+
+    @property
+    def interval(self) -> Array | None:
+        """95 % limits of survival, shape (cycles + 1, 2); None for a density, and where nothing is random."""
+        return None if self.deterministic else self.survival_interval(0.95)
+
+    @property
+    def title(self) -> str:
+        """The engine, and the last survival with its error, as a line of text."""
+        survival, until = float(self.survival[-1]), when(self, len(self.times) - 1).removeprefix("after ")
+        if self.interval is None:
+            error = f"{survival:.4f} ± {self.metadata['error_estimate']:.1g}"
+        else:
+            error = f"{survival:.4f} ({self.interval[-1][0]:.4f} to {self.interval[-1][1]:.4f})"
+        return f"{self.label}, survival {error} after {until}"
+
+    def summary(self) -> dict[str, Any]:
+        """Noise, number of cycles or times, and all of `Result.summary` as plain values, for JSON."""
+        rows = {"times": np.asarray(self.times).tolist()} if self.cycles is None else {"cycles": int(self.cycles)}
+        return {"noise": noise_text(self.scene.noise)} | rows | super().summary()
+
+    def dataset(self) -> Dataset:
+        """Survival, its interval if it has one, overturned to either side, and binned probabilities over the times."""
+        edges, rows = self.bin_edges, len(self.times)
+        angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
+
+        def bins():
+            return np.array([self.bin_probabilities(row, *edges) for row in range(rows)])
+
+        return Dataset(
+            {
+                "survival": ("time", self.survival),
+                **({} if self.interval is None else {"survival_interval": (("time", "limit"), self.interval)}),
+                "overturned": (("time", "side"), self.overturned),
+                "bin_probability": (("time", "bin_angle", "bin_velocity"), bins),
+            },
+            {
+                **({} if self.cycles is None else {"cycle": ("time", np.arange(rows))}),
+                "time": self.times,
+                **({} if self.scene.block.dimensions is None else {"time_s": ("time", seconds_of(self))}),
+                "side": ["left", "right"],
+                **({} if self.interval is None else {"limit": ["low", "high"]}),
+                "bin_angle": angle,
+                "bin_velocity": velocity,
+            },
+            rows=("time",),
+        )
+
+    def plot(self, what: str | None = None, cycle: int | None = None) -> Any:
+        """Draw the result.
+
+        Parameters
+        ----------
+        what : str, optional
+            "survival", with its 95 % interval or estimated error if it has one; "bins", the probability in each bin
+            divided by its area; "density", the density itself where there is one. By default survival and bins.
+        cycle : int, optional
+            Cycle of the bins or the density; by default the last one after which more than one block in 1,000 stands.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        TypeError, ValueError
+            This result has no such picture, or no such cycle.
+        """
+        from fpk_rocking.results.pictures import figure_of, result_panels
+
+        if cycle is None:
+            cycle = int(max(np.flatnonzero(np.asarray(self.survival) > 1e-3), default=0))
+        names = ["survival", "bins"] + ["density"] * (cycle > 0 and self.at(cycle) is not None)
+        if what is not None and what not in names:
+            raise ValueError(checks.refusal("what", what, ", ".join(map(repr, names))))
+        return figure_of(*result_panels(self, what, cycle))
