@@ -156,6 +156,7 @@ def _speeds(a, omega, e):
 
 
 def _orbit(a, omega, e, speed):
+    """Return the symmetric orbit of an impact speed."""
     t = math.tanh(0.5 * math.pi / omega)
     cosine = -0.5 * (1.0 - e) * t * speed * omega
     sine = t - 0.5 * (1.0 + e) * speed

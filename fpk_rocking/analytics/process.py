@@ -122,7 +122,7 @@ def harmonic_amplitude(
 
 
 def forcing_along_orbit(forcing: Harmonics, critical_angle: float) -> Harmonics:
-    """Return the forcing as the Melnikov process has it, each harmonic multiplied by its `transfer`."""
+    """Return the forcing with each harmonic multiplied by its `transfer`: the periodic part of the Melnikov process."""
     return forcing.filtered(lambda frequency: transfer(frequency, critical_angle))
 
 
@@ -297,7 +297,7 @@ def numbers(
 
 
 def refuse_exact(critical_angle: float, what: str) -> None:
-    """Refuse what is known for a slender block alone where the block has a critical angle above 0."""
+    """Raise ValueError for a critical angle above 0; `what` names what is known for a slender block alone."""
     if checks.number("critical_angle", critical_angle, at_least=0.0) > 0.0:
         raise ValueError(checks.refusal("critical_angle", critical_angle, f"0 (block.slender = true) for {what}"))
 

@@ -150,7 +150,7 @@ class Resolution:
         )
         angle = graded_lines(far, angle_cells, grading)
         velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
-        rests = scene.forcing.against(scene.block.lift_off).longest_rest > _RESTS
+        rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > _RESTS
         # A slow motion meets impacts more often.
         moving = _STEP * math.sqrt(min(fast, 1.0)) / (1.0 + _BENDING * scene.block.critical_angle**2)
         step = min(_RESTING_STEP if rests else moving, _NOISY_STEP * fast**2 / scene.noise.diffusion)

@@ -58,7 +58,11 @@ def worst_bound(white):
     What is lost on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard
     deviations of the noise (derived in docs/theory, "One cycle as an operator").
     """
-    swing, cutoff, noise = white.forcing.swing, white.overturning.angle, DEVIATIONS * math.sqrt(white.noise.diffusion)
+    swing, cutoff, noise = (
+        white.forcing.swing,
+        white.overturning.angle,
+        DEVIATIONS * math.sqrt(white.noise.diffusion),
+    )
     exact = largest_correction(white.forcing.largest, white.block.critical_angle)
     escape = max(1.0, cutoff - 1.0) + swing + exact + noise
     return escape / white.block.restitution + cutoff + 2.0 * swing + exact + noise

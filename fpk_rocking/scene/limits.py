@@ -112,7 +112,7 @@ def _check_bounces(scene):
 
 
 def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
-    """Name the sizes and accelerations of a scene that were hardly meant.
+    """Sentences on sizes and accelerations of a scene that were hardly meant: metres for millimetres, m/s² for g.
 
     Parameters
     ----------
@@ -136,31 +136,31 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
             other = f"{1e3 * value:g} m" if value < 0.005 else f"{1e-3 * value:g} m"
             sentences.append(f"block.dimensions.{name} is {value:g} m; was {other} meant?")
     unit = size.gravity * size.critical_angle
-    noise = _rms(scene.noise) * unit
+    noise = _noise_rms(scene.noise) * unit
     # The strongest recorded accelerations are below 4.5 g.
     strongest, weakest = 5.0 * STANDARD_GRAVITY, 0.1 * STANDARD_GRAVITY
     for name, value in ("peak acceleration of the forcing", scene.forcing.largest * unit), ("rms of the noise", noise):
         if strongest < least * value < math.inf:
             sentences.append(
-                f"The {name} is {_both(least * value)}; was {1e-2 * least * value:.4g} m/s² meant (cm/s²)?"
+                f"The {name} is {_in_both_units(least * value)}; was {1e-2 * least * value:.4g} m/s² meant (cm/s²)?"
             )
     peak, needed = most * scene.forcing.largest * unit, scene.block.lift_off * unit
     still = scene.start.angle == scene.start.velocity == 0.0 and scene.start.covariance is None
     if still and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:
         sentences.append(
-            f"The peak acceleration of the forcing is {_both(peak)}, and this block lifts off above {_both(needed)}: "
-            f"it does not move. Was {peak:.4g} g meant?"
+            f"The peak acceleration of the forcing is {_in_both_units(peak)}, and this block lifts off above "
+            f"{_in_both_units(needed)}: it does not move. Was {peak:.4g} g meant?"
         )
     return sentences
 
 
-def _rms(noise):
+def _noise_rms(noise):
     """Root mean square of a noise, nondimensional; inf for white noise."""
     if noise.kind == "white":
         return math.inf if noise.diffusion > 0.0 else 0.0
     return math.sqrt(noise.variance)
 
 
-def _both(acceleration):
+def _in_both_units(acceleration):
     """Return an acceleration in m/s² and in g."""
     return f"{acceleration:.4g} m/s² ({acceleration / STANDARD_GRAVITY:.2g} g)"

@@ -73,7 +73,7 @@ class Scene:
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
-        checks.keep(self, forcing=self.forcing.on(self.block.dimensions))
+        checks.keep(self, forcing=self.forcing.for_size(self.block.dimensions))
         _check_cutoff(self.overturning.angle, self.block.critical_angle)
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"

@@ -51,11 +51,11 @@ def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> 
     TypeError, ValueError
         A value is refused, the block has no dimensions, or a quantity is given twice.
     """
-    return {nondimensional(key): _plain(name, key, table, size) for key in table}
+    return {nondimensional(key): _nondimensional_value(name, key, table, size) for key in table}
 
 
-def _plain(name, key, table, size):
-    """Return the value of a key of a table without units."""
+def _nondimensional_value(name, key, table, size):
+    """Return the value of a key of a table, converted to a nondimensional one."""
     value, plain = table[key], nondimensional(key)
     name = f"{name}.{key}"
     if isinstance(value, dict):
@@ -94,7 +94,7 @@ def _converted(name, key, value, size):
 
 
 def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
-    """Read a part of a scene.
+    """Read a part of a scene from its table.
 
     Parameters
     ----------
@@ -137,6 +137,7 @@ def _read(cls):
 
 
 def _block(name, table, folder):
+    """Read the block from its table."""
     values = checks.arguments(name, table, Block)
     if "dimensions" in values:
         values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"], folder)
@@ -159,6 +160,7 @@ def _of_kind(classes, default=None, make=lambda cls, *given: _read(cls)(*given))
 
 
 def _noise(name, table, folder):
+    """Read a noise from its table, with the tables of its envelope and filter."""
     values = dict(checks.table(name, table))
     if "envelope" in values:
         values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)
@@ -177,6 +179,7 @@ _READERS = {
 
 
 def _literal(value):
+    """Return a value as TOML text."""
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     if isinstance(value, bool):

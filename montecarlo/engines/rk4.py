@@ -87,7 +87,7 @@ def problem_of(scene, steps_per_cycle, times=None):
         *block_of_scene(scene),
         start_numbers(scene.start),
         *grid,
-        scene.forcing.stages(grid.spacing, grid.count),
+        scene.forcing.stage_values(grid.spacing, grid.count),
         _strengths(scene.noise.envelope, grid),
         *band_of(scene, grid.duration),
     )

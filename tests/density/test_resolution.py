@@ -24,7 +24,7 @@ def test_the_forcing_is_a_polynomial_in_every_step(highest):
         duration = scene.period / steps
         size = 3.0 / (1.0 + (1.5 * highest) ** 2)
         for begin in (0.0, 0.3 * scene.period):
-            rows = np.asarray(forcing.over(begin, duration))
+            rows = np.asarray(forcing.particular_over(begin, duration))
             for part in (0.25, 0.6, 1.0):
                 value = np.polynomial.polynomial.polyval(part * duration, rows)
                 assert value == pytest.approx(forcing.particular(begin + part * duration)[0], abs=1e-11 * size)

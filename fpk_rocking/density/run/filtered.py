@@ -78,7 +78,7 @@ class FilteredRun(CyclicRun):
             self.occupied[k] = found[np.clip(places - 1, 0, last)] | found[np.clip(places, 0, last)]
 
     def _dynamics(self, constant):
-        forcing, block = periodic(self.scene.forcing).plus(constant), self.scene.block
+        forcing, block = periodic(self.scene.forcing).with_constant(constant), self.scene.block
         common = forcing, 0.0, block.restitution, self.scene.overturning.angle
         return Dynamics(*common, critical_angle=block.critical_angle or None)
 

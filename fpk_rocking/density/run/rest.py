@@ -62,7 +62,7 @@ class Hold:
         most = np.minimum(np.maximum(forces[1:], forces[:-1]), 1.0)
         noise = dynamics.diffusion / level**2 * np.ones(len(most))
         if dynamics.envelope is not None:
-            noise *= np.diff(dynamics.envelope.squared(self._edges)) / np.diff(self._edges)
+            noise *= np.diff(dynamics.envelope.squared_integral(self._edges)) / np.diff(self._edges)
         lost, gap = 1.0 - dynamics.restitution**2, 1.0 - most**2
         pull, steady = 3.0 * lost * gap, self._steady(values, 1.0 - most, 1.0 - dynamics.restitution)
         over = np.array([saddle_speed(level * force, alpha) for force in most]) / self._pull

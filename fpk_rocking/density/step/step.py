@@ -63,14 +63,14 @@ class Dynamics:
 
     def later(self, time):
         """Return the dynamics whose times count from a time on."""
-        envelope = self.envelope and self.envelope.later(time)
-        return dataclasses.replace(self, forcing=self.forcing.later(time), envelope=envelope)
+        envelope = self.envelope and self.envelope.shifted(time)
+        return dataclasses.replace(self, forcing=self.forcing.shifted(time), envelope=envelope)
 
     def during(self, start, duration):
         """Return the dynamics with a constant diffusion, its mean over a step, and at least `faintest` of D."""
         if self.envelope is None:
             return self
-        begin, end = self.envelope.squared(np.array([start, start + duration]))
+        begin, end = self.envelope.squared_integral(np.array([start, start + duration]))
         mean = max((end - begin) / duration, self.faintest)
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
@@ -86,7 +86,7 @@ class Dynamics:
 
     def segment(self, start, duration):
         """Return the forcing over a step as the kernels take it."""
-        return segment_from_particular(self.forcing.over(start, duration), np.empty(TERMS), duration)
+        return segment_from_particular(self.forcing.particular_over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
         """Return the flight over a step as an `Affine` map; for an exact block `FreeFlight` adds the rest."""
@@ -113,7 +113,7 @@ class Dynamics:
 @functools.lru_cache(maxsize=8)
 def _against(forcing, level):
     """Keep what a forcing in units of a level has found of its lift-offs."""
-    return forcing.against(level)
+    return forcing.in_units_of(level)
 
 
 @dataclasses.dataclass(frozen=True)

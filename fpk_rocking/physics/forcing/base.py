@@ -16,7 +16,7 @@ RANGES = {"amplitude": (0.0, 1e4), "frequency": (1e-3, 1e4), "phase": (0.0, 1e6)
 
 
 class Size(Protocol):
-    """What a forcing in seconds and m/s² asks of the size of a block, see `fpk_rocking.scene.units`."""
+    """The conversions by the size of a block that a forcing in seconds and m/s² needs, see `Dimensions`."""
 
     def amplitude(self, peak_acceleration: Array) -> Array:
         """Convert an acceleration, m/s², to a nondimensional one."""
@@ -26,14 +26,14 @@ class Size(Protocol):
 
 
 class Force(abc.ABC):
-    """A force f(τ), as a time step asks for it; P is the bounded particular solution of P'' = P + f."""
+    """A force f(τ) with the values and polynomials that a time step needs; P is the bounded solution of P'' = P + f."""
 
     __slots__ = ()
 
     @property
     @abc.abstractmethod
     def shortest_period(self) -> float:
-        """A time of which a sixth is a polynomial piece to 1e-13; inf where f is piecewise linear."""
+        """Shortest period of f, over a sixth of which a piece is right to 1e-13; inf where f is piecewise linear."""
 
     @property
     @abc.abstractmethod
@@ -53,8 +53,8 @@ class Force(abc.ABC):
         """Particular solution P and its derivative at a time."""
 
     @abc.abstractmethod
-    def over(self, start: float, duration: float) -> Array:
-        """Coefficients (TERMS,) of P in the time since the start of a step."""
+    def particular_over(self, start: float, duration: float) -> Array:
+        """Polynomial coefficients (TERMS,) of P over a step, in the time since its start."""
 
     @abc.abstractmethod
     def since_lift_off(self, time: float) -> tuple[float, float]:
@@ -64,11 +64,11 @@ class Force(abc.ABC):
     def scaled(self, strength: float, rate: float) -> "Force":
         """Return the force of accelerations and frequencies multiplied by factors, above 0."""
 
-    def against(self, level: float) -> "Force":
-        """Return the force in units of a level, that at which a block lifts off: `since_lift_off` is then of it."""
+    def in_units_of(self, level: float) -> "Force":
+        """Return the force divided by a level at which a block lifts off; `since_lift_off` is then of that level."""
         return self if level == 1.0 else self.scaled(1.0 / level, 1.0)
 
-    def later(self, time: float) -> "Force":
+    def shifted(self, time: float) -> "Force":
         """Return the force whose times count from a time on."""
         return _Shifted(self, time)
 
@@ -97,8 +97,8 @@ class _Shifted(Force):
     def particular(self, time):
         return self.force.particular(time + self.origin)
 
-    def over(self, start, duration):
-        return self.force.over(start + self.origin, duration)
+    def particular_over(self, start, duration):
+        return self.force.particular_over(start + self.origin, duration)
 
     def since_lift_off(self, time):
         return self.force.since_lift_off(time + self.origin)
@@ -108,7 +108,7 @@ class _Shifted(Force):
 
 
 class Forcing(Force):
-    """Known acceleration of the base, f(τ) from τ = 0 on, nondimensional: what `Scene.forcing` is.
+    """Deterministic acceleration of the base f(τ) from τ = 0 on, nondimensional: the forcing of a scene.
 
     A kind of forcing is a frozen dataclass, equal and hashed by its values, with all that stands here; most of it comes
     from `PeriodicForcing` or `TransientForcing`. This class itself makes no values: see `Harmonic`, `Harmonics`,
@@ -187,8 +187,8 @@ class Forcing(Force):
         """Coefficients (n, TERMS) of P in the time since instants (n,), each of the piece of f that begins there."""
 
     @abc.abstractmethod
-    def stages(self, spacing: float, count: int) -> Array:
-        """Force (count, 3) at the begin, the middle and the end of the intervals of a grid of a `spacing`."""
+    def stage_values(self, spacing: float, count: int) -> Array:
+        """Force (count, 3) at the begin, the middle and the end of the intervals of a uniform grid from 0 on."""
 
     @abc.abstractmethod
     def scaled(self, strength: float, rate: float) -> Self:
@@ -199,8 +199,8 @@ class Forcing(Force):
         for name, (low, high) in self.ranges.items():
             checks.sizes(f"forcing.{name}", getattr(self, name), low, high)
 
-    def on(self, size: Size | None) -> Self:  # noqa: ARG002  (only what is in seconds depends on it)
-        """Return the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
+    def for_size(self, size: Size | None) -> Self:  # noqa: ARG002  (only what is in seconds depends on it)
+        """Return the forcing made nondimensional by the size of a block; None for a block without dimensions."""
         return self
 
     @classmethod
@@ -210,12 +210,12 @@ class Forcing(Force):
 
 
 def refuse_transient(forcing: Any, what: str) -> None:
-    """Refuse a forcing that does not repeat, where something is not defined for it."""
+    """Raise ValueError for a forcing that does not repeat; `what` names the computation that needs one that does."""
     if isinstance(forcing, Forcing) and forcing.period is None:
         accepted = f"'harmonic' or 'harmonics', as {what} is only defined for a forcing that repeats"
         raise ValueError(checks.refusal("forcing.kind", forcing.kind, accepted))
 
 
 def longest_of(period: float) -> float:
-    """Return the time for which a Taylor series of TERMS terms is right to 1e-14, where f has a shortest period."""
+    """Longest time for which a Taylor series of TERMS terms is right to 1e-14, from the shortest period of f."""
     return 0.8 * period / (2.0 * math.pi)

@@ -26,8 +26,8 @@ _SPELLINGS = {
 """Units by the ways in which they are written, in lower case."""
 
 
-class Read(NamedTuple):
-    """What a file says: the interval, seconds, the samples (n,), and their unit, empty where it says none."""
+class FileRecord(NamedTuple):
+    """Contents of a file: the interval, seconds, the samples (n,), and their unit, empty where the file says none."""
 
     interval: float
     samples: Array
@@ -39,7 +39,7 @@ def unit_of(text: str) -> str | None:
     return _SPELLINGS.get(text.strip().lower())
 
 
-def read(path: pathlib.Path) -> Read:
+def read(path: pathlib.Path) -> FileRecord:
     """Read a record from a file, whose kind follows from its first lines and its name.
 
     Parameters
@@ -48,7 +48,7 @@ def read(path: pathlib.Path) -> Read:
 
     Returns
     -------
-    Read
+    FileRecord
 
     Raises
     ------
@@ -120,11 +120,11 @@ def _peer(text):
         # What is no number tells more than their count does; the last one may be cut.
         _numbers(words[:-1])
         raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
-    return Read(float(interval), _numbers(words), units)
+    return FileRecord(float(interval), _numbers(words), units)
 
 
 def _parted(words, count):
-    """Return words; where numbers that fill their columns run together, those numbers, if there are as many as said."""
+    """Return words, with numbers that fill their columns and run together parted if that gives the stated count."""
     parts = [part for word in words for part in (_VALUE.findall(word) if len(word) > 1 else [word])]
     return parts if len(words) != count == len(parts) and "".join(parts) == "".join(words) else words
 
@@ -147,7 +147,7 @@ def _esm(text):
     if header["NDATA"] != str(len(words)):
         raise ValueError(f"got {len(words)} samples from line 65 on, accepted: the {header['NDATA']} of its line NDATA")
     _accept_count(len(words))
-    return Read(float(interval), _numbers(words), units)
+    return FileRecord(float(interval), _numbers(words), units)
 
 
 def _columns(text):
@@ -165,7 +165,7 @@ def _columns(text):
     times, samples = _numbers([entry for row in rows for entry in row]).reshape(-1, 2).T
     # Times at the ends of double precision may be further apart than that reaches, and the interval is then refused.
     with np.errstate(over="ignore", invalid="ignore"):
-        return Read(_interval(times), samples, units)
+        return FileRecord(_interval(times), samples, units)
 
 
 def _entries(line):
@@ -176,6 +176,7 @@ def _entries(line):
 
 
 def _is_number(word):
+    """Whether a word is a number, other than nan."""
     return not math.isnan(_number(word))
 
 
@@ -196,6 +197,7 @@ def _interval(times):
 
 
 def _accept_count(count):
+    """Refuse a number of samples that a record cannot have."""
     if not 2 <= count <= MOST:
         raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
 
@@ -214,6 +216,7 @@ def _numbers(words):
 
 
 def _number(word):
+    """Return a word as a float, nan where it is no number."""
     try:
         return float(word)
     except ValueError:

@@ -98,7 +98,7 @@ class PeriodicForcing(Forcing):
         ((value, slope, *_),) = self.pieces([time])
         return float(value), float(slope)
 
-    def over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
+    def particular_over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
         """Coefficients (TERMS,) of P in the time since the start of a step."""
         return self.pieces([start])[0]
 
@@ -116,13 +116,13 @@ class PeriodicForcing(Forcing):
         waves = (a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
         return np.asarray(-sum(waves))
 
-    def stages(self, spacing: float, count: int) -> Array:
+    def stage_values(self, spacing: float, count: int) -> Array:
         """Force (count, 3) at the begin, the middle and the end of the intervals of a grid that divides the cycle."""
         values = self.values_in_cycle(np.arange(2 * count + 1), 2 * round(self.period / spacing))
         return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
 
-    def plus(self, constant: float) -> "PeriodicForcing":
-        """Return the forcing with a constant c added to f, which is the harmonic k = 0 and takes c from P."""
+    def with_constant(self, constant: float) -> "PeriodicForcing":
+        """Return the forcing with a constant c added to f, as its harmonic k = 0; P becomes P - c."""
         mean = 0, abs(constant), math.pi if constant > 0.0 else 0.0
         return _Sum(self.frequency, (*self.components, mean))
 
@@ -157,6 +157,7 @@ class PeriodicForcing(Forcing):
         return total / self.period
 
     def _integral(self, time):
+        """Antiderivative of f without its mean, at a time."""
         omega = self.frequency
         return -sum(a * math.sin(k * omega * time + phase) / (k * omega) for k, a, phase in self.components)
 
@@ -225,7 +226,7 @@ class Harmonic(PeriodicForcing):
     def filtered(self, gain: Callable[[float], Number]) -> Self:
         """Return the forcing with its harmonic multiplied by gain(Ω)."""
         factor = float(gain(self.frequency))
-        return dataclasses.replace(self, amplitude=self.amplitude * abs(factor), phase=_turned(self.phase, factor))
+        return dataclasses.replace(self, amplitude=self.amplitude * abs(factor), phase=_phase_times(self.phase, factor))
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the forcing with amplitude and frequency multiplied by factors."""
@@ -294,7 +295,7 @@ class Harmonics(PeriodicForcing):
         """Return the forcing with every harmonic multiplied by gain(kΩ)."""
         factors = [float(gain(k * self.frequency)) for k, _, _ in self.components]
         amplitudes = (size * abs(factor) for size, factor in zip(self.amplitudes, factors, strict=True))
-        phases = map(_turned, self.phases, factors)
+        phases = map(_phase_times, self.phases, factors)
         return dataclasses.replace(self, amplitudes=tuple(amplitudes), phases=tuple(phases))
 
     def scaled(self, strength: float, rate: float) -> Self:
@@ -318,8 +319,8 @@ class _Sum(PeriodicForcing):
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
 
 
-def _turned(phase, factor):
-    """Return the phase of a harmonic that is multiplied by a factor, of either sign."""
+def _phase_times(phase, factor):
+    """Return the phase of a harmonic after multiplication by a factor, of either sign."""
     return phase if factor >= 0.0 else phase + math.pi
 
 
@@ -388,11 +389,11 @@ def _zeros(forcing, level, derivative):
     roots = np.polynomial.polynomial.polyroots(np.trim_zeros(coefficients, "b"))
     roots = roots[np.abs(np.abs(roots) - 1.0) < 1e-6] if roots.size else roots
     times = np.sort(np.mod(np.angle(roots), 2.0 * math.pi) / forcing.frequency)
-    return [_polished(forcing, float(time), level, derivative) for time in times]
+    return [_newton_step(forcing, float(time), level, derivative) for time in times]
 
 
-def _polished(forcing, time, level, derivative):
-    """Improve a zero of f - level by one step of Newton's, where it is simple; a turning point is good as it is."""
+def _newton_step(forcing, time, level, derivative):
+    """Improve a simple zero of f - level by one step of Newton's; return one of the slope as it is."""
     if derivative:
         return time
     slope = forcing.slope(time)

@@ -15,7 +15,7 @@ from fpk_rocking.physics.motion import TERMS
 
 
 def _sine(shift):
-    """Return the series of sin(z + shift)."""
+    """Return a function that gives the Taylor coefficients (n, TERMS) of sin(z + shift) about z (n,)."""
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])
     return lambda z: np.sin(z[:, None] + shift + 0.5 * math.pi * order) * inverse
@@ -26,9 +26,9 @@ _REACH = 6.5
 
 
 def _bell(polynomial):
-    """Return the series of a polynomial times exp(-z²/2), the peak of the bell at _REACH."""
-    whole = np.polynomial.Polynomial(polynomial)
-    parts = [whole.deriv(k) / math.factorial(k) if k else whole for k in range(len(polynomial))]
+    """Return a function of the Taylor coefficients (n, TERMS) of a polynomial times exp(-z²/2), z from the peak."""
+    factor = np.polynomial.Polynomial(polynomial)
+    parts = [factor.deriv(k) / math.factorial(k) if k else factor for k in range(len(polynomial))]
 
     def series(z):
         z = z - _REACH
@@ -136,7 +136,7 @@ class Pulse(TransientForcing):
 
     @property
     def shortest_period(self) -> float:
-        """Its period; of a bell what is as smooth."""
+        """Period of the sine, or of one that is as smooth as a bell."""
         return (2.0 * math.pi if self._wave[2] == 1.0 else 2.0) / self._rate
 
     @property
@@ -228,10 +228,12 @@ class Chirp(TransientForcing):
 
     @property
     def _phase_at_end(self):
+        """Phase of the sine at the end of the sweep, radians."""
         return 0.5 * (self.start_frequency + self.end_frequency) * self.duration
 
     @property
     def _fastest(self):
+        """Highest angular frequency."""
         return max(self.start_frequency, self.end_frequency)
 
     @property

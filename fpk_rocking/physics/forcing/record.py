@@ -119,7 +119,7 @@ class Record(TransientForcing):
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the record with accelerations multiplied by a factor, and times divided by one."""
         changed = dataclasses.replace(self, scale=self.scale * strength, interval=self.interval / rate)
-        return changed if self._size is None else changed.on(self._size)
+        return changed if self._size is None else changed.for_size(self._size)
 
     def check_range(self) -> None:
         """Refuse sizes that the engines cannot carry, by name."""
@@ -129,8 +129,8 @@ class Record(TransientForcing):
             accepted = f"accelerations up to {most:g} g θ_cr{checks.ENGINES}"
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
 
-    def on(self, size: Size | None) -> Self:
-        """Return the record as the forcing of a block of a size, None for none; see `fpk_rocking.scene.units`."""
+    def for_size(self, size: Size | None) -> Self:
+        """Return the record made nondimensional by the size of a block; None for one without dimensions is refused."""
         if size is None:
             raise _unsized()
         if size == self._size:
@@ -140,7 +140,7 @@ class Record(TransientForcing):
         return bound
 
     @property
-    def _known_size(self) -> Size:
+    def _bound_size(self) -> Size:
         if self._size is None:
             raise _unsized()
         return self._size
@@ -149,12 +149,12 @@ class Record(TransientForcing):
     def forces(self) -> Array:
         """Nondimensional force at the samples, shape (n,); what overflows is refused with all that is too strong."""
         with np.errstate(over="ignore"):
-            return self._known_size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
+            return self._bound_size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
 
     @functools.cached_property
     def unit(self) -> float:
         """Nondimensional time between samples."""
-        return self._known_size.tau(self.interval)
+        return self._bound_size.tau(self.interval)
 
     @property
     def duration(self) -> float:
@@ -197,10 +197,12 @@ def _unit(text):
 
 
 def _unsized():
+    """Return the error of a record without the dimensions of a block."""
     return ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
 
 
 def _samples(value):
+    """Return samples as a tuple of floats, or refuse them."""
     accepted = f"a list of 2 to {MOST} finite numbers"
     if isinstance(value, str | bytes):
         raise TypeError(checks.refusal("forcing.samples", value, accepted))

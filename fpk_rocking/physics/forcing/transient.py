@@ -77,7 +77,7 @@ class TransientForcing(Forcing):
         q = np.where(ended, q * decay, (near[:, 1:] * order * powers[:, :-1]).sum(axis=1))
         return particular_series(p, q, self.series(times))
 
-    def over(self, start: float, duration: float) -> Array:
+    def particular_over(self, start: float, duration: float) -> Array:
         """Coefficients (TERMS,) of P in the time since the start of a step.
 
         In a step with kinks the force is replaced by the linear one under which flights over the step are the same.
@@ -129,7 +129,7 @@ class TransientForcing(Forcing):
         """Force f at a time."""
         return float(self.values([time])[0])
 
-    def stages(self, spacing: float, count: int) -> Array:
+    def stage_values(self, spacing: float, count: int) -> Array:
         """Force (count, 3) at the begin, the middle and the end of the intervals of a grid; a jump is between two."""
         parts = (spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
         return self.series(np.arange(count) * spacing) @ parts.T

@@ -1,26 +1,18 @@
 """The impact law v⁺ = e v⁻ at zero angle (paper 3), its derivative, and the chatter that ends in rest.
 
-The side is +1 where the angle is positive, -1 where it is negative and 0 for a block at rest. The law itself stands in
+The side is a number s, by which angles and forces are multiplied: +1 where the angle is positive, -1 where it is
+negative and 0 for a block at rest. The law itself stands in
 `velocity_after_impact` alone. Its derivative carries a displacement from a path, or its covariance, through an impact;
 in flight a displacement grows as that of a slender block, which for an exact one is right to second order in the time
 (derived in docs/theory). All quantities are nondimensional.
 """
 
-import enum
 import math
 from typing import NamedTuple
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
 from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_flight
-
-
-class Side(enum.IntEnum):
-    """Side on which a block rocks: the sign of its angle; 0 where it rests."""
-
-    LEFT = -1
-    REST = 0
-    RIGHT = 1
 
 
 @kernel(inline="always")

@@ -86,8 +86,8 @@ def allocate_realization(count, half):
 def phase_in_turns(ratio, phase, cycle, fraction):
     """Phase of a harmonic in turns, less whole turns of full cycles; exact to rounding for ratio * cycle < 5e8."""
     coarse = math.floor(ratio * 2.0**24) / 2.0**24
-    whole = coarse * cycle
-    return (whole - math.floor(whole)) + (ratio - coarse) * cycle + ratio * fraction + phase
+    turns = coarse * cycle
+    return (turns - math.floor(turns)) + (ratio - coarse) * cycle + ratio * fraction + phase
 
 
 @kernel(inline="always")
@@ -103,31 +103,6 @@ def cos_sin_of_turns(angle):
     s = r * (_SINE[0] + q * (_SINE[1] + q * (_SINE[2] + q * (_SINE[3] + q * s))))
     c = 1.0 + q * (_COSINE[1] + q * (_COSINE[2] + q * (_COSINE[3] + q * c)))
     return 1.0 - 2.0 * s * s, 2.0 * s * c
-
-
-@kernel
-def noise_at(harmonics, cycle, fraction):
-    """Evaluate the noise directly.
-
-    Parameters
-    ----------
-    harmonics : Realization
-        Only the realization in it is used.
-    cycle : int or float
-        Whole number of cycles.
-    fraction : float
-        The time in cycles after that.
-
-    Returns
-    -------
-    float
-        eta, nondimensional.
-    """
-    value = 0.0
-    for n in range(harmonics.ratios.size):
-        angle = phase_in_turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction)
-        value += harmonics.weights[n] * math.cos(2.0 * math.pi * angle)
-    return value
 
 
 @kernel(fastmath={"contract"}, borrows=True)
@@ -200,6 +175,7 @@ def add_samples(harmonics, half, out):
 
 @kernel(inline="always", borrows=True)
 def _pair(out, half, offset, even, odd):
+    """Add sums of cosines and sines to the samples at an offset on both sides of the centre."""
     if offset <= half:
         out[half + offset] += even - odd
         out[half - offset] += even + odd

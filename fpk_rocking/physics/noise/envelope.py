@@ -21,10 +21,10 @@ class Envelope(abc.ABC):
         """Return g at times (n,)."""
 
     @abc.abstractmethod
-    def squared(self, times: Array) -> Array:
+    def squared_integral(self, times: Array) -> Array:
         """Return the integral of g² from 0 to times (n,)."""
 
-    def later(self, time: float) -> "Envelope":
+    def shifted(self, time: float) -> "Envelope":
         """Return the envelope whose times count from a time on."""
         return _Shifted(self, time)
 
@@ -47,8 +47,8 @@ class _Shifted(Envelope):
     def value(self, times: Array) -> Array:
         return self.envelope.value(times + self.origin)
 
-    def squared(self, times: Array) -> Array:
-        return self.envelope.squared(times + self.origin)
+    def squared_integral(self, times: Array) -> Array:
+        return self.envelope.squared_integral(times + self.origin)
 
 
 class _Linear(Envelope):
@@ -78,7 +78,7 @@ class _Linear(Envelope):
         out[:, 0], out[:, 1] = self.value(times), slopes[np.searchsorted(places, times)]
         return out
 
-    def squared(self, times: Array) -> Array:
+    def squared_integral(self, times: Array) -> Array:
         """Return the integral of g² from 0 to times (n,)."""
         places, values = self.corners
         inside = np.diff(places) * (values[1:] ** 2 + values[1:] * values[:-1] + values[:-1] ** 2) / 3.0
@@ -221,7 +221,7 @@ class Exponential(Envelope):
         part = np.asarray(times)[:, None] / self.peak
         return (part - order) * np.exp(1.0 - part) * inverse
 
-    def squared(self, times: Array) -> Array:
+    def squared_integral(self, times: Array) -> Array:
         """Return the integral of g² from 0 to times (n,)."""
         part = np.asarray(times) / self.peak
         return math.e**2 * self.peak * (0.25 - np.exp(-2.0 * part) * (0.5 * part * (part + 1.0) + 0.25))
@@ -245,7 +245,7 @@ def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
     """
     if envelope is None:
         return np.ones(len(edges) - 1)
-    means = np.diff(envelope.squared(edges)) / np.diff(edges)
+    means = np.diff(envelope.squared_integral(edges)) / np.diff(edges)
     return np.where(means < 1e-4, 0.0, means)
 
 

@@ -118,6 +118,7 @@ class LinearFilter(Filter):
 
     @property
     def _matrices(self):
+        """Drift, input and output as arrays."""
         return np.array(self.drift), np.array(self.input), np.array(self.output)
 
     @property
@@ -191,7 +192,7 @@ class CloughPenzien(Filter):
         )
 
 
-class _Named(NamedTuple):
+class _NamedFilter(NamedTuple):
     """A filter with a name: its `space` of frequency and damping, whether it has a damping, and its name in a text."""
 
     space: Callable[[float, float | None], StateSpace]
@@ -200,6 +201,7 @@ class _Named(NamedTuple):
 
 
 def _exponential(omega, _):
+    """Return the state space of η."""
     return StateSpace(np.array([[-omega]]), np.array([math.sqrt(2.0 * omega)]), np.ones(1), np.eye(1))
 
 
@@ -216,9 +218,9 @@ def _kanai_tajimi(omega, zeta):
 
 
 FILTERS = {
-    "exponential": _Named(_exponential, False, "exponential"),
-    "low-pass": _Named(_low_pass, True, "low-pass"),
-    "kanai-tajimi": _Named(_kanai_tajimi, True, "Kanai-Tajimi"),
+    "exponential": _NamedFilter(_exponential, False, "exponential"),
+    "low-pass": _NamedFilter(_low_pass, True, "low-pass"),
+    "kanai-tajimi": _NamedFilter(_kanai_tajimi, True, "Kanai-Tajimi"),
 }
 """Filters by their name in a scene."""
 

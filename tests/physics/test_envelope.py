@@ -55,7 +55,7 @@ def test_values_series_and_squares_agree(envelope):
     # Simpson's rule is exact between kinks, which are at nodes.
     middle = 0.5 * (times[1:] + times[:-1])
     inside = np.diff(times) / 6.0 * (values[1:] ** 2 + 4.0 * envelope.value(middle) ** 2 + values[:-1] ** 2)
-    off = envelope.squared(times) - np.append(0.0, np.cumsum(inside))
+    off = envelope.squared_integral(times) - np.append(0.0, np.cumsum(inside))
     assert np.abs(off).max() < (6e-3 if envelope.kind == "trapezoid" and not envelope.rise else 1e-10)
     assert mean_squares(None, times) == pytest.approx(np.ones(1400))
 

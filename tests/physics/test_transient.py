@@ -90,7 +90,7 @@ def test_bounds_hold_and_are_near(forcing):
 
 @pytest.mark.parametrize("start", [0.0, SHAKEN.forcing.unit, 0.4 * SHAKEN.forcing.duration])
 def test_a_piece_over_next_to_no_time_is_the_force_there(start):
-    piece = np.polynomial.Polynomial(SHAKEN.forcing.over(start, 1e-9))
+    piece = np.polynomial.Polynomial(SHAKEN.forcing.particular_over(start, 1e-9))
     assert piece.deriv(2)(0.0) - piece(0.0) == pytest.approx(SHAKEN.forcing.value(start), abs=1e-11)
 
 
@@ -109,7 +109,7 @@ def test_a_record_scales_with_the_block():
     assert larger.forcing.largest == pytest.approx(forcing.largest)
     assert SHAKEN.varied(forcing={"scale": 0.6}).forcing.largest == pytest.approx(2.0 * forcing.largest)
     metric = Record(0.01, SAMPLES * 9.80665, "m/s2", 0.3)
-    assert np.array_equal(np.round(metric.on(SIZE).forces, 12), np.round(forcing.forces, 12))
+    assert np.array_equal(np.round(metric.for_size(SIZE).forces, 12), np.round(forcing.forces, 12))
 
 
 def test_scenes_go_through_toml_and_blocks(tmp_path):
@@ -178,7 +178,7 @@ def test_the_record_of_the_project_is_what_its_script_makes(case):
     assert record.samples == pytest.approx(made.acceleration(), abs=1e-8)
     assert (record.interval, len(record.samples), np.abs(record.samples).max()) == (0.01, 4001, pytest.approx(0.35))
     scene = load_scene(ROOT / "cases" / "scenes" / "record.toml")
-    assert scene.forcing == record.__class__(0.01, record.samples, "g", 1.3).on(scene.block.dimensions)
+    assert scene.forcing == record.__class__(0.01, record.samples, "g", 1.3).for_size(scene.block.dimensions)
     assert scene.block.restitution == scene.block.dimensions.restitution
 
 
@@ -267,7 +267,7 @@ def test_peer_files_with_every_header_are_read(header, tmp_path):
 def test_units_are_known_by_their_spellings(spelling, units, si):
     record = Record(0.01, [0.0, 2.0, 0.0], spelling)
     assert record.units == units
-    assert record.on(Dimensions(0.5, 1.8)).largest == pytest.approx(
+    assert record.for_size(Dimensions(0.5, 1.8)).largest == pytest.approx(
         2.0 * si / (9.80665 * math.atan(0.5 / 1.8)), rel=1e-12
     )
 
