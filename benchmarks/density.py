@@ -132,7 +132,7 @@ def step_figures(tol=1e-3):
     run, solution = run_of(MAIN, USUAL[tol], tol)
     density, steps = solution.coefficients[4], run.leg
     seconds = medians({"": lambda: [step.apply(density) for step in steps]})[""] / len(steps)
-    moved = 16 * run.space.unknowns + sum(step.memory for step in steps) / len(steps)
+    moved = 16 * run.space.unknowns + sum(step.nbytes for step in steps) / len(steps)
     return run.space.unknowns / seconds, moved, seconds
 
 

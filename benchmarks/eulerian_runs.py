@@ -10,8 +10,9 @@ from report import ROOT
 
 from fpk_rocking import load_scene
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.space.mesh import ANGLE_GRADING, VELOCITY_GRADING, graded_lines
+from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 
 SCENE = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()
@@ -53,8 +54,8 @@ class Run:
     def __init__(self, row, start):
         angle, velocity = start.mesh_lines
         self.space = Space(
-            graded_lines(angle[-1], row.angle_cells, ANGLE_GRADING),
-            graded_lines(velocity[-1], row.velocity_cells, VELOCITY_GRADING),
+            graded_lines(angle[-1], row.angle_cells, TUNING.angle_grading),
+            graded_lines(velocity[-1], row.velocity_cells, TUNING.velocity_grading),
             row.degree,
         )
         begin = time.process_time()

@@ -9,7 +9,7 @@ import numpy as np
 from fpk_rocking.base.types import Array
 from fpk_rocking.density.resolution import Grid, cycle_of
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Dynamics, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics
 from fpk_rocking.scene.scene import Scene
 
 LONG = 20.0
@@ -41,8 +41,8 @@ def seconds_of(scene: Scene, grid: Grid, times: Array) -> float:
     space = Space(grid.angle_lines, grid.velocity_lines, grid.degree)
     dynamics, rule, duration = Dynamics.of(scene), grid.quadrature, cycle_of(scene) / grid.steps
     begins = np.linspace(0.0, scene.period or times[-1], _SAMPLES, endpoint=False)
-    traces = [Trace(space, begin, duration, dynamics, rule, cells=False) for begin in begins.tolist()]
-    paths = np.mean([trace.marks.sum() for trace in traces]) * rule.angle * rule.velocity * rule.long * rule.short
+    traces = [Characteristics(space, begin, duration, dynamics, rule, cells=False) for begin in begins.tolist()]
+    paths = np.mean([trace.event_cells.sum() for trace in traces]) * rule.angle * rule.velocity * rule.long * rule.short
     steps = times[-1] / duration
     different = grid.steps / (2.0 if scene.forcing.half_antisymmetric else 1.0) if scene.repeats else steps
     set_up = paths * (_TRACED_EXACT if scene.block.critical_angle else _TRACED) + space.unknowns * _PREPARED

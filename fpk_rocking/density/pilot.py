@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE, Noise, principal_axes, trace
+from fpk_rocking.density.step.characteristics import Exit, Noise, principal_axes, trace_point
 from fpk_rocking.density.step.step import Dynamics
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.flight import flight_covariance
@@ -94,7 +94,7 @@ def motion_of(white, times):
     for segment, duration, diffusion, axes in _steps(white, dynamics, times):
         nodes = _pairs(random)
         follow(states, sides, segment, dynamics.block, Noise(duration, diffusion, nodes, nodes @ axes, 0.0))
-        seen.append(states[np.abs(sides) < OVERTURNED_SIDE])
+        seen.append(states[sides > Exit.OVERTURNED_LEFT])
     seen = np.concatenate(seen[1:] if len(seen[1]) else seen)
     if not white.repeats:
         # Before and after a motion a block may rest for long, which must not decide how far it goes.
@@ -121,7 +121,7 @@ def _steps(white, dynamics, times):
 
 
 def _step(dynamics, start, duration):
-    diffusion = dynamics.during(start, duration).diffusion
+    diffusion = dynamics.averaged_over(start, duration).diffusion
     axes = np.reshape(principal_axes(*flight_covariance(diffusion, duration)), (2, 2))
     return dynamics.segment(start, duration), duration, diffusion, axes
 
@@ -134,15 +134,15 @@ def _pairs(random):
 
 @kernel
 def follow(states, sides, segment, block, noise):
-    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace`.
+    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
 
     `sides` are +-1, +-2 for a path that has overturned there and stays.
     """
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
     for n in range(len(states)):
-        if abs(sides[n]) == OVERTURNED_SIDE:
+        if sides[n] <= Exit.OVERTURNED_LEFT:
             continue
         offsets = noise.offsets[n : n + 1]
         own = Noise(noise.duration, noise.diffusion, noise.nodes[n : n + 1], offsets, abs(offsets[0, 0]))
-        trace(states[n, 0], states[n, 1], sides[n], segment, block, own, scratch, states[n : n + 1], codes)
+        trace_point(states[n, 0], states[n, 1], sides[n], segment, block, own, scratch, states[n : n + 1], codes)
         sides[n] = codes[0]

@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from fpk_rocking.density.pilot import REST
-from fpk_rocking.density.space.mesh import ANGLE_GRADING, TAIL, VELOCITY_GRADING, extended_lines, graded_lines
+from fpk_rocking.density.space.mesh import extended_lines, graded_lines
+from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
 
@@ -30,7 +31,7 @@ _NOISY_STEP = 0.03
 """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed^2."""
 
 _TAIL_CELLS = 32.0
-"""With up to so many cells an axis for the motion, the cells beyond it grow by `TAIL` each; with more, by less."""
+"""With up to so many cells an axis for the motion, the cells beyond it grow by `tail` each; with more, by less."""
 
 FEWEST = 6
 """Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
@@ -117,7 +118,7 @@ class Resolution:
     steps: int
     windows: WindowSettings
 
-    def of(self, scene, bound, motion, beyond=0.0, growth=TAIL):
+    def of(self, scene, bound, motion, beyond=0.0, growth=TUNING.tail):
         """Adapt the resolution to a scene.
 
         Parameters
@@ -139,7 +140,7 @@ class Resolution:
         """
         cutoff, far, fast = scene.overturning.angle, max(motion.angle, REST[0]), max(motion.velocity, REST[1])
         small, fast = far < _FAR * cutoff, min(fast, bound)
-        far, grading = (far, REST_GRADING) if small else (cutoff, ANGLE_GRADING)
+        far, grading = (far, REST_GRADING) if small else (cutoff, TUNING.angle_grading)
         period = cycle_of(scene)
         time = min(period, _MAIN_PERIOD) / _MAIN_PERIOD
         noise = scene.noise.diffusion / _MAIN_DIFFUSION
@@ -149,7 +150,7 @@ class Resolution:
             for cells, spread in zip((self.angle_cells, self.velocity_cells), spreads, strict=True)
         )
         angle = graded_lines(far, angle_cells, grading)
-        velocity = graded_lines(fast, velocity_cells, VELOCITY_GRADING)
+        velocity = graded_lines(fast, velocity_cells, TUNING.velocity_grading)
         rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > _RESTS
         # A slow motion meets impacts more often.
         moving = _STEP * math.sqrt(min(fast, 1.0)) / (1.0 + _BENDING * scene.block.critical_angle**2)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.space.mesh import DEVIATIONS, GROWTH, velocity_bound
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.physics.motion.block import largest_correction
 
@@ -33,7 +34,7 @@ def plane_bound(white, motion):
         At least `velocity_bound`, nondimensional.
     """
     own, wide = velocity_bound(white, white.noise.diffusion), worst_bound(white)
-    scout = CycleLeg(white, RESOLUTIONS[0].of(white, wide, motion, growth=GROWTH))
+    scout = CycleLeg(white, RESOLUTIONS[0].of(white, wide, motion, growth=TUNING.growth))
     chances = [scout.one]
     for _ in range(scout.count):
         chances.append(scout.turned(chances.pop()))
@@ -61,7 +62,7 @@ def worst_bound(white):
     swing, cutoff, noise = (
         white.forcing.swing,
         white.overturning.angle,
-        DEVIATIONS * math.sqrt(white.noise.diffusion),
+        TUNING.deviations * math.sqrt(white.noise.diffusion),
     )
     exact = largest_correction(white.forcing.largest, white.block.critical_angle)
     escape = max(1.0, cutoff - 1.0) + swing + exact + noise

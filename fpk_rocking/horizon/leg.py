@@ -7,7 +7,7 @@ map over it and R the turn about the origin, a cycle is R H R H = K^2, K = R H. 
 import numpy as np
 
 from fpk_rocking.density.run.periodic import PeriodicRun
-from fpk_rocking.density.space.space import turn
+from fpk_rocking.density.space.space import reflected
 
 _NOTHING = np.zeros(3)
 
@@ -56,7 +56,7 @@ class CycleLeg:
 
     def turned(self, coefficients):
         """Coefficients of a function at the end of a leg as the next one begins with them."""
-        return turn(coefficients) if self.count == 2 else coefficients
+        return reflected(coefficients) if self.count == 2 else coefficients
 
     def forward(self, coefficients):
         """Density after the leg, turned, and the masses (3,) that went left, right and were lost in it."""

@@ -9,7 +9,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.density.pilot import CYCLES, motion_of
 from fpk_rocking.density.refinement import UNRESOLVED, bins_tolerance, candidates_for, refine
 from fpk_rocking.density.refusals import warn_beyond
-from fpk_rocking.density.space.mesh import GROWTH, velocity_bound
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.horizon.extent import plane_bound
 from fpk_rocking.horizon.leg import CycleLeg
 from fpk_rocking.horizon.modes import Powers, leading_modes
@@ -52,7 +53,7 @@ class Level:
 
     def __init__(self, white, resolution, motion, bound, beyond):
         self._white, self._given = white, (resolution, motion, bound)
-        self.leg = CycleLeg(white, resolution.of(white, bound, motion, beyond, GROWTH))
+        self.leg = CycleLeg(white, resolution.of(white, bound, motion, beyond, TUNING.growth))
         self.space = self.leg.space
         self._one = self.leg.vector(self.leg.one)
 
@@ -218,7 +219,7 @@ def climb(white, tol):
         return refinement[-1]
 
     def fits(level, resolution):
-        finer = resolution.of(white, bound, motion, beyond, GROWTH)
+        finer = resolution.of(white, bound, motion, beyond, TUNING.growth)
         return level.memory * finer.memory / level.leg.run.grid.memory <= OPERATOR_MEMORY
 
     def done(found):

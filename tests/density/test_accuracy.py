@@ -14,7 +14,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.physics.motion.flight import shear_diffusion_variances
 from fpk_rocking.scene import Start
 
@@ -56,7 +56,7 @@ def test_density_converges_with_order_degree_plus_one(degree, least):
         space, truth = away_mesh(count, degree), AWAY
         coefficients = space.project(AWAY, 8)
         for k in range(4):
-            step = Step(Trace(space, 0.1 * k, 0.1, CALM, QUADRATURE), space)
+            step = Step(Characteristics(space, 0.1 * k, 0.1, CALM, QUADRATURE), space)
             coefficients, _ = step.apply(coefficients)
             matrix, shift = affine(CALM, 0.1 * k, 0.1, 1)
             covariance = matrix @ truth.covariance @ matrix.T + flight_noise(CALM, 0.1)
@@ -74,7 +74,7 @@ def test_flight_and_noise_have_exact_moments(duration, same_mesh):
     source = away_mesh(24)
     target = source if same_mesh else Space(np.linspace(0.3, 3.9, 25), np.linspace(-2.5, 2.0, 25), 3)
     before = Density(source, source.project(AWAY, 8))
-    trace = Trace(source, 0.3, duration, CALM, QUADRATURE, to_other=not same_mesh)
+    trace = Characteristics(source, 0.3, duration, CALM, QUADRATURE, to_other_mesh=not same_mesh)
     after = Density(target, Step(trace, target).apply(before.coefficients)[0])
     matrix, shift = affine(CALM, 0.3, duration, 1)
     covariance = matrix @ before.covariance @ matrix.T + flight_noise(CALM, duration)
@@ -104,7 +104,7 @@ def test_mass_that_crosses_zero_or_overturns_is_balanced(start):
     dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, 1.2)
     space = Space(graded_lines(1.2, 20, 1.5), graded_lines(3.5, 24, 1.3), 3)
     coefficients = space.project(Gaussian((0.02, 0.1), [[0.25, 0.02], [0.02, 0.6]]), 8)
-    after, sinks = Step(Trace(space, start, 0.15, dynamics, QUADRATURE), space).apply(coefficients)
+    after, sinks = Step(Characteristics(space, start, 0.15, dynamics, QUADRATURE), space).apply(coefficients)
     assert sinks[:2].min() > 1e-3
     left = [space.masses(now)[: space.first_positive].sum() for now in (coefficients, after)]
     assert abs(left[1] + sinks[0] - left[0]) > 1e-3
@@ -117,7 +117,7 @@ def test_mass_that_overturns_as_a_whole_is_in_the_sink():
     window = Space(np.linspace(0.8, 1.2, 17), np.linspace(6.0, 9.0, 9), 3)
     coefficients = window.project(Gaussian((1.0, 7.5), [[1e-3, 0.0], [0.0, 0.04]]), 8)
     for target in (window, Space(np.linspace(-1.2, 1.2, 9), np.linspace(-4.0, 4.0, 9), 3)):
-        trace = Trace(window, 0.0, 0.15, dynamics, QUADRATURE, to_other=target is not window)
+        trace = Characteristics(window, 0.0, 0.15, dynamics, QUADRATURE, to_other_mesh=target is not window)
         after, sinks = Step(trace, target).apply(coefficients)
         assert sinks[1] == pytest.approx(window.masses(coefficients).sum(), abs=1e-13)
         assert np.abs(after).max() == 0.0

@@ -239,7 +239,7 @@ def test_what_is_not_covered_is_little_and_counted_as_lost():
     for negligible in (0.0, 1e-8):
         run = PeriodicRun(MAIN, grid, negligible)
         found.append(run.evolve(MAIN.period * np.arange(3)))
-        covered = np.mean([step.trace.active.mean() for step in run.leg])
+        covered = np.mean([step.characteristics.active.mean() for step in run.leg])
     whole, part = found
     assert covered < 0.6
     assert 0.0 < abs(part.gone[2, 2] - whole.gone[2, 2]) < 1e-5

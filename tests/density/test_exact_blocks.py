@@ -22,8 +22,8 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.noise_paths import Noise, principal_axes
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.characteristics import Noise, principal_axes
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from montecarlo import simulate
 
 FORCING = Harmonic(3.6, 2.7, math.pi)
@@ -85,7 +85,7 @@ def test_flight_is_of_second_order(diffusion):
         now, span = space.project(Gaussian([0.65, 0.1], spread), 12), duration / steps
         for k in range(steps):
             quadrature = Quadrature(5, 5, 5, 2) if diffusion else Quadrature(5, 5, 1, 1, 1)
-            now, _ = Step(Trace(space, k * span, span, dynamics, quadrature), space).apply(now)
+            now, _ = Step(Characteristics(space, k * span, span, dynamics, quadrature), space).apply(now)
         density = Density(space, now)
         errors.append(np.abs(np.concatenate([density.mean, np.diag(density.covariance)]) - wanted).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
@@ -94,10 +94,12 @@ def test_flight_is_of_second_order(diffusion):
 def test_an_exact_block_lands_on_another_mesh_only_by_a_trace_made_for_it():
     space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 1) for count in (3, 4))
     dynamics, quadrature = Dynamics(FORCING, 1e-3, 0.5, 1.5, critical_angle=0.6), Quadrature(2, 2, 2, 2)
-    trace = Trace(space, 0.0, 0.01, dynamics, quadrature)
+    trace = Characteristics(space, 0.0, 0.01, dynamics, quadrature)
     Step(trace, space)
-    Step(Trace(space, 0.0, 0.01, dynamics, quadrature, to_other=True), other)
-    with pytest.raises(ValueError, match=r"^target: got .*, accepted: the mesh of the trace, or a trace with to_other"):
+    Step(Characteristics(space, 0.0, 0.01, dynamics, quadrature, to_other_mesh=True), other)
+    with pytest.raises(
+        ValueError, match=r"^target: got .*, accepted: the mesh of the characteristics, or some with to_other_mesh"
+    ):
         Step(trace, other)
 
 

@@ -16,7 +16,7 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 
 QUADRATURE = Quadrature(6, 6, 5, 2)
 CALM = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.05, 0.5, 6.0)
@@ -48,7 +48,7 @@ def test_flight_has_no_error_in_the_step():
     for count in (1, 4, 16):
         coefficients, duration = space.project(start, 8), total / count
         for k in range(count):
-            step = Step(Trace(space, k * duration, duration, dynamics, QUADRATURE), space)
+            step = Step(Characteristics(space, k * duration, duration, dynamics, QUADRATURE), space)
             coefficients, _ = step.apply(coefficients)
         assert best < math.sqrt(squared_error(space, coefficients, truth)) < 1.2 * best
 
@@ -84,7 +84,7 @@ def test_order_in_the_step_on_gaussian_flight():
     for duration in durations:
         truth = flown_fourth_moment(source, coefficients, 0.3, duration, 2.0)
         for space, found in errors.items():
-            trace = Trace(source, 0.3, duration, CALM, QUADRATURE, to_other=space is target)
+            trace = Characteristics(source, 0.3, duration, CALM, QUADRATURE, to_other_mesh=space is target)
             after, _ = Step(trace, space).apply(coefficients)
             found.append(abs(fourth_moment(space, after, 2.0) - truth))
     assert max(errors[source]) < 1e-12
@@ -98,15 +98,15 @@ def test_mass_that_crosses_zero_is_what_arrives():
     angle = np.concatenate([-np.linspace(0.0, 1.2, 11)[:0:-1], np.linspace(0.0, 1.2, 11)])
     space = Space(angle, np.linspace(-5.0, 5.0, 41), 3)
     coefficients = space.project(Gaussian((0.02, 0.1), [[0.2, 0.02], [0.02, 0.3]]), 8)
-    trace = Trace(space, 0.7, 0.15, dynamics, QUADRATURE)
+    trace = Characteristics(space, 0.7, 0.15, dynamics, QUADRATURE)
     after, sinks = Step(trace, space).apply(coefficients)
-    events = np.argwhere(trace.events >= 0)
+    events = np.argwhere(trace.numbers >= 0)
     points = trace.points
     values = space.cell_values(coefficients, points.angle_points, points.velocity_points)[tuple(events.T)]
     masses = np.einsum("cpq,p,q,k->cpqk", values, points.angle_weights, points.velocity_weights, trace.node_weights)
     masses *= space.areas[tuple(events.T)][:, None, None, None]
     positive = (events[:, 0] >= space.first_positive)[:, None, None, None]
-    risen, fallen = (masses * (~positive & (trace.codes > 0))).sum(), (masses * (positive & (trace.codes < 0))).sum()
+    risen, fallen = (masses * (~positive & (trace.flags > 0))).sum(), (masses * (positive & (trace.flags < 0))).sum()
     assert min(risen, fallen) > 1e-2
     assert sinks[2] == pytest.approx(0.0, abs=1e-13)
     first = space.first_positive
@@ -127,7 +127,7 @@ def test_step_of_the_turned_scene_is_the_turned_step(start):
     results = []
     for phase, now in ((1.0, density), (1.0 + math.pi, np.ascontiguousarray(density[::-1, ::-1]) * signs)):
         dynamics = Dynamics(Harmonic(4.6, 2.7, phase), 0.02, 0.5, 1.2)
-        results.append(Step(Trace(space, start, 0.15, dynamics, QUADRATURE), space).apply(now))
+        results.append(Step(Characteristics(space, start, 0.15, dynamics, QUADRATURE), space).apply(now))
     (after, sinks), (mirrored, mirrored_sinks) = results
     difference = mirrored[::-1, ::-1] * signs - after
     assert np.abs(difference * space.areas[..., None, None]).max() < 1e-13
@@ -162,7 +162,7 @@ def test_traces_at_zero_converge_to_the_law_of_impact():
         space = Space(np.concatenate([-half[:0:-1], half]), np.linspace(-2.7, 0.7, count + 1), 3)
         coefficients = space.project(Gaussian((0.5, -1.3), [[0.02, 0.0], [0.0, 0.02]]), 8)
         for k in range(4):
-            coefficients, _ = Step(Trace(space, 0.1 * k, 0.1, FALL, QUADRATURE), space).apply(coefficients)
+            coefficients, _ = Step(Characteristics(space, 0.1 * k, 0.1, FALL, QUADRATURE), space).apply(coefficients)
         assert 0.7 < space.masses(coefficients)[: space.first_positive].sum() < 0.8
         defects.append(trace_defects(space, coefficients))
     coarse, fine = np.log(defects[:3]).mean(axis=0), np.log(defects[3:]).mean(axis=0)

@@ -10,7 +10,7 @@ from fpk_rocking import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.scene import WhiteNoise
 
 CYCLES = 500
@@ -47,7 +47,9 @@ def test_weakest_noise_is_stable(cells, cycles, rise, worst, main_scene):
     dynamics, duration = Dynamics.of(scene), scene.period / 12
     bound = velocity_bound(scene, dynamics.diffusion)
     space = Space(graded_lines(scene.overturning.angle, cells[0], 1.5), graded_lines(bound, cells[1], 1.3), 3)
-    steps = [Step(Trace(space, k * duration, duration, dynamics, Quadrature(5, 5, 5, 2)), space) for k in range(6)]
+    steps = [
+        Step(Characteristics(space, k * duration, duration, dynamics, Quadrature(5, 5, 5, 2)), space) for k in range(6)
+    ]
     density, out = space.project(Gaussian((0.3, -0.2), [[0.01, 0.0], [0.0, 0.02]]), 8), 0.0
     start, inside, basis, negative = space.masses(density).sum(), [], [], []
     for k in range(2 * cycles):

@@ -127,7 +127,7 @@ def test_held_noise_has_the_melnikov_variance(noise):
 def test_a_flight_has_the_covariance_of_its_noise(noise):
     scene, time = MAIN.varied(noise=noise), 0.7
     run = FilteredRun(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
-    flight = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics)
+    flight = Flight(scene, run.nodes, run.leg[0][0].characteristics.dynamics)
     _, found = flight.at(time)
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
         wanted = integrate.dblquad(

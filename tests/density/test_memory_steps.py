@@ -76,7 +76,7 @@ def test_held_noise_is_of_second_order_in_flight():
     for steps in counts:
         part = np.linspace(0.0, 1.0, steps + 1)
         run = FilteredRun(scene, NodeGrid(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
-        _, wanted = Flight(scene, run.nodes, run.leg[0][0].trace.dynamics).at(scene.period)
+        _, wanted = Flight(scene, run.nodes, run.leg[0][0].characteristics.dynamics).at(scene.period)
         density = Density(run.space, run.evolve(scene.period * np.arange(2)).coefficients[1])
         errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)

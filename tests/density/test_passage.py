@@ -10,7 +10,7 @@ from density_operators import affine, flight_noise
 from fpk_rocking import solve_fpk
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Gaussian
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.scene import Harmonic, Overturning
 from montecarlo import simulate
 
@@ -45,7 +45,7 @@ def test_paths_that_pass_the_cutoff_and_return_within_a_step_have_overturned(ste
     start = 0.5 * (period - duration)
     window = Space(np.linspace(1.2, 1.4, 17), np.linspace(-0.4, 1.2, 33), 3)
     density = window.project(Gaussian(MEAN, np.diag(SPREAD**2)), 8)
-    trace = Trace(window, start, duration, dynamics, Quadrature(6, 6, 5, 2), to_other=True)
+    trace = Characteristics(window, start, duration, dynamics, Quadrature(6, 6, 5, 2), to_other_mesh=True)
     _, sinks = Step(trace, Space(np.linspace(0.0, 1.4, 20), np.linspace(-4.0, 4.0, 33), 3)).apply(density)
     passed, beyond = paths_over(dynamics, start, duration, paths, 32, seed=3)
     error = math.sqrt(passed * (1.0 - passed) / paths)
@@ -65,7 +65,7 @@ def test_what_passes_the_cutoff_for_good_is_exact(side):
     lines = np.sort(side * np.linspace(0.8, 1.2, 13)), np.sort(side * np.linspace(0.8, 2.2, 21))
     space = Space(*lines, 4)
     density = space.project(Gaussian(mean, covariance), 12)
-    after, sinks = Step(Trace(space, 0.0, duration, dynamics, Quadrature(2, 2, 3, 2)), space).apply(density)
+    after, sinks = Step(Characteristics(space, 0.0, duration, dynamics, Quadrature(2, 2, 3, 2)), space).apply(density)
     matrix, shift = affine(dynamics, 0.0, duration, side)
     spread = (matrix @ covariance @ matrix.T + flight_noise(dynamics, duration))[0, 0]
     ends = (1.05, 0.04), (side * (matrix @ mean + shift)[0], math.sqrt(spread))

@@ -11,10 +11,10 @@ from skfem import Basis, BilinearForm, Functional, MeshQuad
 from skfem.element import ElementQuad0
 
 from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.element import ElementQuadLegendre
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
-from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.landing import LOST, locate
+from fpk_rocking.density.space.space import Space, legendre_element
+from fpk_rocking.density.step.characteristics import Exit
+from fpk_rocking.density.step.targets import locate_point
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])
@@ -51,7 +51,7 @@ def test_mass_matrix_is_the_jacobian_times_the_identity(degree):
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_element_gradient_is_the_derivative_of_its_value(degree):
-    element, points, h = ElementQuadLegendre(degree), np.random.default_rng(2).random((2, 7)), 1e-6
+    element, points, h = legendre_element(degree), np.random.default_rng(2).random((2, 7)), 1e-6
     for i in range(element.interior_dofs):
         _, gradient = element.lbasis(points, i)
         for axis, part in enumerate(gradient):
@@ -294,13 +294,13 @@ def test_cells_are_found_on_lines_of_any_sizes():
     """Sizes from 1e-9 on: the table stays small, and every point is in the cell that a search finds."""
     positive = np.append(np.geomspace(1e-9, 1.0, 40), 1.5)
     space = Space(np.concatenate([-positive[::-1], [0.0], positive]), np.linspace(-1.0, 1.0, 9), 1)
-    for table in space.tables:
+    for table in space.cell_searches:
         lines = table[0]
         points = np.random.default_rng(1).choice([-1.0, 1.0], 500) * np.geomspace(1e-10, 0.999, 500)
-        found = [locate(table, point) for point in points]
+        found = [locate_point(table, point) for point in points]
         cells = np.searchsorted(lines, points, side="right") - 1
         assert [cell for cell, _ in found] == cells.tolist()
         middles, halves = 0.5 * (lines[1:] + lines[:-1])[cells], 0.5 * np.diff(lines)[cells]
         assert [place for _, place in found] == pytest.approx((points - middles) / halves, abs=1e-9)
         assert table[2].nbytes < 1e6
-        assert locate(table, lines[-1])[0] == LOST
+        assert locate_point(table, lines[-1])[0] == Exit.TRUNCATED

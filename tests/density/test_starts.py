@@ -12,9 +12,9 @@ from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, Gaussian, first_resolved
 from fpk_rocking.density.start.windows import WindowSettings, landing_sums, window_of
-from fpk_rocking.density.step.deposit import Flown
-from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.characteristics import Exit
+from fpk_rocking.density.step.scatter import AffinePaths
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -35,7 +35,7 @@ def test_launch_layer_is_that_of_an_independent_simulation(named_scene):
     coefficients, gone = departure.land(first * step, space)
     assert first <= 5
     for k in range(first, 5):
-        coefficients, _ = Step(Trace(space, k * step, step, dynamics, QUADRATURE), space).apply(coefficients)
+        coefficients, _ = Step(Characteristics(space, k * step, step, dynamics, QUADRATURE), space).apply(coefficients)
     density = Density(space, coefficients)
     _, unimpeded = affine(dynamics, 0.0, 5 * step, 1)
     assert density.mean - unimpeded == pytest.approx([0.0017874, 0.0028889], rel=0.01)
@@ -159,19 +159,19 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
     scene = main_scene.white_equivalent()
     for angles, gone in ((np.linspace(1.2, 1.55, 5), True), (np.linspace(-0.2, 0.2, 5), False)):
         source = Space(angles, np.linspace(-0.5, 1.5, 6), 1)
-        trace = Trace(source, 0.0, 0.2, Dynamics.of(scene), Quadrature(2, 2, 3, 1), to_other=True)
-        traced = np.argwhere(trace.events >= 0)
+        trace = Characteristics(source, 0.0, 0.2, Dynamics.of(scene), Quadrature(2, 2, 3, 1), to_other_mesh=True)
+        traced = np.argwhere(trace.numbers >= 0)
         values = np.zeros((4, 5, 2, 2))
         values[tuple(traced.T)] = np.random.default_rng(4).random((len(traced), 2, 2))
-        rows = trace.events[tuple(traced.T)]
+        rows = trace.numbers[tuple(traced.T)]
         masses = (values[tuple(traced.T)][..., None] * trace.node_weights)[np.argsort(rows)]
-        standing = np.abs(trace.codes) != OVERTURNED_SIDE
+        standing = trace.flags > Exit.OVERTURNED_LEFT
         assert standing.any()
         assert gone == (not standing.all())
-        x, v = np.moveaxis(np.where(standing[..., None], trace.states, 0.0), -1, 0)
+        x, v = np.moveaxis(np.where(standing[..., None], trace.ends, 0.0), -1, 0)
         expected = [(np.where(standing, masses, 0.0) * one).sum() for one in (1.0 + 0.0 * x, x, v, x * x, x * v, v * v)]
-        flown = Flown(*trace.affine, trace.offsets, trace.node_weights)
-        found = landing_sums(values, trace.points, flown, trace.events, trace.states, trace.codes, 0.0)
+        flown = AffinePaths(*trace.affine, trace.offsets, trace.node_weights)
+        found = landing_sums(values, trace.points, flown, trace.numbers, trace.ends, trace.flags, 0.0)
         assert found[:6] == pytest.approx(expected, rel=1e-12)
 
 

@@ -17,7 +17,7 @@ from fpk_rocking.density.run.transient import TransientRun
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure
-from fpk_rocking.density.step.step import FAINTEST, Dynamics
+from fpk_rocking.density.step.step import Dynamics
 from fpk_rocking.envelopes import Trapezoid
 from montecarlo import simulate
 
@@ -76,9 +76,9 @@ def test_a_flight_under_an_envelope_has_the_exact_moments():
 def test_dynamics_have_the_diffusion_of_a_step():
     noise = WhiteNoise(0.004, Trapezoid(1.0, 1.0, 1.0))
     dynamics = Dynamics.of(Scene(Block(0.8), Harmonic(1.0, 2.0), noise))
-    assert dynamics.during(1.2, 0.3).diffusion == pytest.approx(0.004, rel=1e-12)
-    assert dynamics.during(0.0, 0.3).diffusion == pytest.approx(0.004 * 0.03, rel=1e-12)
-    assert dynamics.during(5.0, 0.3).diffusion == pytest.approx(0.004 * FAINTEST)
+    assert dynamics.averaged_over(1.2, 0.3).diffusion == pytest.approx(0.004, rel=1e-12)
+    assert dynamics.averaged_over(0.0, 0.3).diffusion == pytest.approx(0.004 * 0.03, rel=1e-12)
+    assert dynamics.averaged_over(5.0, 0.3).diffusion == pytest.approx(0.004 * Dynamics.least_intensity)
     assert dynamics.covariance(0.0, 0.6)[2] < dynamics.covariance(1.1, 0.6)[2]
 
 
@@ -174,8 +174,8 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
     late = run._release(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).departure.dynamics
     for time in (0.0, 0.9, 3.0):
         assert late.forcing.value(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
-        strength = run.dynamics.during(origin + time, 0.1).diffusion
-        assert late.during(time, 0.1).diffusion == pytest.approx(strength, rel=1e-12)
+        strength = run.dynamics.averaged_over(origin + time, 0.1).diffusion
+        assert late.averaged_over(time, 0.1).diffusion == pytest.approx(strength, rel=1e-12)
         assert late.covariance(time, 0.4) == pytest.approx(run.dynamics.covariance(origin + time, 0.4), rel=1e-12)
 
 

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 
 from fpk_rocking import Harmonic
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.horizon import modes
 from fpk_rocking.horizon.modes import Powers, leading_modes
 
@@ -116,7 +116,7 @@ def test_spectrum_of_the_linear_saddle(transposed):
     duration, diffusion = 0.5, 0.004
     dynamics = Dynamics(Harmonic(0.0, 1.0, 0.0), diffusion, 0.5, 50.0)
     space = Space(np.linspace(0.2, 1.8, 25), np.linspace(-0.8, 0.8, 25), 3)
-    step = Step(Trace(space, 0.0, duration, dynamics, Quadrature(5, 5, 5, 2)), space)
+    step = Step(Characteristics(space, 0.0, duration, dynamics, Quadrature(5, 5, 5, 2)), space)
 
     def apply(vector):
         coefficients = vector.reshape(space.shape)

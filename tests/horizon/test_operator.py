@@ -14,7 +14,7 @@ from scipy import stats
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
 from fpk_rocking.density.pilot import motion_of
 from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.space.space import turn
+from fpk_rocking.density.space.space import reflected
 from fpk_rocking.horizon import level
 from fpk_rocking.horizon.extent import worst_bound
 from fpk_rocking.results.remarks import UNCHECKED
@@ -214,7 +214,7 @@ def test_time_inside_is_dual_to_the_mass_step_by_step(operator, mean):
         for step in leg.run.leg:
             now, _ = step.apply(now)
             masses.append(space.masses(now).sum())
-        now = turn(now)
+        now = reflected(now)
     spent = np.trapezoid(masses, dx=1.0 / leg.run.steps)
     assert masses[-1] < 0.9 * masses[0]
     first = leg.time_inside()
@@ -293,7 +293,7 @@ def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negat
 def test_half_a_turn_of_the_phase_turns_the_map(operator):
     """(x, v, Psi) -> (-x, -v, Psi + pi)."""
     there, here = operator.survival_map(2, phase=MAIN.forcing.phase + np.pi), operator.survival_map(2)
-    assert np.abs(turn(there.coefficients) - here.coefficients).max() < 1e-10
+    assert np.abs(reflected(there.coefficients) - here.coefficients).max() < 1e-10
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from fpk_rocking.density.resolution import Grid
 from fpk_rocking.density.space.solution import Solution
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import initial_density
-from fpk_rocking.density.step.step import deposit_buffers
+from fpk_rocking.density.step.step import scatter_buffers
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -64,7 +64,7 @@ class Run(abc.ABC):
     def __init__(self, scene: Scene, grid, plane: Grid, negligible: float) -> None:
         self.scene, self.grid, self.negligible = scene, grid, negligible
         self.space = Space(plane.angle_lines, plane.velocity_lines, plane.degree)
-        self.buffers = deposit_buffers(self.space)
+        self.buffers = scatter_buffers(self.space)
 
     @staticmethod
     def adapted(scene: Scene, grid: Grid, number: int) -> Any:  # noqa: ARG004  (as of other kinds)

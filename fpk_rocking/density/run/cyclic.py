@@ -12,8 +12,8 @@ import numpy as np
 
 from fpk_rocking.base.types import Array
 from fpk_rocking.density.run.base import Run, Seen
-from fpk_rocking.density.space.space import Space, turn
-from fpk_rocking.density.step.occupied import meeting
+from fpk_rocking.density.space.space import Space, reflected
+from fpk_rocking.density.step.step import overlapping_cells
 from fpk_rocking.scene.parts import Start
 
 
@@ -39,7 +39,7 @@ class State(NamedTuple):
 
     def mirrored(self) -> "State":
         """Return the state turned about the origin, or back."""
-        density, rest = turn(self.density), self.rest
+        density, rest = reflected(self.density), self.rest
         if rest is not None:
             density, rest = density[::-1, ::-1], rest[::-1, ::-1]
         return State(density, self.gone, not self.turned, rest)
@@ -74,7 +74,9 @@ class CyclicRun(Run):
     def occupied_near(self, time: float, space: Space) -> Array:
         """Cells of another space that meet one which was occupied about a time, within the first leg."""
         before, after = self._around(time)
-        return meeting(self.space, self.occupied[before] | self.occupied[min(after, len(self.occupied) - 1)], space)
+        return overlapping_cells(
+            self.space, self.occupied[before] | self.occupied[min(after, len(self.occupied) - 1)], space
+        )
 
     @abc.abstractmethod
     def _around(self, time):

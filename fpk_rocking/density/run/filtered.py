@@ -23,10 +23,16 @@ from fpk_rocking.density.memory.start import Flight, deposit_points
 from fpk_rocking.density.resolution import Grid
 from fpk_rocking.density.run.base import Seen
 from fpk_rocking.density.run.cyclic import CyclicRun, State
-from fpk_rocking.density.space.space import turn
-from fpk_rocking.density.step.free_flight import angle_shear_of
-from fpk_rocking.density.step.occupied import occupy, with_neighbours
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.space.space import reflected
+from fpk_rocking.density.step.free_flight import angle_remap_of
+from fpk_rocking.density.step.step import (
+    Characteristics,
+    Dynamics,
+    Quadrature,
+    Step,
+    mark_massive_cells,
+    with_neighbours,
+)
 from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.scene.parts import Start
@@ -87,9 +93,14 @@ class FilteredRun(CyclicRun):
         begin, duration, space = self.begins[k], self.durations[k], self.space
         factor = self.nodes.held(duration)
         each = [self._dynamics(factor * value) for value in self.nodes.values]
-        shear = angle_shear_of(space, each[0].affine(begin, duration), 0.0, duration)
+        shear = angle_remap_of(space, each[0].affine(begin, duration), 0.0, duration)
         return [
-            Step(Trace(space, begin, duration, dynamics, self.quadrature, cells=False), space, self.buffers, shear)
+            Step(
+                Characteristics(space, begin, duration, dynamics, self.quadrature, cells=False),
+                space,
+                self.buffers,
+                shear,
+            )
             for dynamics in each
         ]
 
@@ -118,8 +129,8 @@ class FilteredRun(CyclicRun):
     def _memory(self):
         """Bytes that the run holds, marginal densities of all cycles left out."""
         densities = 3 * 8 * self.nodes.weights.size * self.space.unknowns
-        shears = sum(part.nbytes for steps in self.leg for part in steps[0].angle_shear)
-        return self.buffers.nbytes + densities + shears + sum(step.memory for steps in self.leg for step in steps)
+        shears = sum(part.nbytes for steps in self.leg for part in steps[0].angle_remap)
+        return self.buffers.nbytes + densities + shears + sum(step.nbytes for steps in self.leg for step in steps)
 
     def _around(self, time):
         before = int(np.searchsorted(self.begins, time, side="right")) - 1
@@ -150,14 +161,14 @@ class FilteredRun(CyclicRun):
 
     def _seen(self, state):
         marginal = state.density.sum(axis=(0, 1))
-        return Seen(turn(marginal) if state.turned else marginal, state.gone, state.rest.sum())
+        return Seen(reflected(marginal) if state.turned else marginal, state.gone, state.rest.sum())
 
     def _move(self, k, density, rest):
         """Move densities and what is at rest by step k of the leg, in place; return the masses (3,) that are gone."""
         self._activate(k, density)
         sinks = np.zeros(3)
         for a, step in enumerate(self.leg[k]):
-            x, v, side = self._lifted_off(step.trace)
+            x, v, side = self._lifted_off(step.characteristics)
             for b in range(rest.shape[1]):
                 density[a, b], left = step.apply(density[a, b])
                 sinks += left[:3]
@@ -180,7 +191,9 @@ class FilteredRun(CyclicRun):
         for g, occupied in enumerate(self.occupied[k]):
             steps, beyond = self.leg[k][g * size : (g + 1) * size], False
             for part in density[g * size : (g + 1) * size].reshape(-1, *self.space.shape):
-                beyond |= occupy(part, self.space.areas, self.negligible, steps[0].trace.active, occupied)
+                beyond |= mark_massive_cells(
+                    part, self.space.areas, self.negligible, steps[0].characteristics.active, occupied
+                )
             if beyond:
                 cells = with_neighbours(occupied)
                 for step in steps:

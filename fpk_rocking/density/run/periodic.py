@@ -6,10 +6,9 @@ import numpy as np
 
 from fpk_rocking.density.run.base import Seen
 from fpk_rocking.density.run.cyclic import CyclicRun, State
-from fpk_rocking.density.space.space import turn
+from fpk_rocking.density.space.space import reflected
 from fpk_rocking.density.start.departure import Departure, first_resolved
-from fpk_rocking.density.step.occupied import occupy, with_neighbours
-from fpk_rocking.density.step.step import Dynamics, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Step, mark_massive_cells, with_neighbours
 
 
 class PeriodicRun(CyclicRun):
@@ -27,7 +26,7 @@ class PeriodicRun(CyclicRun):
         super().__init__(scene, grid, grid, negligible, np.arange(steps + 1) * self.duration, guide)
         self.leg = [
             Step(
-                Trace(self.space, begin, self.duration, self.dynamics, grid.quadrature, cells=False),
+                Characteristics(self.space, begin, self.duration, self.dynamics, grid.quadrature, cells=False),
                 self.space,
                 self.buffers,
             )
@@ -39,7 +38,7 @@ class PeriodicRun(CyclicRun):
     @property
     def memory(self) -> float:
         """Bytes that the run holds, densities of all cycles left out."""
-        return self.buffers.nbytes + sum(step.memory for step in self.leg)
+        return self.buffers.nbytes + sum(step.nbytes for step in self.leg)
 
     def _around(self, time):
         place = time / self.duration
@@ -55,9 +54,11 @@ class PeriodicRun(CyclicRun):
     def _after(self, k, state, first):  # noqa: ARG002  (as of other runs)
         """Carry the density by step k of the leg, with all cells active that hold something."""
         step = self.leg[k]
-        if occupy(state.density, self.space.areas, self.negligible, step.trace.active, self.occupied[k]):
+        if mark_massive_cells(
+            state.density, self.space.areas, self.negligible, step.characteristics.active, self.occupied[k]
+        ):
             step.activate(with_neighbours(self.occupied[k]))
         return state.after(*step.apply(state.density))
 
     def _seen(self, state):
-        return Seen(turn(state.density) if state.turned else state.density, state.gone)
+        return Seen(reflected(state.density) if state.turned else state.density, state.gone)

@@ -14,8 +14,7 @@ from fpk_rocking.density.run.base import Run, Seen
 from fpk_rocking.density.run.rest import Hold, resting
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.departure import Departure, first_resolved
-from fpk_rocking.density.step.occupied import occupy
-from fpk_rocking.density.step.step import FAINTEST, Dynamics, Step, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Step, mark_massive_cells
 from fpk_rocking.scene.parts import Start
 
 _NEAR = 0.3
@@ -108,8 +107,8 @@ class TransientRun(Run):
     def __init__(self, scene, grid, negligible, guide=None):
         super().__init__(scene, grid, grid, negligible)
         self._memory = _LONGER * guide._memory if guide else -_FIRST * math.log(_REMEMBERED * negligible)
-        faintest = _FAINTER * guide.dynamics.faintest if guide else FAINTEST
-        self.dynamics = dataclasses.replace(Dynamics.of(scene), faintest=faintest)
+        least_intensity = _FAINTER * guide.dynamics.least_intensity if guide else Dynamics.least_intensity
+        self.dynamics = dataclasses.replace(Dynamics.of(scene), least_intensity=least_intensity)
         self.duration = cycle_of(scene) / grid.steps
 
     @property
@@ -192,8 +191,8 @@ class TransientRun(Run):
     def _step(self, start, end, now):
         """Make the step from one time to another, for the cells that hold something."""
         occupied = np.zeros(self.space.shape[:2], dtype=bool)
-        occupy(now, self.space.areas, FAINT * self.negligible, occupied, occupied)
-        trace = Trace(self.space, start, end - start, self.dynamics, self.grid.quadrature, occupied)
+        mark_massive_cells(now, self.space.areas, FAINT * self.negligible, occupied, occupied)
+        trace = Characteristics(self.space, start, end - start, self.dynamics, self.grid.quadrature, occupied)
         return Step(trace, self.space, self.buffers)
 
 

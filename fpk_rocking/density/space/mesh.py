@@ -1,25 +1,11 @@
-"""Mesh lines of the phase plane, graded towards the origin or equal in a window; the velocity bound where they end."""
+"""Mesh lines of the phase plane, graded towards the origin or equal in a patch; the velocity bound where they end."""
 
 import math
 
 import numpy as np
 
+from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.physics.motion.block import largest_correction
-
-ANGLE_GRADING = 1.5
-VELOCITY_GRADING = 1.3
-"""Exponents of `graded_lines` in angle and velocity."""
-
-GROWTH = 1.15
-"""Size of a cell over that of the one before, beyond the velocity that blocks from rest reach."""
-
-TAIL = 1.3
-"""The same beyond the usual motion of a block."""
-DEVIATIONS = 8.0
-"""Standard deviations of the noise that a velocity bound leaves room for: a Gaussian has 6e-16 beyond."""
-
-_START_ROOM = 1.2
-"""Velocity bound over the speed of the start, at least."""
 
 
 def graded_lines(half_width, cells, exponent):
@@ -42,7 +28,7 @@ def graded_lines(half_width, cells, exponent):
     return np.concatenate([-half[:0:-1], half])
 
 
-def extended_lines(lines, half_width, growth=GROWTH):
+def extended_lines(lines, half_width, growth=TUNING.growth):
     """Symmetric mesh lines continued to a wider interval by cells that grow, each by the factor `growth` or so.
 
     Parameters
@@ -79,7 +65,7 @@ def window_lines(low, high, cells):
 
 
 def velocity_bound(scene, diffusion):
-    """Velocity that is passed only by blocks bound to overturn, and by `DEVIATIONS` of the noise.
+    """Velocity that is passed only by blocks bound to overturn, and by `deviations` of the noise.
 
     Outward it lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is
     what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact
@@ -90,12 +76,12 @@ def velocity_bound(scene, diffusion):
         scene.start,
         largest_correction(scene.forcing.largest, scene.block.critical_angle),
     )
-    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + exact + DEVIATIONS * math.sqrt(diffusion)
+    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + exact + TUNING.deviations * math.sqrt(diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
-    outward = abs(start.velocity) + DEVIATIONS * math.sqrt(vv)
+    outward = abs(start.velocity) + TUNING.deviations * math.sqrt(vv)
     position, slope = forcing.particular(0.0)
     now = position - slope
-    spread = DEVIATIONS * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
+    spread = TUNING.deviations * math.sqrt(max(xx + vv - 2.0 * xv, 0.0))
     excess = max(side * (start.angle - start.velocity - now) for side in (1.0, -1.0)) - 1.0 + exact + spread
     falls = start.angle * start.velocity < 0.0 or start.covariance is not None
-    return max(bound + (max(excess, 0.0) if falls else 0.0), _START_ROOM * outward)
+    return max(bound + (max(excess, 0.0) if falls else 0.0), TUNING.start_margin * outward)

@@ -7,13 +7,42 @@ every step asks for uses that a tensor mesh and its shape functions are products
 
 import dataclasses
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.basis import find_cells, gauss_legendre, legendre_basis, locate
+from fpk_rocking.density.space.tuning import TUNING
 
-_ENTRIES = 2**16
-"""Most entries of a table of mesh lines."""
+
+class CellSearch(NamedTuple):
+    """Tables that find the cell of a point in mesh lines, see `step.targets.locate_point`.
+
+    Parameters
+    ----------
+    lines : ndarray, shape (cells + 1,)
+        Mesh lines, ascending.
+    scales : ndarray, shape (cells,)
+        2 over the cell sizes.
+    table : ndarray of int, shape (entries,)
+        Cells of equidistant points, as near to each other as the smallest cell is wide.
+    density : float
+        Entries in a unit of length.
+    """
+
+    lines: np.ndarray
+    scales: np.ndarray
+    table: np.ndarray
+    density: float
+
+    @classmethod
+    def of(cls, lines):
+        """Return the tables of mesh lines."""
+        sizes = np.diff(lines)
+        count = int(min(np.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1, TUNING.search_entries))
+        density = count / (lines[-1] - lines[0])
+        cells = find_cells(lines, lines[0] + np.arange(count + 1) / density)
+        return cls(lines, 2.0 / sizes, cells.astype(np.int32), density)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -67,9 +96,9 @@ class Space:
         return int(np.searchsorted(self.angle_lines, 0.0, side="left"))
 
     @functools.cached_property
-    def tables(self):
-        """What finds the cell of an angle, and of a velocity, see `density.step.landing.locate`."""
-        return tuple(map(_table_of, self.lines))
+    def cell_searches(self):
+        """The `CellSearch` of an angle, and of a velocity."""
+        return tuple(map(CellSearch.of, self.lines))
 
     def basis(self, order=None):
         """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector.
@@ -81,10 +110,8 @@ class Space:
         """
         from skfem import Basis, MeshQuad
 
-        from fpk_rocking.density.space.element import ElementQuadLegendre
-
         mesh = MeshQuad.init_tensor(self.angle_lines, self.velocity_lines)
-        return Basis(mesh, ElementQuadLegendre(self.degree), intorder=2 * self.degree if order is None else order)
+        return Basis(mesh, legendre_element(self.degree), intorder=2 * self.degree if order is None else order)
 
     def project(self, density, points):
         """L2 projection of a function (angle, velocity) -> density with `points` Gauss points an axis and cell."""
@@ -138,8 +165,8 @@ class Space:
         return float(self.masses(coefficients).sum()) + 2.0 * self.negative_mass(coefficients)
 
 
-def turn(coefficients):
-    """Turn densities (..., *space.shape) about the origin, (x, v) -> (-x, -v), on a mesh that is symmetric about it."""
+def reflected(coefficients):
+    """Return densities (..., *space.shape) reflected, (x, v) -> (-x, -v), on a mesh that is symmetric about 0."""
     signs = (-1.0) ** np.arange(coefficients.shape[-1])
     return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
 
@@ -172,10 +199,29 @@ def _interval_integrals(lines, edges, degree):
     return np.einsum("mcq,mcqa->mca", (high - low)[..., None] * weights * sizes[:, None], values)
 
 
-def _table_of(lines):
-    """Return (lines, 2 / cell sizes, table, its density): cells of equidistant points, as near as the smallest cell."""
-    sizes = np.diff(lines)
-    count = int(min(np.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1, _ENTRIES))
-    density = count / (lines[-1] - lines[0])
-    cells = find_cells(lines, lines[0] + np.arange(count + 1) / density)
-    return lines, 2.0 / sizes, cells.astype(np.int32), density
+def legendre_element(degree):
+    """Return the scikit-fem element of products of orthonormal Legendre polynomials up to a degree, without continuity.
+
+    All unknowns are inside a cell, and the mass matrix is the Jacobian.
+    """
+    from skfem.element import ElementH1
+    from skfem.refdom import RefQuad
+
+    shapes = [np.polynomial.Legendre.basis(k, domain=[0.0, 1.0]) * np.sqrt(2.0 * k + 1.0) for k in range(degree + 1)]
+
+    class ElementQuadLegendre(ElementH1):
+        refdom = RefQuad
+        maxdeg = 2 * degree
+        interior_dofs = (degree + 1) ** 2
+        dofnames = ["u"] * (degree + 1) ** 2
+        doflocs = np.full(((degree + 1) ** 2, 2), 0.5)
+
+        def lbasis(self, X, i):
+            """Value and gradient of shape function i; on a tensor mesh the first reference axis is the velocity."""
+            a, b = divmod(i, degree + 1)
+            velocity, angle = shapes[b], shapes[a]
+            values = velocity(X[0]), angle(X[1])
+            gradient = np.array([velocity.deriv()(X[0]) * values[1], values[0] * angle.deriv()(X[1])])
+            return values[0] * values[1], gradient
+
+    return ElementQuadLegendre()

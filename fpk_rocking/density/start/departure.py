@@ -15,8 +15,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.start.windows import NEGLIGIBLE, WindowSettings, next_window, window_of
-from fpk_rocking.density.step.landing import classify
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.characteristics import event_cells
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 
 SHORT, LONG = (5, 2), (9, 3)
 """Nodes of the noise, along its long and its short axis, in a step between windows and in one without events."""
@@ -127,7 +127,7 @@ def moments(dynamics: Dynamics, begin, end, side):
         stiff = cosine + side * force * alpha * sine
         noise = 2.0 * dynamics.diffusion * cosine**2
         if envelope is not None:
-            noise *= max(envelope.value(time) ** 2, dynamics.faintest)
+            noise *= max(envelope.value(time) ** 2, dynamics.least_intensity)
         return [v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise]
 
     solver = DOP853(rates, 0.0, begin, end, rtol=1e-8, atol=1e-30)
@@ -186,7 +186,7 @@ class Departure:
         self._exact = dynamics.critical_angle is not None
         self._flying = self._initial.course(dynamics, self.period, self._side) if self._exact else None
         self._alone = _ALONE * windows.growth if self._exact else math.inf
-        self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.during(0.0, 1e-9 * period).diffusion)
+        self._gathered = self._initial.covariance[1, 1] / (2.0 * dynamics.averaged_over(0.0, 1e-9 * period).diffusion)
         self._quiet = self._quiet_time()
         self._carried, self._next = [self._undisturbed(self._quiet)], None
 
@@ -264,13 +264,13 @@ class Departure:
         return Carried(now.time + duration, target, coefficients, now.gone + sinks)
 
     def _trace(self, now, duration, quiet):
-        """Trace one step from the cells of a window that hold something."""
+        """Return the characteristics of one step from the cells of a window that are not empty."""
         points = self.windows.points + (
             0 if abs(self.dynamics.forcing.value(now.time)) > self.dynamics.lift_off else MORE
         )
         quadrature = Quadrature(points, points, *(LONG if quiet else SHORT))
         holding = np.abs(now.coefficients).max(axis=(2, 3)) * now.window.areas > NEGLIGIBLE
-        return Trace(now.window, now.time, duration, self.dynamics, quadrature, holding, to_other=True)
+        return Characteristics(now.window, now.time, duration, self.dynamics, quadrature, holding, to_other_mesh=True)
 
     def _undisturbed(self, time):
         gaussian, cutoff = self.flight(time), self.dynamics.cutoff
@@ -309,7 +309,7 @@ class Departure:
         Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
-        dynamics, growth = self.dynamics.during(time, 1e-6 * self._cycle), self.windows.growth
+        dynamics, growth = self.dynamics.averaged_over(time, 1e-6 * self._cycle), self.windows.growth
         gap, change = dynamics.lift_off - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
@@ -322,7 +322,9 @@ class Departure:
     def _rattles(self, now, duration):
         """Whether mass that matters may come to rest at x = 0 within a step."""
         slow = max(self.dynamics.lift_off - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
-        slow += self.windows.reach * math.sqrt(2.0 * self.dynamics.during(now.time, duration).diffusion * duration)
+        slow += self.windows.reach * math.sqrt(
+            2.0 * self.dynamics.averaged_over(now.time, duration).diffusion * duration
+        )
         angle, velocity = (
             (lines[:-1] < size) & (lines[1:] > -size)
             for lines, size in zip(now.window.lines, (slow * duration, slow), strict=True)
@@ -335,7 +337,7 @@ class Departure:
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.windows.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
             segment = dynamics.segment(now.time, duration)
-            events = classify(*window.lines, segment, duration, dynamics.block, (reach, math.inf))
+            events = event_cells(*window.lines, segment, duration, dynamics.block, (reach, math.inf))
             if masses[events].sum() < NEGLIGIBLE:
                 return duration
         return 0.0
@@ -370,7 +372,7 @@ def _resolution(gaussian, space):
 
 def _drift_time(dynamics: Dynamics):
     """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
-    dynamics = dynamics.during(0.0, 1e-9)
+    dynamics = dynamics.averaged_over(0.0, 1e-9)
     drift = abs(abs(dynamics.forcing.value(0.0)) - dynamics.lift_off)
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
     return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)

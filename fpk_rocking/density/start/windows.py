@@ -8,10 +8,9 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import window_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.deposit import Flown
-from fpk_rocking.density.step.landing import points_of
-from fpk_rocking.density.step.noise_paths import OVERTURNED_SIDE
-from fpk_rocking.density.step.step import Trace
+from fpk_rocking.density.step.characteristics import Exit, points_of_cell
+from fpk_rocking.density.step.scatter import AffinePaths
+from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.physics.motion.flight import apply_affine
 
 DEGREE = 3
@@ -84,7 +83,7 @@ def _within(lines, cutoff):
     return np.concatenate([[first], inner, [last]])
 
 
-def next_window(windows: WindowSettings, trace: Trace, coefficients, cutoff):
+def next_window(windows: WindowSettings, trace: Characteristics, coefficients, cutoff):
     """Return the window for the density after a traced step, by the moments of what has not overturned."""
     source = trace.source
     # Cells that are not active hold nothing, and were not traced: where they would land nobody knows.
@@ -92,8 +91,8 @@ def next_window(windows: WindowSettings, trace: Trace, coefficients, cutoff):
     values = np.where(trace.active[..., None, None], points.angle_table @ coefficients @ points.velocity_table.T, 0.0)
     values *= np.outer(points.angle_weights, points.velocity_weights)
     values *= source.areas[..., None, None]
-    flown = Flown(*trace.affine, trace.offsets, trace.node_weights)
-    sums = landing_sums(values, points, flown, trace.events, trace.states, trace.codes, VISIBLE)
+    flown = AffinePaths(*trace.affine, trace.offsets, trace.node_weights)
+    sums = landing_sums(values, points, flown, trace.numbers, trace.ends, trace.flags, VISIBLE)
     total, x, v, xx, xv, vv, box = sums
     if total < NEGLIGIBLE:
         return source
@@ -115,14 +114,14 @@ def landing_sums(values, points, flown, events, states, codes, least):
     box = np.array([np.inf, -np.inf, np.inf, -np.inf])
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
-            side, x, v = points_of(i, j, points)
+            side, x, v = points_of_cell(i, j, points)
             affine, row = (flown.cosh, flown.sinh, flown.shifts[side]), events[i, j]
             for p in range(len(x)):
                 for q in range(len(v)):
                     for n in range(len(flown.weights)):
                         mass = values[i, j, p, q] * flown.weights[n]
                         if row >= 0:
-                            if abs(codes[row, p, q, n]) == OVERTURNED_SIDE:
+                            if codes[row, p, q, n] <= Exit.OVERTURNED_LEFT:
                                 continue
                             xn, vn = states[row, p, q, n]
                         else:

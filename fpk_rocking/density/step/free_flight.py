@@ -1,19 +1,19 @@
-"""The step of cells that no event can reach: flight as exact shears along mesh lines, noise as blurs along them.
+"""Free flight, the step of cells that no event can reach: exact shears along mesh lines, diffusion along them.
 
 The affine flight z -> F z + d is a shear of the angle, a shear of the velocity and the same shear of the angle again,
 F = X Y X with X = [[1, tanh(t/2)], [0, 1]] and Y = [[1, 0], [sinh t, 1]]. A shear moves every line of Gauss points as a
-whole, so each is an L2 projection in one dimension, done exactly, and cannot amplify. White noise is a small blur of
-the angle with the first and the last shear and one of the velocity after the second: together they have the covariance
-of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
+whole, so each is an L2 projection in one dimension, done exactly (`remap`), and cannot amplify. White noise is a small
+diffusion of the angle with the first and the last shear and one of the velocity after the second: together they have
+the covariance of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
 
 What an exact block has beyond this depends on the angle alone: it is added to the shear of the velocity half way, and
-the noise by which lines of different angles differ blurs them there too. The error is of second order in the step.
+the noise by which lines of different angles differ diffuses them there too. The error is of second order in the step.
 
-A density in flight is held by its values at the Gauss points of the cells; its rows are the cells that share an
-interval of the velocity, one row for each side of x = 0, or an interval of the angle.
+A density in flight is held by its values at the Gauss points of the cells. The adjoint of each shear stands below it.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -21,22 +21,63 @@ from numba import prange
 from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.rows import angle_rows, by_velocity, covered, hulls, order, union
-from fpk_rocking.density.step.shifts import landing_range, prepare_shift
+from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.step.remap import (
+    adjoint_clamp_to_end,
+    adjoint_mass_past_end,
+    adjoint_remap_row,
+    balanced_order,
+    clamp_to_end,
+    join_sides,
+    mask_of,
+    mass_past_end,
+    prepare_remap,
+    ranges_of,
+    remap_row,
+    rows_along_angle,
+    target_range,
+    union,
+)
+from fpk_rocking.density.step.targets import FASTMATH
 from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact, gravity_correction
 from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
 
-_FINE_NODES = 3
-"""Of the angle's blurs, which are far narrower than a cell: moments up to the fifth are exact."""
 
-_SMALL_PART = 0.25
-"""Part of the velocity's variance that `_FINE_NODES` may stand for."""
+class LineTables(NamedTuple):
+    """Tables of a mesh for its lines of Gauss points.
 
-_FASTMATH = {"contract", "reassoc", "nsz"}
+    `to_values`, `to_coefficients` (modes, modes): from coefficients to values at the Gauss points, and back. `weights`
+    (modes,) of the points. `ends` (2, modes): what a mass at the lower and the upper end of a cell adds to
+    its values. `angle_sizes`, `velocity_sizes`: of the cells.
+    """
+
+    to_values: np.ndarray
+    to_coefficients: np.ndarray
+    weights: np.ndarray
+    ends: np.ndarray
+    angle_sizes: np.ndarray
+    velocity_sizes: np.ndarray
+
+
+class AngleRows(NamedTuple):
+    """Rows of one shear of the angle: their order, and their ranges (rows, 2) of source and target cells."""
+
+    order: np.ndarray
+    sources: np.ndarray
+    targets: np.ndarray
+
+
+class VelocityRows(NamedTuple):
+    """Rows of the shear of the velocity, as `AngleRows`; `sheared` are the ranges between shear and diffusion."""
+
+    order: np.ndarray
+    sources: np.ndarray
+    sheared: np.ndarray
+    targets: np.ndarray
 
 
 class FreeFlight:
-    """Map of densities over one step for the cells that no event can reach.
+    """Linear map of densities over one step for the cells that no event can reach, and its adjoint.
 
     Parameters
     ----------
@@ -44,27 +85,29 @@ class FreeFlight:
         Source and target.
     free : ndarray of bool, shape (angle cells, velocity cells)
         The cells to fly from.
-    affine : Affine
+    affine : AffineFlights
     diffusion, duration : float
         D and the length of the step.
     nodes : int
-        Gauss-Hermite nodes of the velocity's blur.
-    angle_shear : Shift, optional
-        The shear of the angle, prepared for all cells (`angle_shear_of`); else it is prepared for those that need it.
+        Gauss-Hermite nodes of the diffusion of the velocity.
+    angle_remap : Remap, optional
+        The shear of the angle, prepared for all cells (`angle_remap_of`); else it is prepared for those that need it.
     critical_angle : float, optional
         α of an exact block, whose force in `affine` is the part sin α/α of f, the mean of what turns it.
     """
 
-    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_shear=None, critical_angle=None):
+    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, critical_angle=None):
         sinh, shifts = flight_shears(duration)[1], affine.shifts
-        self.space, self.free = space, free
+        self.free = free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
         points, weights = gauss_legendre(space.degree + 1)
         table = legendre_at_gauss_points(space.degree + 1, space.degree)
-        self.tables = table, np.ascontiguousarray((table * weights[:, None]).T), weights
-        self.edges = legendre_basis([0.0, 1.0], space.degree) @ table.T
-        self.sizes = np.diff(space.angle_lines), np.diff(space.velocity_lines)
-        sides, angle_shears, drift, fine, fine_weights = _angle_shears(
+        self.tables = LineTables(
+            table, np.ascontiguousarray((table * weights[:, None]).T), weights,
+            legendre_basis([0.0, 1.0], space.degree) @ table.T,
+            np.diff(space.angle_lines), np.diff(space.velocity_lines),
+        )  # fmt: skip
+        sides, angle_shears, drift, narrow, narrow_weights = _angle_shears(
             space, affine, diffusion * gravity_at_contact(critical_angle) ** 2, duration
         )
         alike = np.ones_like(angle_shears)
@@ -76,42 +119,46 @@ class FreeFlight:
             away = np.repeat([-1.0, 1.0], (middle, limit - middle))[:, None]
             more = force_factors(angles, critical_angle) / gravity_at_contact(critical_angle) - 1.0
             velocity_shears += sinh * gravity_correction(angles, away, critical_angle) + 0.5 * sum(by_side) * more
-        whole, nothing = np.tile([0, across], (limit, 1)), np.zeros((1, 1))
+        all_cells, no_shift, one = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
 
-        first = hulls(angle_rows(free, middle))
-        drifted = landing_range(space.angle_lines, sides, angle_shears, alike, fine, first)
-        second = hulls(by_velocity(covered(drifted, limit)).T)
-        variance, (blur, blur_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
+        first = ranges_of(rows_along_angle(free, middle))
+        first_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, first)
+        second = ranges_of(join_sides(mask_of(first_targets, limit)).T)
+        variance, (wide, wide_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
         spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
         if critical_angle and diffusion > 0.0 and second.any():
-            # The least that all lines are blurred by, and on each of them what it lacks.
+            # The least diffusion of all lines is one remap for all, and what a line lacks is part of its shear.
             parts = force_factors(angles, critical_angle) ** 2
-            held = parts[second[:, 1] > second[:, 0]]
-            least, most = held.min(), held.max()
+            needed = parts[second[:, 1] > second[:, 0]]
+            least, most = needed.min(), needed.max()
             spreads, variance = np.sqrt(variance * np.maximum(parts - least, 0.0)), variance * least
-            own, own_weights = gauss_hermite(_FINE_NODES if most - least <= _SMALL_PART * most else nodes)
-        blur, alone = math.sqrt(variance) * blur, np.ones((1, 1))
-        sheared = landing_range(space.velocity_lines, whole, velocity_shears, spreads, own, second)
-        blurred = landing_range(space.velocity_lines, whole, nothing, alone, blur, sheared)
-        third = hulls(angle_rows(covered(blurred, across), middle))
-        landed = landing_range(space.angle_lines, sides, angle_shears, alike, fine, third)
-        self.ranges = (first, drifted), (second, sheared, blurred), (third, landed)
-        self.orders = order(first), order(second), order(third)
-        degree, every = space.degree, hulls(covered(sheared, across).any(axis=0)[None])
-        self._borrowed = angle_shear is not None
-        self.angle_shear = angle_shear or prepare_shift(
-            space.angle_lines, sides, angle_shears, alike, fine, fine_weights, degree, union(first, third)
+            is_narrow = most - least <= TUNING.narrow_part * most
+            own, own_weights = gauss_hermite(TUNING.narrow_nodes if is_narrow else nodes)
+        wide = math.sqrt(variance) * wide
+        sheared = target_range(space.velocity_lines, all_cells, velocity_shears, spreads, own, second)
+        diffused = target_range(space.velocity_lines, all_cells, no_shift, one, wide, sheared)
+        third = ranges_of(rows_along_angle(mask_of(diffused, across), middle))
+        third_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, third)
+        degree, every = space.degree, ranges_of(mask_of(sheared, across).any(axis=0)[None])
+        self._shared = angle_remap is not None
+        self.angle_remap = angle_remap or prepare_remap(
+            space.angle_lines, sides, angle_shears, alike, narrow, narrow_weights, degree, union(first, third)
         )
-        self.velocity_shear = prepare_shift(
-            space.velocity_lines, whole, velocity_shears, spreads, own, own_weights, degree, second
+        self.velocity_remap = prepare_remap(
+            space.velocity_lines, all_cells, velocity_shears, spreads, own, own_weights, degree, second
         )
-        self.blur = prepare_shift(space.velocity_lines, whole[:1], nothing, alone, blur, blur_weights, degree, every)
+        self.diffusion_remap = prepare_remap(
+            space.velocity_lines, all_cells[:1], no_shift, one, wide, wide_weights, degree, every
+        )
+        self.first = AngleRows(balanced_order(first), first, first_targets)
+        self.second = VelocityRows(balanced_order(second), second, sheared, diffused)
+        self.third = AngleRows(balanced_order(third), third, third_targets)
 
     @property
-    def memory(self):
-        """Bytes of the prepared shifts, one that was given left out."""
-        own = (self.velocity_shear, self.blur, *(() if self._borrowed else (self.angle_shear,)))
-        return sum(part.nbytes for shift in own for part in shift)
+    def nbytes(self):
+        """Memory of the prepared remaps, one that was given left out; bytes."""
+        own = (self.velocity_remap, self.diffusion_remap, *(() if self._shared else (self.angle_remap,)))
+        return sum(part.nbytes for remap in own for part in remap)
 
     def apply(self, coefficients, out):
         """Add the density after the step to `out`, and return the masses that passed the bounds.
@@ -121,136 +168,90 @@ class FreeFlight:
         coefficients : ndarray, shape ``space.shape``
             Before the step; only the free cells are read.
         out : ndarray, shape ``space.shape``
-            Coefficients of what else there is after the step.
+            Coefficients after the step, added to.
 
         Returns
         -------
         ndarray, shape (3,)
             What passed the cut-off to the left and to the right, and the velocity bound. Nothing passes x = 0: what a
-            projection would put there is set down at it.
+            projection would put there is clamped to it.
         """
         limit, across, modes, _ = coefficients.shape
         basis = (1.0,) * modes
-        drifted, blurred = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
-        lost, left = np.zeros(limit), np.zeros((2, across))
-        shear_angle(
-            coefficients, self.free, self.orders[0], *self.ranges[0], self.angle_shear, self.tables, self.edges,
-            self.sizes, drifted, left, basis,
-        )  # fmt: skip
-        shear_velocity(
-            drifted, self.orders[1], *self.ranges[1], self.velocity_shear, self.blur, self.tables, self.sizes, blurred,
-            lost, basis,
-        )  # fmt: skip
-        finish_rows(
-            blurred, self.orders[2], *self.ranges[2], self.angle_shear, self.tables, self.edges, self.sizes, out, left,
-            basis,
-        )  # fmt: skip
-        return np.array([left[0].sum(), left[1].sum(), lost.sum()])
+        drifted, diffused = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
+        truncated, overturned = np.zeros(limit), np.zeros((2, across))
+        angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
+        first_angle_shear(coefficients, self.free, self.first, angle, tables, drifted, overturned, basis)
+        velocity_shear(drifted, self.second, *velocity, tables, diffused, truncated, basis)
+        last_angle_shear(diffused, self.third, angle, tables, out, overturned, basis)
+        return np.array([overturned[0].sum(), overturned[1].sum(), truncated.sum()])
+
+    def apply_adjoint(self, function, exit_values, out):
+        """Write to `out` the coefficients of a function before the step, by those after it: adjoint of `apply` in L2.
+
+        Parameters
+        ----------
+        function, out : ndarray, shape ``space.shape``
+            Coefficients after the step, and before it, of which only those of the free cells are written.
+        exit_values : ndarray, shape (3,)
+            Values of having passed the cut-off to the left and to the right, and the velocity bound.
+        """
+        limit, across, modes, _ = function.shape
+        basis = (1.0,) * modes
+        diffused, drifted = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
+        angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
+        adjoint_last_angle_shear(function, self.third, angle, tables, exit_values[:2], diffused, basis)
+        adjoint_velocity_shear(diffused, self.second, *velocity, tables, exit_values[2], drifted, basis)
+        adjoint_first_angle_shear(drifted, self.free, self.first, angle, tables, exit_values[:2], out, basis)
 
 
-def angle_shear_of(space, affine, diffusion, duration):
-    """Prepare the shear of the angle for all cells, for flights that differ in a constant force alone.
+def angle_remap_of(space, affine, diffusion, duration):
+    """Return the remap of both shears of the angle for all cells, for flights that differ in a constant force alone.
 
     A constant force moves the velocity between the two shears of the angle, and neither of these.
     """
-    sides, shears, _, fine, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_shift(space.angle_lines, sides, shears, np.ones_like(shears), fine, weights, space.degree, sides)
+    sides, shears, _, nodes, weights = _angle_shears(space, affine, diffusion, duration)
+    return prepare_remap(space.angle_lines, sides, shears, np.ones_like(shears), nodes, weights, space.degree, sides)
 
 
 def _angle_shears(space, affine, diffusion, duration):
-    """Rows, how far their lines move, the part of it that is the forcing's by side, and the nodes of the blur."""
+    """Return bounds of the rows, shifts of their lines, the forcing's part of these by side, nodes of the diffusion."""
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
-    small = shear_diffusion_variances(diffusion, duration)[1]
-    nodes, weights = gauss_hermite(_FINE_NODES if small > 0.0 else 1)
+    variance = shear_diffusion_variances(diffusion, duration)[1]
+    nodes, weights = gauss_hermite(TUNING.narrow_nodes if variance > 0.0 else 1)
     drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
     along = shear * _line_points(space.velocity_lines, gauss_legendre(space.degree + 1)[0])
     sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
-    return sides, np.concatenate([along + drift[-1], along + drift[1]]), drift, math.sqrt(small) * nodes, weights
+    return sides, np.concatenate([along + drift[-1], along + drift[1]]), drift, math.sqrt(variance) * nodes, weights
 
 
 def _line_points(lines, points):
-    """Gauss points (cells, points) of all cells of a line."""
+    """Return the Gauss points (cells, points) of all cells between mesh lines."""
     return lines[:-1, None] + np.diff(lines)[:, None] * points
 
 
-@kernel(fastmath=_FASTMATH, tuned=True)
-def shift_row(r, values, source, target, shift, moved, basis):
-    """Move the lines of row r: values (cells, lines, modes) of its source cells to those of its target cells."""
-    origin, first, count, start, blocks, _, _ = shift
-    modes, shared = len(basis), first.shape[1] == 1
-    base = origin[min(r, len(origin) - 1)]
-    for c in range(target[0], target[1]):
-        for q in range(modes):
-            line = 0 if shared else q
-            begin = first[base + c, line]
-            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
-            block = start[base + c, line] + low - begin
-            # Scalars, not an array: a store could alias what is read, and then nothing is vectorized.
-            a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for s in range(low, high):
-                for k in range(modes):
-                    value = values[s, q, k]
-                    a0 += blocks[block, k, 0] * value
-                    a1 += blocks[block, k, 1] * value
-                    if modes > 2:
-                        a2 += blocks[block, k, 2] * value
-                    if modes > 3:
-                        a3 += blocks[block, k, 3] * value
-                    if modes > 4:
-                        a4 += blocks[block, k, 4] * value
-                    if modes > 5:
-                        a5 += blocks[block, k, 5] * value
-                block += 1
-            moved[c, q, 0] = a0
-            moved[c, q, 1] = a1
-            if modes > 2:
-                moved[c, q, 2] = a2
-            if modes > 3:
-                moved[c, q, 3] = a3
-            if modes > 4:
-                moved[c, q, 4] = a4
-            if modes > 5:
-                moved[c, q, 5] = a5
-
-
-@kernel(fastmath=_FASTMATH)
-def mass_beyond(r, end, values, source, shift, masses):
-    """Masses of the lines of row r that pass an end, per size of their cells across; whether there are any."""
-    place = shift.beyond[min(r, len(shift.beyond) - 1), end]
-    if place < 0:
-        return False
-    ends = shift.ends[place]
-    for q in range(len(masses)):
-        line = ends[0 if len(ends) == 1 else q]
-        masses[q] = 0.0
-        for c in range(source[0], source[1]):
-            for k in range(len(masses)):
-                masses[q] += line[c, k] * values[c, q, k]
-    return True
-
-
-@kernel(fastmath=_FASTMATH)
-def set_down(end, masses, target, edges, sizes, moved):
-    """Set down at an end of a row what passed it."""
-    cell = target[0] if end == 0 else target[1] - 1
-    for q in range(len(masses)):
-        for i in range(len(masses)):
-            moved[cell, q, i] += masses[q] / sizes[cell] * edges[end, i]
-
-
-@kernel(fastmath=_FASTMATH)
-def turn_row(t, moved, target, out, basis):
-    """Write row t (cells, lines, modes) where the rows of the other direction find it."""
+@kernel(fastmath=FASTMATH)
+def _write_row(t, moved, target, out, basis):
+    """Write row t (cells, lines, modes) to `out` with its axes exchanged, as rows of the other direction."""
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
             for i in range(len(basis)):
                 out[c, t, i, q] = moved[c, q, i]
 
 
-@kernel(fastmath=_FASTMATH)
-def transform(cell, first, second, out, basis):
-    """Apply tables to both axes of a cell and exchange them: out[j, i] = sum of second[j, b] first[i, a] cell[a, b]."""
+@kernel
+def _read_row(t, values, target, out, basis):
+    """Read row t (cells, lines, modes) to `out` from rows of the other direction: adjoint of `_write_row`."""
+    for c in range(target[0], target[1]):
+        for q in range(len(basis)):
+            for i in range(len(basis)):
+                out[c, q, i] = values[c, t, i, q]
+
+
+@kernel(fastmath=FASTMATH)
+def _transform(cell, table, out, basis):
+    """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b]."""
     modes = len(basis)
     for j in range(modes):
         for i in range(modes):
@@ -259,42 +260,14 @@ def transform(cell, first, second, out, basis):
         for b in range(modes):
             part = 0.0
             for a in range(modes):
-                part += first[i, a] * cell[a, b]
+                part += table[i, a] * cell[a, b]
             for j in range(modes):
-                out[j, i] += second[j, b] * part
+                out[j, i] += table[j, b] * part
 
 
 @kernel
-def _shear_angle_row(r, coefficients, free, source, target, shift, tables, edges, sizes, out, left, basis):
-    (limit, across), modes = free.shape, len(basis)
-    side, j = r // across, r % across
-    values, moved, masses = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes)), np.zeros(modes)
-    for c in range(source[0], source[1]):
-        if free[c, j]:
-            transform(coefficients[c, j], tables[0], tables[0], values[c], basis)
-    shift_row(r, values, source, target, shift, moved, basis)
-    for end in range(2):
-        if mass_beyond(r, end, values, source, shift, masses):
-            if end == side:
-                left[side, j] += _weighted(masses, tables[2], sizes[1][j])
-            else:
-                set_down(end, masses, target, edges, sizes[0], moved)
-    turn_row(j, moved, target, out, basis)
-
-
-@kernel(parallel=True)
-def shear_angle(coefficients, free, order, sources, targets, shift, tables, edges, sizes, out, left, basis):
-    """First shear: from coefficients to values (angle cells, velocity cells, angle, velocity).
-
-    Masses that passed the cut-off, which do not return, are added to `left` (2, velocity cells).
-    """
-    for n in prange(len(order)):
-        r = order[n]
-        _shear_angle_row(r, coefficients, free, sources[r], targets[r], shift, tables, edges, sizes, out, left, basis)
-
-
-@kernel
-def _weighted(masses, weights, size):
+def _integral_across(masses, weights, size):
+    """Return the mass that lines (modes,) across a cell of some size stand for."""
     total = 0.0
     for q in range(len(masses)):
         total += masses[q] * weights[q]
@@ -302,56 +275,153 @@ def _weighted(masses, weights, size):
 
 
 @kernel
-def _shear_velocity_row(c, values, source, sheared, blurred, velocity_shear, blur, tables, size, out, basis):
-    """Shear one row; return the mass that left."""
-    (across, modes, _), left = values.shape, 0.0
-    now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
-    shift_row(c, values, source, sheared, velocity_shear, now, basis)
-    shift_row(c, now, sheared, blurred, blur, moved, basis)
-    for end in range(2):
-        if mass_beyond(c, end, values, source, velocity_shear, masses):
-            left += _weighted(masses, tables[2], size)
-        if mass_beyond(c, end, now, sheared, blur, masses):
-            left += _weighted(masses, tables[2], size)
-    turn_row(c, moved, blurred, out, basis)
-    return left
+def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
+    """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle.
 
-
-@kernel(parallel=True)
-def shear_velocity(values, order, sources, sheared, blurred, velocity_shear, blur, tables, sizes, out, left, basis):
-    """Shear and blur of the velocity: values to (velocity cells, angle cells, velocity, angle).
-
-    The masses that left are written to `left` (angle cells,).
+    What passes the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it.
     """
-    for n in prange(len(order)):
-        c = order[n]
-        left[c] = _shear_velocity_row(
-            c, values[c], sources[c], sheared[c], blurred[c], velocity_shear, blur, tables, sizes[0][c], out, basis
-        )
+    source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
+    side, j, masses = r // across, r % across, np.zeros(len(basis))
+    remap_row(r, values, source, target, remap, moved, basis)
+    for end in range(2):
+        if mass_past_end(r, end, values, source, remap, masses):
+            if end == side:
+                overturned[side, j] += _integral_across(masses, tables.weights, tables.velocity_sizes[j])
+            else:
+                clamp_to_end(end, masses, target, tables.ends, tables.angle_sizes, moved)
 
 
 @kernel
-def _finish_row(r, values, source, target, shift, tables, edges, sizes, out, left, basis):
-    (across, limit), modes = values.shape[:2], len(basis)
-    side, j = r // across, r % across
-    moved, masses, cell = np.zeros((limit, modes, modes)), np.zeros(modes), np.zeros((modes, modes))
-    shift_row(r, values[j], source, target, shift, moved, basis)
+def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved, basis):
+    """Add to `moved` the values of a function on row r before a shear of the angle: adjoint of `_shear_angle_row`."""
+    source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
+    side, j, end_values = r // across, r % across, np.zeros(len(basis))
+    adjoint_remap_row(r, values, source, target, remap, moved, basis)
     for end in range(2):
-        if mass_beyond(r, end, values[j], source, shift, masses):
-            if end == side:
-                left[side, j] += _weighted(masses, tables[2], sizes[1][j])
-            else:
-                set_down(end, masses, target, edges, sizes[0], moved)
+        if end == side:
+            end_values[:] = exit_values[side] * tables.weights * tables.velocity_sizes[j]
+        else:
+            adjoint_clamp_to_end(end, values, target, tables.ends, tables.angle_sizes, end_values)
+        adjoint_mass_past_end(r, end, end_values, source, remap, moved)
+
+
+@kernel
+def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
+    """Write row r after the first shear of the angle, see `first_angle_shear`."""
+    (limit, across), modes = free.shape, len(basis)
+    j, source = r % across, rows.sources[r]
+    values, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
+    for c in range(source[0], source[1]):
+        if free[c, j]:
+            _transform(coefficients[c, j], tables.to_values, values[c], basis)
+    _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis)
+    _write_row(j, moved, rows.targets[r], out, basis)
+
+
+@kernel(parallel=True)
+def first_angle_shear(coefficients, free, rows, remap, tables, out, overturned, basis):
+    """Write values (angle cells, velocity cells, angle, velocity) after the first shear by coefficients before it.
+
+    Masses that passed the cut-off, which do not return, are added to `overturned` (2, velocity cells).
+    """
+    for n in prange(len(rows.order)):
+        r = rows.order[n]
+        _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis)
+
+
+@kernel(parallel=True)
+def adjoint_first_angle_shear(values, free, rows, remap, tables, exit_values, out, basis):
+    """Write the coefficients of a function in the free cells by values after the first shear: its adjoint."""
+    (limit, across), modes = free.shape, len(basis)
+    for n in prange(len(rows.order)):
+        r = rows.order[n]
+        j, source = r % across, rows.sources[r]
+        now, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
+        _read_row(j, values, rows.targets[r], now, basis)
+        _adjoint_shear_angle_row(r, now, rows, remap, tables, exit_values, moved, basis)
+        for c in range(source[0], source[1]):
+            if free[c, j]:
+                area = tables.angle_sizes[c] * tables.velocity_sizes[j]
+                _transform(moved[c] / area, tables.to_values.T, out[c, j], basis)
+
+
+@kernel
+def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
+    """Write row c after shear and diffusion of the velocity, see `velocity_shear`; return the truncated mass."""
+    (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
+    source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
+    now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
+    remap_row(c, values, source, sheared, velocity_remap, now, basis)
+    remap_row(c, now, sheared, target, diffusion_remap, moved, basis)
+    for end in range(2):
+        if mass_past_end(c, end, values, source, velocity_remap, masses):
+            truncated += _integral_across(masses, tables.weights, size)
+        if mass_past_end(c, end, now, sheared, diffusion_remap, masses):
+            truncated += _integral_across(masses, tables.weights, size)
+    _write_row(c, moved, target, out, basis)
+    return truncated
+
+
+@kernel(parallel=True)
+def velocity_shear(values, rows, velocity_remap, diffusion_remap, tables, out, truncated, basis):
+    """Write a density after shear and diffusion of the velocity: values (velocity cells, angle cells, velocity, angle).
+
+    The masses that passed the velocity bound are written to `truncated` (angle cells,).
+    """
+    for n in prange(len(rows.order)):
+        c = rows.order[n]
+        truncated[c] = _velocity_row(c, values[c], rows, velocity_remap, diffusion_remap, tables, out, basis)
+
+
+@kernel(parallel=True)
+def adjoint_velocity_shear(values, rows, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
+    """Write the values of a function before shear and diffusion of the velocity: adjoint of `velocity_shear`."""
+    across, modes = values.shape[0], len(basis)
+    for n in prange(len(rows.order)):
+        c = rows.order[n]
+        source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
+        now, moved = np.zeros((across, modes, modes)), np.zeros((across, modes, modes))
+        end_values = exit_value * tables.weights * tables.angle_sizes[c]
+        _read_row(c, values, target, now, basis)
+        adjoint_remap_row(c, now, sheared, target, diffusion_remap, moved, basis)
+        for end in range(2):
+            adjoint_mass_past_end(c, end, end_values, sheared, diffusion_remap, moved)
+        adjoint_remap_row(c, moved, source, sheared, velocity_remap, out[c], basis)
+        for end in range(2):
+            adjoint_mass_past_end(c, end, end_values, source, velocity_remap, out[c])
+
+
+@kernel
+def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
+    """Add row r after the last shear of the angle to `out`, see `last_angle_shear`."""
+    (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
+    j = r % across
+    moved, cell = np.zeros((limit, modes, modes)), np.zeros((modes, modes))
+    _shear_angle_row(r, values[j], rows, remap, tables, moved, overturned, basis)
     for c in range(target[0], target[1]):
-        transform(moved[c], tables[1], tables[1], cell, basis)
+        _transform(moved[c], tables.to_coefficients, cell, basis)
         for a in range(modes):
             for b in range(modes):
                 out[c, j, a, b] += cell[a, b]
 
 
 @kernel(parallel=True)
-def finish_rows(values, order, sources, targets, shift, tables, edges, sizes, out, left, basis):
-    """Last shear: from values to coefficients, added; masses that passed the cut-off, to `left` (2, velocity cells)."""
-    for n in prange(len(order)):
-        r = order[n]
-        _finish_row(r, values, sources[r], targets[r], shift, tables, edges, sizes, out, left, basis)
+def last_angle_shear(values, rows, remap, tables, out, overturned, basis):
+    """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells)."""
+    for n in prange(len(rows.order)):
+        r = rows.order[n]
+        _last_angle_row(r, values, rows, remap, tables, out, overturned, basis)
+
+
+@kernel(parallel=True)
+def adjoint_last_angle_shear(function, rows, remap, tables, exit_values, out, basis):
+    """Write the values of a function before the last shear by coefficients after it: adjoint of `last_angle_shear`."""
+    (across, limit), modes = out.shape[:2], len(basis)
+    for n in prange(len(rows.order)):
+        r = rows.order[n]
+        j, target = r % across, rows.targets[r]
+        values = np.zeros((limit, modes, modes))
+        for c in range(target[0], target[1]):
+            area = tables.angle_sizes[c] * tables.velocity_sizes[j]
+            _transform(function[c, j] * area, tables.to_coefficients.T, values[c], basis)
+        _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, out[j], basis)

@@ -16,11 +16,17 @@ from traced import path_ends
 
 from fpk_rocking.base.basis import gauss_hermite_product
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step import landing, noise_paths
+from fpk_rocking.density.step.characteristics import Exit, Noise, event_cells
 from fpk_rocking.density.step.free_flight import FreeFlight
-from fpk_rocking.density.step.occupied import meeting, with_neighbours
-from fpk_rocking.density.step.shifts import passes_end
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step.remap import places_of_ends
+from fpk_rocking.density.step.step import (
+    Characteristics,
+    Dynamics,
+    Quadrature,
+    Step,
+    overlapping_cells,
+    with_neighbours,
+)
 from fpk_rocking.physics.forcing import Harmonic
 
 CUTOFF = 1.2
@@ -40,17 +46,17 @@ def lines_of(side):
 
 
 def traced(points, side, dynamics, quadrature, duration=DURATION):
-    """Landing points (points, nodes, 2) and codes (points, nodes), one call of the path kernel a point."""
+    """Landing points (points, nodes, 2) and flags (points, nodes), one call of the path kernel a point."""
     nodes, _ = gauss_hermite_product(quadrature.long, quadrature.short)
     offsets = noise_offsets(dynamics, duration, quadrature.long, quadrature.short)
-    noise = noise_paths.Noise(duration, dynamics.diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
+    noise = Noise(duration, dynamics.diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
     segment = dynamics.segment(START, duration)
-    states, codes = zip(*(path_ends(x, v, side, segment, dynamics.block, noise) for x, v in points), strict=True)
-    return np.array(states), np.array(codes)
+    states, flags = zip(*(path_ends(x, v, side, segment, dynamics.block, noise) for x, v in points), strict=True)
+    return np.array(states), np.array(flags)
 
 
-def affine_landing(points, side):
-    """Landing points (points, nodes, 2) and codes (points, nodes) of a flight without events."""
+def affine_ends(points, side):
+    """Landing points (points, nodes, 2) and flags (points, nodes) of a flight without events."""
     matrix, shift = affine(DYNAMICS, START, DURATION, side)
     offsets = noise_offsets(DYNAMICS, DURATION, QUADRATURE.long, QUADRATURE.short)
     return (points @ matrix.T + shift)[:, None] + offsets, np.full((len(points), len(offsets)), side)
@@ -60,7 +66,7 @@ def cells_of(trace, free):
     """Side, Gauss points and their areas for the cells of a step that are free, or for the others."""
     mesh_lines = SOURCE.angle_lines, SOURCE.velocity_lines
     for (i, j), points, areas in gauss_points(mesh_lines, (QUADRATURE.angle, QUADRATURE.velocity)):
-        if (trace.events[i, j] < 0) == free:
+        if (trace.numbers[i, j] < 0) == free:
             yield (1 if SOURCE.angle_lines[i] >= 0.0 else -1), points, areas
 
 
@@ -68,30 +74,31 @@ def deposited(trace, coefficients, target, free):
     """Coefficients and sinks of free cells or others, by scikit-fem's evaluation of both bases and its mass matrix."""
     parts = []
     for side, points, areas in cells_of(trace, free):
-        landed = affine_landing(points, side) if free else traced(points, side, DYNAMICS, QUADRATURE)
+        landed = affine_ends(points, side) if free else traced(points, side, DYNAMICS, QUADRATURE)
         parts.append((points, areas, *landed))
-    points, areas, states, codes = (np.concatenate(part) for part in zip(*parts, strict=True))
+    points, areas, states, flags = (np.concatenate(part) for part in zip(*parts, strict=True))
     mass = np.outer((SOURCE.basis().probes(points.T) @ coefficients.ravel()) * areas, hermite_weights(5, 2))
     x, v = np.moveaxis(states, -1, 0)
-    x = np.where(x == 0.0, 1e-15 * np.sign(codes), x)
-    upright = np.abs(codes) == 1
-    inside = upright & (x > target.angle_lines[0]) & (x < target.angle_lines[-1])
+    x = np.where(x == 0.0, 1e-15 * np.where(flags < 0, -1, 1), x)
+    standing = flags >= -1
+    inside = standing & (x > target.angle_lines[0]) & (x < target.angle_lines[-1])
     inside &= (v > target.velocity_lines[0]) & (v < target.velocity_lines[-1])
     right = target.basis().probes(np.array([x[inside], v[inside]])).T @ mass[inside]
     matrix = BilinearForm(lambda u, w, _: u * w).assemble(target.basis())
-    sinks = [mass[codes == -2].sum(), mass[codes == 2].sum(), mass[upright & ~inside].sum()]
+    left, right_side = (mass[flags == way].sum() for way in (Exit.OVERTURNED_LEFT, Exit.OVERTURNED_RIGHT))
+    sinks = [left, right_side, mass[standing & ~inside].sum()]
     return spsolve(matrix.tocsc(), right).reshape(target.shape), np.array(sinks)
 
 
 @pytest.fixture(scope="module")
 def trace():
-    return Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE)
+    return Characteristics(SOURCE, START, DURATION, DYNAMICS, QUADRATURE)
 
 
 @pytest.fixture(scope="module")
 def away():
     """Of the same step, to another mesh."""
-    return Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, to_other=True)
+    return Characteristics(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, to_other_mesh=True)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +119,7 @@ def test_landing_operator_is_the_one_assembled_from_scikit_fem(away, coefficient
 def test_step_on_one_mesh_is_landing_and_exact_shifts(trace, coefficients):
     """Onto its own mesh only the cells that an event can reach land; the others are moved line by line."""
     expected, sinks = deposited(trace, coefficients, SOURCE, free=False)
-    free = np.where((trace.events < 0)[:, :, None, None], coefficients, 0.0)
+    free = np.where((trace.numbers < 0)[:, :, None, None], coefficients, 0.0)
     for side, columns in SIDES.items():
         part, out, lost = free_flight(free[columns], lines_of(side), DYNAMICS, START, DURATION, side)
         expected[columns] += part
@@ -125,12 +132,12 @@ def test_step_on_one_mesh_is_landing_and_exact_shifts(trace, coefficients):
 def test_the_tested_step_holds_every_kind_of_event(trace):
     """What the comparisons above cover: impacts to both sides, paths set off from rest, overturning to both sides."""
     middles = SOURCE.angle_lines[1:] + SOURCE.angle_lines[:-1]
-    before = np.sign(middles).repeat(SOURCE.shape[1])[trace.events.ravel() >= 0]
-    for code in (-2, -1, 1, 2):
-        assert np.any(trace.codes[before == np.sign(code)] == code)
-    assert np.any(trace.codes[before < 0] == 1)
-    assert np.any(trace.codes[before > 0] == -1)
-    assert np.any((trace.states[..., 0] == 0.0) & (np.abs(trace.codes) == 1))
+    before = np.sign(middles).repeat(SOURCE.shape[1])[trace.numbers.ravel() >= 0]
+    for side, flag in ((-1, Exit.OVERTURNED_LEFT), (-1, -1), (1, 1), (1, Exit.OVERTURNED_RIGHT)):
+        assert np.any(trace.flags[before == side] == flag)
+    assert np.any(trace.flags[before < 0] == 1)
+    assert np.any(trace.flags[before > 0] == -1)
+    assert np.any((trace.ends[..., 0] == 0.0) & (trace.flags >= -1))
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -159,7 +166,7 @@ def test_a_step_that_covers_part_of_the_plane_moves_that_part(trace, coefficient
     """What is outside is lost; covering more later is the same as covering it from the start."""
     cells = np.random.default_rng(2).random(SOURCE.shape[:2]) < 0.4
     more = cells | (np.random.default_rng(3).random(cells.shape) < 0.3)
-    step = Step(Trace(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, cells=False), SOURCE)
+    step = Step(Characteristics(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, cells=False), SOURCE)
     whole = Step(trace, SOURCE)
     for covered in (cells, more):
         step.activate(covered)
@@ -189,9 +196,9 @@ def test_paths_of_free_cells_meet_nothing(trace):
     """
     passed = []
     for side, points, _ in cells_of(trace, free=True):
-        (states, codes), (landed, _) = traced(points, side, DYNAMICS, QUADRATURE), affine_landing(points, side)
+        (states, flags), (landed, _) = traced(points, side, DYNAMICS, QUADRATURE), affine_ends(points, side)
         beyond = side * landed[..., 0] >= CUTOFF
-        assert np.all(codes == np.where(beyond, 2 * side, side))
+        assert np.all(flags == np.where(beyond, Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT, side))
         assert np.abs(states - landed)[~beyond].max(initial=0.0) < 1e-13
         passed.append(beyond.mean())
     assert max(passed) > 0.0
@@ -213,7 +220,7 @@ def test_free_cells_are_those_that_no_flight_leaves():
         angle_lines = np.sort([*rng.uniform(-CUTOFF, CUTOFF, 7), -CUTOFF, 0.0, CUTOFF])
         velocity_lines = np.sort(rng.uniform(-3.0, 3.0, 7))
         segment = dynamics.segment(start, duration)
-        marks = landing.classify(angle_lines, velocity_lines, segment, duration, dynamics.block, (margin, faster))
+        marks = event_cells(angle_lines, velocity_lines, segment, duration, dynamics.block, (margin, faster))
         for side, columns in ((-1, angle_lines[:-1] < 0.0), (1, angle_lines[:-1] >= 0.0)):
             edges = np.array([angle_lines[:-1][columns], angle_lines[1:][columns]])
             sides = np.array([velocity_lines[:-1], velocity_lines[1:]])
@@ -236,10 +243,10 @@ def test_free_cells_are_those_that_no_flight_leaves():
 def test_noise_is_carried_through_an_impact(point, side):
     """Weak noise: mean and covariance of the nodes against responses of the exact flow to kicks, summed over time."""
     weak, duration, step = Dynamics(DYNAMICS.forcing, 1e-12, DYNAMICS.restitution, CUTOFF), 0.25, 1e-5
-    (states,), (codes,) = traced([point], side, weak, Quadrature(1, 1, 5, 3), duration)
+    (states,), (flags,) = traced([point], side, weak, Quadrature(1, 1, 5, 3), duration)
     end, weights = START + duration, hermite_weights(5, 3)
     mean, impact = flow(weak, point, side, START, end), impact_time(weak, point, side, START, end)
-    assert np.all(codes == -side)
+    assert np.all(flags == -side)
     assert weights @ states == pytest.approx(mean, abs=1e-10)
     covariance = np.zeros((2, 2))
     for low, high, on in ((START, impact, side), (impact, end, -side)):
@@ -257,7 +264,7 @@ def test_ends_that_something_passes_are_numbered_row_by_row():
     """Rows of sources that pass both ends, none, that hold nothing, that pass the lower end, and the upper one."""
     lines, source = np.arange(6.0), np.array([[0, 5], [1, 4], [3, 3], [0, 4], [1, 5]])
     bounds, still, spread = np.tile([0, 5], (5, 1)), np.zeros((5, 2)), np.ones((5, 2))
-    found = passes_end(lines, bounds, still, spread, np.array([-0.1, 0.1]), source)
+    found = places_of_ends(lines, bounds, still, spread, np.array([-0.1, 0.1]), source)
     assert found.tolist() == [[0, 1], [-1, -1], [-1, -1], [2, -1], [-1, 3]]
 
 
@@ -267,6 +274,6 @@ def test_cells_that_meet_a_marked_one_are_marked():
     space, shifted = Space(lines, lines, 1), Space(lines, lines + 0.25, 1)
     cells = np.zeros((8, 8), dtype=bool)
     cells[2, 5] = True
-    assert np.array_equal(meeting(space, cells, space), cells)
-    assert np.argwhere(meeting(space, cells, shifted)).tolist() == [[2, 4], [2, 5]]
+    assert np.array_equal(overlapping_cells(space, cells, space), cells)
+    assert np.argwhere(overlapping_cells(space, cells, shifted)).tolist() == [[2, 4], [2, 5]]
     assert np.argwhere(with_neighbours(cells)).tolist() == [[1, 5], [2, 4], [2, 5], [2, 6], [3, 5]]

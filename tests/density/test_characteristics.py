@@ -13,7 +13,7 @@ from density_operators import affine, flight_noise, flow
 
 from fpk_rocking import Harmonic
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Trace
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature
 from fpk_rocking.physics.motion import impact as saltation
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
@@ -89,11 +89,11 @@ def before_impact(speed, side):
 
 
 def nodes_from(point, diffusion, **changed):
-    """Ends (n, 2) and codes (n,) of the nodes, three along the long axis and two along the short one, from a point."""
+    """Ends (n, 2) and flags (n,) of the nodes, three along the long axis and two along the short one, from a point."""
     space = Space(*(one + np.array([-1e-10, 1e-10]) for one in point), 1)
     dynamics = dataclasses.replace(DYNAMICS, diffusion=diffusion, **changed)
-    trace = Trace(space, START, DURATION, dynamics, Quadrature(2, 2, 3, 2))
-    return trace.states[0, 0, 0], trace.codes[0, 0, 0]
+    trace = Characteristics(space, START, DURATION, dynamics, Quadrature(2, 2, 3, 2))
+    return trace.ends[0, 0, 0], trace.flags[0, 0, 0]
 
 
 @pytest.mark.parametrize(("side", "speed"), [(1, -0.7), (-1, 0.8)])
@@ -105,13 +105,13 @@ def test_nodes_lie_along_the_axes_of_the_noise_that_went_through_an_impact(side,
     whole = jacobian @ flight_noise(noise, TIME) @ jacobian.T + flight_noise(noise, DURATION - TIME)
     variances, vectors = np.linalg.eigh(whole)
     point = before_impact(speed, side)
-    states, codes = nodes_from(point, noise.diffusion)
-    along = (states - flow(DYNAMICS, point, side, START, START + DURATION)) @ vectors / np.sqrt(variances)
+    ends, flags = nodes_from(point, noise.diffusion)
+    along = (ends - flow(DYNAMICS, point, side, START, START + DURATION)) @ vectors / np.sqrt(variances)
     nodes = np.array([(b, a) for a in (-math.sqrt(3.0), 0.0, math.sqrt(3.0)) for b in (-1.0, 1.0)])
     assert np.abs(along) == pytest.approx(np.abs(nodes), abs=2e-3)
     assert along[:, 0] * along[0, 0] == pytest.approx(nodes[:, 0] * nodes[0, 0], abs=4e-3)
     assert along[:, 1] * along[0, 1] == pytest.approx(nodes[:, 1] * nodes[0, 1], abs=4e-3)
-    assert codes.tolist() == [-side] * 6
+    assert flags.tolist() == [-side] * 6
 
 
 def test_noise_has_one_diffusion_before_an_impact_and_another_after_it():
@@ -143,7 +143,7 @@ def test_nodes_carried_by_an_expansion_and_one_by_one_are_the_same_but_for_its_t
 def test_what_comes_to_rest_is_set_off_by_the_last_jump_to_its_own_side():
     """Where impacts accumulate in a part of a step, the noise is a jump at its begin and one at its end."""
     diffusion = 1e-2
-    states, codes = nodes_from(np.array([1e-7, 0.0]), diffusion, forcing=Harmonic(0.5, FREQUENCY, PHASE))
-    assert (states[2:4, 0] == 0.0).all()
-    assert states[2:4, 1] == pytest.approx(np.array([-1.0, 1.0]) * math.sqrt(diffusion * DURATION), rel=1e-12)
-    assert codes[2:4].tolist() == [-1, 1]
+    ends, flags = nodes_from(np.array([1e-7, 0.0]), diffusion, forcing=Harmonic(0.5, FREQUENCY, PHASE))
+    assert (ends[2:4, 0] == 0.0).all()
+    assert ends[2:4, 1] == pytest.approx(np.array([-1.0, 1.0]) * math.sqrt(diffusion * DURATION), rel=1e-12)
+    assert flags[2:4].tolist() == [-1, 1]

@@ -12,15 +12,15 @@ from numpy.polynomial.legendre import legvander
 from fpk_rocking import Harmonic, load_scene
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step import adjoint, deposit
-from fpk_rocking.density.step.step import Dynamics, Quadrature, Step, Trace
+from fpk_rocking.density.step import scatter
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 QUADRATURE = Quadrature(5, 6, 5, 2)
 
 
-def step_of(name, kind):
-    """One step of a scene: on its own mesh, or from a window astride x = 0 to that mesh or to a smaller one."""
+def step_of(name, kind="own mesh"):
+    """One step of a scene: on its own mesh, or from a window astride x = 0 to that mesh."""
     scene = load_scene(SCENES / f"{name}.toml").white_equivalent()
     dynamics, duration = Dynamics.of(scene), scene.period / 16
     bound = velocity_bound(scene, dynamics.diffusion)
@@ -30,10 +30,11 @@ def step_of(name, kind):
         "own mesh": (main, main),
         "window to mesh": (window, main),
         "window to finer degree": (window, Space(main.angle_lines, main.velocity_lines, 4)),
-        "window to window": (window, Space(0.4 * window.angle_lines, 0.5 * window.velocity_lines, 3)),
-        "over the cut-off": (main, Space(0.9 * main.angle_lines, 0.6 * main.velocity_lines, 3)),
     }[kind]
-    return Step(Trace(source, 3 * duration, duration, dynamics, QUADRATURE, to_other=source is not target), target)
+    return Step(
+        Characteristics(source, 3 * duration, duration, dynamics, QUADRATURE, to_other_mesh=source is not target),
+        target,
+    )
 
 
 def integral(space, first, second):
@@ -47,21 +48,11 @@ def unit(rng, space):
     return coefficients / math.sqrt(integral(space, coefficients, coefficients))
 
 
-KINDS = [
-    "own mesh",
-    "window to mesh",
-    pytest.param("window to finer degree", marks=pytest.mark.slow),  # kernels of its own to compile
-    "window to window",
-    "over the cut-off",
-]
-
-
 @pytest.mark.parametrize("name", ["main", "second"])
-@pytest.mark.parametrize("kind", KINDS)
-def test_adjoint_is_dual_to_the_step(name, kind):
+def test_adjoint_is_dual_to_the_step(name):
     """Any density, any function after the step, any values of the three ways out."""
-    step, rng = step_of(name, kind), np.random.default_rng(7)
-    source, target = step.trace.source, step.target
+    step, rng = step_of(name), np.random.default_rng(7)
+    source, target = step.characteristics.source, step.target
     for _ in range(3):
         density, function, exit_values = unit(rng, source), unit(rng, target), rng.normal(size=3)
         after, sinks = step.apply(density)
@@ -71,59 +62,55 @@ def test_adjoint_is_dual_to_the_step(name, kind):
         assert integral(source, density, before) == pytest.approx(expected, abs=1e-13)
 
 
-@pytest.mark.parametrize("kind", ["own mesh", "over the cut-off"])
-def test_adjoint_of_each_way_out_is_the_mass_that_takes_it(kind):
+def test_adjoint_of_each_exit_is_the_mass_that_takes_it():
     """Worth 1 of one way out and 0 elsewhere; every way out is taken by the density it is tried on."""
-    step, rng = step_of("main", kind), np.random.default_rng(8)
-    density, nothing = np.abs(unit(rng, step.trace.source)), np.zeros(step.target.shape)
+    step, rng = step_of("main"), np.random.default_rng(8)
+    density, nothing = np.abs(unit(rng, step.characteristics.source)), np.zeros(step.target.shape)
     _, sinks = step.apply(density)
     assert np.abs(sinks).min() > 1e-4
     for way, mass in enumerate(sinks):
         before = step.apply_adjoint(nothing, np.eye(3)[way])
-        assert integral(step.trace.source, density, before) == pytest.approx(mass, abs=1e-13)
+        assert integral(step.characteristics.source, density, before) == pytest.approx(mass, abs=1e-13)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_worth_one_everywhere_is_worth_one_before(kind):
+def test_what_is_worth_one_everywhere_is_worth_one_before():
     """A block is somewhere after the step: conservation of mass, cell by cell."""
-    step = step_of("second", kind)
-    ones = {space: np.zeros(space.shape) for space in (step.trace.source, step.target)}
+    step = step_of("second")
+    ones = {space: np.zeros(space.shape) for space in (step.characteristics.source, step.target)}
     for values in ones.values():
         values[:, :, 0, 0] = 1.0
     before = step.apply_adjoint(ones[step.target], (1.0, 1.0, 1.0))
-    assert np.abs(before - ones[step.trace.source]).max() < 1e-13
+    assert np.abs(before - ones[step.characteristics.source]).max() < 1e-13
 
 
-def test_a_deposit_and_a_value_at_a_point_are_of_the_same_polynomials(monkeypatch):
-    """Of the highest degree that a mesh may have: numpy's, orthonormal for the measure of a cell.
+def test_a_point_is_scattered_by_the_polynomials_of_numpy(monkeypatch):
+    """Of the highest degree that a mesh may have, orthonormal for the measure of a cell.
 
     Kernels as Python: to compile them for that degree would take longer than all that is tested here.
     """
-    add, value_at, row_value = deposit.add.py_func, adjoint.value_at.py_func, adjoint.row_value.py_func
-    monkeypatch.setattr(deposit, "add_row", deposit.add_row.py_func)
-    monkeypatch.setattr(adjoint, "row_value", row_value)
-    place, cell, deposited = (-0.3, 0.8), np.random.default_rng(12).normal(size=(6, 6)), np.zeros(36)
+    monkeypatch.setattr(scatter, "_add_row", scatter._add_row.py_func)
+    place, scattered = (-0.3, 0.8), np.zeros(36)
     along, across = legvander(place, 5) * np.sqrt(2.0 * np.arange(6) + 1.0)
-    add(deposited, 2.0, *place, (0.0,) * 6)
-    assert deposited.reshape(6, 6) == pytest.approx(2.0 * np.outer(along, across), rel=1e-13)
-    assert value_at(cell.ravel(), *place, (0.0,) * 6) == pytest.approx(along @ cell @ across, rel=1e-12)
-    for modes in range(2, 7):
-        row = row_value(cell.ravel()[: modes**2], 1, across, (0.0,) * modes)
-        assert row == pytest.approx(cell.ravel()[modes : 2 * modes] @ across[:modes], rel=1e-12)
+    scatter.scatter_point.py_func(scattered, 2.0, *place, (0.0,) * 6)
+    assert scattered.reshape(6, 6) == pytest.approx(2.0 * np.outer(along, across), rel=1e-13)
 
 
-@pytest.mark.parametrize("same_mesh", [True, False])
-def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form(same_mesh):
+def test_a_step_to_another_mesh_has_no_adjoint():
+    step = step_of("main", "window to mesh")
+    with pytest.raises(ValueError, match=r"(?s)^target: got .*, accepted: the mesh of the characteristics"):
+        step.apply_adjoint(np.zeros(step.target.shape), np.zeros(3))
+
+
+def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form():
     """Where nothing happens, 1 + x - 2 v + 3 x^2 - x v + 2 v^2 has the mean of its value at the mean, plus noise."""
     dynamics, start, duration = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, 0.5, 6.0), 0.3, 0.1
     source = Space(np.linspace(0.5, 3.7, 13), np.linspace(-2.3, 1.8, 13), 3)
-    target = source if same_mesh else Space(np.linspace(0.2, 4.0, 9), np.linspace(-2.7, 2.2, 9), 3)
-    step = Step(Trace(source, start, duration, dynamics, QUADRATURE, to_other=not same_mesh), target)
+    step = Step(Characteristics(source, start, duration, dynamics, QUADRATURE), source)
 
     def quadratic(x, v):
         return 1.0 + x - 2.0 * v + 3.0 * x * x - x * v + 2.0 * v * v
 
-    before = step.apply_adjoint(target.project(quadratic, 4), np.zeros(3))
+    before = step.apply_adjoint(source.project(quadratic, 4), np.zeros(3))
     matrix, shift = affine(dynamics, start, duration, 1)
     noise = flight_noise(dynamics, duration)
     x, v = np.random.default_rng(11).uniform([[1.5], [-1.0]], [[2.7], [0.7]], (2, 50))
@@ -133,7 +120,7 @@ def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form(same_mesh):
 
 
 def test_adjoint_has_the_same_bits_for_any_number_of_threads():
-    step, rng = step_of("main", "own mesh"), np.random.default_rng(9)
+    step, rng = step_of("main"), np.random.default_rng(9)
     function, exit_values = unit(rng, step.target), rng.normal(size=3)
     threads, results = numba.get_num_threads(), set()
     try:
@@ -149,7 +136,7 @@ def test_adjoint_has_the_same_bits_for_any_number_of_threads():
 def test_degrees_of_source_and_target_are_independent():
     """Legendre moments up to the lower degree of two targets do not depend on the degree."""
     cubic, quartic = step_of("main", "window to mesh"), step_of("main", "window to finer degree")
-    density = unit(np.random.default_rng(10), cubic.trace.source)
+    density = unit(np.random.default_rng(10), cubic.characteristics.source)
     (lower, sinks), (higher, others) = cubic.apply(density), quartic.apply(density)
     assert np.abs(higher[..., :4, :4] - lower).max() < 1e-12 * np.abs(lower).max()
     assert np.abs(higher[..., 4, :]).max() > 1e-3 * np.abs(lower).max()

@@ -1,0 +1,403 @@
+"""Characteristics of a time step: whole paths from the Gauss points of cells, with noise, through impacts.
+
+The transition density of a point is represented by Gauss-Hermite nodes along the principal axes of its Gaussian
+covariance. Each node is a whole path, not an end point: the most probable noise that leads to it is added to the
+forcing, and the block then follows the exact flow with its own impacts, rest and overturning. Where the path without
+noise meets an impact, covariance and noise are carried through it by the saltation matrix. Unless that impact is slow,
+a node's displacement at it is then carried on by an expansion about that path, with an error of third order in the
+displacement; what noise acts between the node's own impact and that of the path is counted on the side of the latter.
+Where no node can meet an event the nodes are those of affine flight.
+
+Noise moves an exact block by the part cos φ of it, here taken half way along a flight. Next to x = 0 the nodes of an
+exact block follow an equivalent slender one in other units (`_contact_equivalent`); what this leaves out is taken along
+the path without noise. A path with the noise in the forcing of the exact equation needs no part: that has it.
+
+The impact law is `physics.motion.impact`. The density solver applies it in this module alone: along a path by
+`advance_through_events` and `advance_collocated`, linearized about a path in `_through_fast_impact`.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.collocation import advance_collocated
+from fpk_rocking.physics.motion.equation import (
+    Body,
+    acceleration,
+    acceleration_bounds,
+    dispatch_on_block,
+    force_factor,
+    lift_off_level,
+)
+from fpk_rocking.physics.motion.events import (
+    Event,
+    advance_through_events,
+    folded_angle_bounds,
+    next_event,
+    surely_eventless,
+)
+from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
+from fpk_rocking.physics.motion.impact import covariance_through_impact, displacement_through_impact, linearize_impact
+from fpk_rocking.physics.motion.segment import move_origin, segment_from_particular, value_and_slope
+from fpk_rocking.physics.tuning import TUNING as MOTION
+
+
+class Exit(enum.IntEnum):
+    """Ways out of the mesh within a step: they flag the end of a path in place of its side +-1, all below those.
+
+    A scatter counts in place of its cell a path that ends so; `OVERTURNED_LEFT - exit` is its place among the absorbed
+    masses.
+    """
+
+    OVERTURNED_LEFT = -2
+    OVERTURNED_RIGHT = -3
+    TRUNCATED = -4
+    REST = -5
+
+
+class GaussPoints(NamedTuple):
+    """Gauss points of a mesh: its lines, points (g,), (h,) on [0, 1] in a cell, and their weights.
+
+    The tables hold the shape functions there, (g, modes) and (h, modes).
+    """
+
+    angle_lines: np.ndarray
+    velocity_lines: np.ndarray
+    angle_points: np.ndarray
+    velocity_points: np.ndarray
+    angle_weights: np.ndarray
+    velocity_weights: np.ndarray
+    angle_table: np.ndarray
+    velocity_table: np.ndarray
+
+
+class Noise(NamedTuple):
+    """The noise of a step: its duration and diffusion, and the Gauss-Hermite nodes that represent it.
+
+    `nodes`, `offsets` (n, 2): along the long and the short axis in standard deviations, and as offsets of an
+    undisturbed flight. `margin`: largest offset in angle.
+    """
+
+    duration: float
+    diffusion: float
+    nodes: np.ndarray
+    offsets: np.ndarray
+    margin: float
+
+
+@kernel
+def principal_axes(xx, xv, vv):
+    """Principal axes of a covariance, scaled by their standard deviations: long (x, v), short (x, v)."""
+    mean, difference = 0.5 * (xx + vv), 0.5 * (xx - vv)
+    radius = math.hypot(difference, xv)
+    long = mean + radius
+    short = max(xx * vv - xv * xv, 0.0) / long if long > 0.0 else 0.0
+    angle = 0.5 * math.atan2(xv, difference)
+    c, s = math.cos(angle), math.sin(angle)
+    a, b = math.sqrt(long), math.sqrt(short)
+    return a * c, a * s, -b * s, b * c
+
+
+@kernel
+def add_path_correction(particular, duration, dx, dv, out):
+    """Write to `out` a particular solution plus the cubic that goes from rest to (dx, dv) within the duration."""
+    for k in range(TERMS):
+        out[k] = particular[k]
+    out[2] += (3.0 * dx - duration * dv) / (duration * duration)
+    out[3] += (duration * dv - 2.0 * dx) / (duration * duration * duration)
+
+
+@kernel(inline="always")
+def _advance_slender(x, v, side, segment, end, slow, block):
+    return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+
+
+@kernel(borrows=True)
+def _advance_exact_block(x, v, side, segment, end, slow, block):
+    low, high = segment.force_low, segment.force_high
+    # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
+    rise = block.cutoff + max(high, -low)
+    most = side * (x + end * v) + 0.5 * rise * end * end
+    if most >= block.cutoff:
+        _, most = folded_angle_bounds(side * x, side * v, side, low, high, end, block)
+    if side != 0 and most < block.cutoff:
+        return advance_collocated(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
+    return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+
+
+@kernel(inline="always")
+def _advance_exact(x, v, side, segment, end, slow, block):
+    return _advance_exact_block(x, v, side, segment, end, slow, block)
+
+
+_advance = dispatch_on_block(_advance_slender, _advance_exact)
+"""Angle, velocity, side and time at the `end` of a forcing, or where the path overturns, through impacts and rest."""
+
+
+@kernel
+def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
+    """Write the ends of the characteristics of one point, one for each node of the noise of a step.
+
+    Parameters
+    ----------
+    x, v, side : float, float, int
+        The point.
+    segment : Segment
+        The forcing over the step.
+    block : Body
+    noise : Noise
+    scratch : ndarray, shape (4, TERMS)
+        Overwritten.
+    ends : ndarray, shape (n, 2)
+        Receives angle and velocity at the end.
+    flags : ndarray, shape (n,)
+        Receives the side at the end, or the `Exit` of a path that overturned, or that rests without noise (D = 0).
+    """
+    duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
+    low, high = segment.force_low, segment.force_high
+    kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
+    quiet = noise.diffusion == 0.0 or surely_eventless(
+        side * x, side * end, side, low, high, duration, block, noise.margin
+    )
+    if kind == Event.NONE and quiet:
+        part = force_factor(0.5 * side * (x + end), block)
+        for n in range(len(nodes)):
+            ends[n, 0], ends[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
+            flags[n] = side
+        return
+    if (
+        kind == Event.OVERTURNING
+        and side * flight_end(x, v, side, segment, 0.0, duration, block)[0] > cutoff + noise.margin
+    ):
+        flags[:] = _overturned(side)
+        return
+    spread = math.sqrt(2.0 * noise.diffusion * duration)
+    still, inside = spread == 0.0, min(time, duration - time) > 1e-6 * duration
+    if kind == Event.IMPACT and inside and not still and abs(speed) > TUNING.linear_impact * spread:
+        smooth = abs(speed) > TUNING.smooth_impact * spread
+        _through_fast_impact(x, v, (time, speed, side, smooth), segment, block, noise, scratch, ends, flags)
+        return
+    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(block)):
+        _split_kicks(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, ends, flags)
+        return
+    _near_contact(x, v, (end, time, side), segment, block, noise, scratch, ends, flags)
+
+
+@kernel
+def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
+    """Write the ends of the nodes of a point next to x = 0 or the cut-off; see `trace_point`.
+
+    `undisturbed` is the angle and the time of the end of the path without noise, and its side.
+    """
+    end, time, side = undisturbed
+    duration, offsets = noise.duration, noise.offsets
+    unit, near, particular = _contact_equivalent(x, end, time, side, segment, duration, scratch[2], block)
+    part = force_factor(0.5 * side * (x + end), block) / unit
+    for n in range(len(offsets)):
+        add_path_correction(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
+        path = segment_from_particular(scratch[0], scratch[1], duration)
+        xn, vn, sn, _ = advance_through_events(x / unit, v / unit, side, path, 0.0, duration, near)
+        _write_end(n, xn, vn, sn, side, near.cutoff, ends, flags)
+        ends[n, 0] *= unit
+        ends[n, 1] *= unit
+
+
+@kernel(inline="always")
+def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
+    return 1.0, block, segment.particular
+
+
+@kernel(inline="always")
+def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block):
+    alpha = block.critical_angle
+    unit, level = math.sin(alpha) / alpha, lift_off_level(block)
+    first = _excess_acceleration(x, side, segment.force[0], unit, block)
+    last = _excess_acceleration(end, side, value_and_slope(segment.force, time)[0], unit, block)
+    for k in range(TERMS):
+        out[k] = segment.particular[k] / level
+    out[0] -= first / unit
+    out[1] -= (last - first) / (unit * duration)
+    return unit, Body(block.restitution, block.cutoff / unit, None), out
+
+
+_contact_equivalent = dispatch_on_block(_contact_equivalent_slender, _contact_equivalent_exact)
+"""Unit of angle and velocity, the slender block that moves as a block does next to x = 0, and its particular solution.
+
+At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F) under the lift-off force F: it is a slender one under
+f/F, in units of sin α/α. What acceleration it has beyond that elsewhere is taken as linear in time along the path
+without noise, from its begin to its `end` at a `time`.
+"""
+
+
+@kernel(inline="always")
+def _excess_acceleration(x, side, force, unit, block):
+    """Acceleration of an exact block less that of the slender one that is equivalent next to x = 0."""
+    return side * acceleration(side * x, side, force, block) - (
+        x - side * unit + force * math.cos(block.critical_angle)
+    )
+
+
+@kernel
+def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
+    """Write the ends of paths whose noise is split into two kicks of the velocity, at the begin and at the end.
+
+    A kick is `half` of a node, and the flight between is without noise. The last kick sets a block off from rest unless
+    it `rests`. Nodes of the same first kick follow each other.
+    """
+    nodes, duration = noise.nodes, noise.duration
+    xn, vn, sn, part = x, v, side, force_factor(side * x, block)
+    for n in range(len(nodes)):
+        if n == 0 or nodes[n, 0] != nodes[n - 1, 0]:
+            first = half * nodes[n, 0] * part
+            xn, vn, sn, _ = _advance(x, v + first, side, segment, duration, TUNING.chatter * duration, block)
+        vl, sl = vn, sn
+        if abs(xn) < block.cutoff:
+            vl += half * nodes[n, 1] * force_factor(abs(xn), block)
+            if xn == 0.0 and not rests:
+                sl = 1 if vl > 0.0 else -1
+        _write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
+
+
+@kernel
+def _overturned(side):
+    return Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT
+
+
+@kernel
+def _write_end(n, x, v, side, if_rest, cutoff, ends, flags):
+    """Write end and flag of node n by its angle, velocity and side; `if_rest` is the flag where the side is 0."""
+    ends[n, 0], ends[n, 1] = x, v
+    flags[n] = if_rest if side == 0 else side
+    if abs(x) >= cutoff:
+        flags[n] = _overturned(side)
+
+
+@kernel
+def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
+    """Write the ends of the nodes of a point whose path without noise meets a fast impact; see `trace_point`.
+
+    `undisturbed` is its time, velocity before and side before it, and whether it is so fast that what noise changes is
+    smooth: then one expansion serves all nodes that arrive within the step.
+    """
+    time, speed, side, smooth = undisturbed
+    duration, cutoff = noise.duration, block.cutoff
+    late, rest = scratch[2], duration - time
+    force, slope = value_and_slope(segment.force, time)
+    met = linearize_impact(speed, side, force, slope, block)
+    kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
+    before, after = force_factor(0.5 * side * x, block), force_factor(0.5 * abs(far_x), block)
+    diffusions = noise.diffusion * before * before, noise.diffusion * after * after
+    final, early, (b11, b12, b21, b22) = covariance_through_impact(diffusions, time, rest, met, block.restitution)
+    move_origin(segment.particular, time, late)
+    after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
+    long_x, long_v, short_x, short_v = principal_axes(*final)
+    long, short = long_x * long_x + long_v * long_v, short_x * short_x + short_v * short_v
+    long_x, long_v = long_x / long, long_v / long
+    short_x, short_v = (short_x / short, short_v / short) if short > 0.0 else (0.0, 0.0)
+    smooth = smooth and kind == Event.NONE
+    for n in range(len(noise.nodes)):
+        a, b = noise.nodes[n]
+        p, q = a * long_x + b * short_x, a * long_v + b * short_v
+        g, h = b11 * p + b21 * q, b12 * p + b22 * q
+        early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
+        late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
+        if smooth:
+            dx, dv, inside = displacement_through_impact(early_x, early_v, time, rest, met, block)
+            xn = far_x + dx + late_x
+            if inside and 0.0 < -side * xn < cutoff:
+                _write_end(n, xn, far_v + dv + late_v, -side, -side, cutoff, ends, flags)
+                continue
+        add_path_correction(segment.particular, time, early_x / before, early_v / before, scratch[0])
+        path = segment_from_particular(scratch[0], scratch[1], time)
+        xn, vn, sn, end = _advance(x, v, side, path, time, MOTION.chatter_time, block)
+        if end == time:
+            add_path_correction(late, rest, late_x / after, late_v / after, scratch[3])
+            path = segment_from_particular(scratch[3], scratch[1], rest)
+            xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, MOTION.chatter_time, block)
+        _write_end(n, xn, vn, sn, side, cutoff, ends, flags)
+
+
+@kernel
+def points_of_cell(i, j, points):
+    """Side of a cell, and angles (g,) and velocities (h,) of its Gauss points."""
+    angle, velocity = points.angle_lines, points.velocity_lines
+    x = angle[i] + points.angle_points * (angle[i + 1] - angle[i])
+    v = velocity[j] + points.velocity_points * (velocity[j + 1] - velocity[j])
+    return (1 if angle[i] + angle[i + 1] > 0.0 else -1), x, v
+
+
+@kernel
+def is_event_free(low, high, slow, fast, side, segment, duration, block, margins):
+    """Whether no path from a cell comes to an impact during a step, and none that passes the cut-off may return.
+
+    In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
+    to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end.
+    """
+    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
+    least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
+    most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
+    if least <= margins[0]:
+        return False
+    # The pull towards x = 0 is weaker than there by what the angle has gained, times the cosine that turns it.
+    fall -= (least - margins[0]) * min(force_factor(0.0, block), force_factor(block.cutoff, block))
+    return most < block.cutoff - margins[0] or slow - max(fall, 0.0) * duration > margins[1]
+
+
+@kernel
+def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
+    """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool."""
+    marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
+    for i in range(marks.shape[0]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        low, high = min(abs(angle_lines[i]), abs(angle_lines[i + 1])), max(abs(angle_lines[i]), abs(angle_lines[i + 1]))
+        for j in range(marks.shape[1]):
+            slow, fast = side * velocity_lines[j], side * velocity_lines[j + 1]
+            slow, fast = min(slow, fast), max(slow, fast)
+            marks[i, j] = not is_event_free(low, high, slow, fast, side, segment, duration, block, margins)
+    return marks
+
+
+@kernel
+def _trace_cell(i, j, points, segment, block, noise, ends, flags):
+    scratch = np.empty((4, TERMS))
+    side, x, v = points_of_cell(i, j, points)
+    for p in range(len(x)):
+        for q in range(len(v)):
+            trace_point(x[p], v[q], side, segment, block, noise, scratch, ends[p, q], flags[p, q])
+
+
+@kernel(parallel=True)
+def _trace_all(cells, points, segment, block, noise, ends, flags):
+    for c in prange(len(cells)):
+        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, ends[c], flags[c])
+
+
+def trace_cells(cells, points, segment, block, noise):
+    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (m, 2)
+        Angle and velocity index of each cell.
+    points : GaussPoints
+    segment : Segment
+    block : Body
+    noise : Noise
+
+    Returns
+    -------
+    ends : ndarray, shape (m, g, h, n, 2)
+        Angle and velocity at the end of the step.
+    flags : ndarray, shape (m, g, h, n)
+        The side there, or an `Exit`.
+    """
+    shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
+    ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
+    _trace_all(np.ascontiguousarray(cells), points, segment, block, noise, ends, flags)
+    return ends, flags

@@ -1,0 +1,385 @@
+"""Remaps along mesh lines: the exact L2 projection of functions after a row of lines has moved, as prepared matrices.
+
+A row holds the lines through the Gauss points of one row of cells: the cells that share an interval of the velocity, on
+one side of x = 0, or an interval of the angle. A function on a line is given by its values at the line's own Gauss
+points. Only what a row's active cells need is prepared. The adjoint of each kernel stands beside it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.step.targets import FASTMATH, legendre_at
+
+
+class Remap(NamedTuple):
+    """Matrices of a remap; the index of a target cell c in row r is ``origin[r] + c``, one line may serve all.
+
+    Parameters
+    ----------
+    origin : ndarray of int, shape (rows,)
+        See above.
+    first, count, start : ndarray of int, shape (target cells, lines)
+        First source cell of a target cell, their number, and the place of the first one's block.
+    blocks : ndarray, shape (n, modes, modes)
+        Values at the Gauss points of the source to those of the target.
+    end_places : ndarray of int, shape (rows, 2)
+        Place in `end_masses` for the lower and the upper end, -1 where nothing passes it.
+    end_masses : ndarray, shape (m, lines, cells, modes)
+        Mass that a value at a Gauss point of a cell sends past the end, per mass of the lines across.
+    """
+
+    origin: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+    start: np.ndarray
+    blocks: np.ndarray
+    end_places: np.ndarray
+    end_masses: np.ndarray
+
+
+def rows_along_angle(cells, middle):
+    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells)."""
+    rows = np.concatenate([cells.T, cells.T])
+    rows[: cells.shape[1], middle:] = False
+    rows[cells.shape[1] :, :middle] = False
+    return rows
+
+
+def join_sides(rows):
+    """Return a mask (velocity cells, angle cells) from one by rows along the angle, see `rows_along_angle`."""
+    left, right = np.split(rows, 2)
+    return left | right
+
+
+def ranges_of(rows):
+    """Return ranges (rows, 2) of what a mask (rows, cells) marks: first, and one past the last; 0, 0 of nothing."""
+    ends = np.stack([rows.argmax(axis=1), rows.shape[1] - rows[:, ::-1].argmax(axis=1)], axis=1)
+    return np.where(rows.any(axis=1)[:, None], ends, 0)
+
+
+def mask_of(ranges, cells):
+    """Return a mask (rows, cells) of ranges (rows, 2)."""
+    places = np.arange(cells)
+    return (places >= ranges[:, :1]) & (places < ranges[:, 1:])
+
+
+def union(first, second):
+    """Return the ranges (rows, 2) that contain both of two ranges in each row."""
+    empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
+    both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
+    return np.where(empty[0], second, np.where(empty[1], first, both))
+
+
+def balanced_order(ranges):
+    """Return the rows whose range is not empty, in an order of which equal parts take about equal time."""
+    rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
+    return np.concatenate([rows[::2], rows[1::2]])
+
+
+def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):
+    """Return the remap of rows whose lines shift and are diffused by Gauss-Hermite nodes, by exact integration.
+
+    Parameters
+    ----------
+    lines : ndarray, shape (cells + 1,)
+        Mesh lines that cut each line.
+    bounds : ndarray of int, shape (rows, 2)
+        First cell and the one after the last that a row runs through.
+    shifts : ndarray, shape (rows, lines)
+        How far each line moves.
+    spreads : ndarray, shape (rows, lines)
+        Standard deviation, or part of it, by which the nodes of each line are multiplied.
+    nodes, weights : ndarray, shape (n,)
+        Nodes of the diffusion, ascending, and their weights.
+    degree : int
+        Polynomial degree.
+    source : ndarray of int, shape (rows, 2)
+        Active cells: first, and the one after the last.
+
+    Returns
+    -------
+    Remap
+    """
+    target = target_range(lines, bounds, shifts, spreads, nodes, source)
+    sizes = target[:, 1] - target[:, 0]
+    origin = np.cumsum(sizes) - sizes - target[:, 0]
+    first, count = source_cells(lines, shifts, spreads, nodes, source, target, origin)
+    start = (np.cumsum(count.ravel()) - count.ravel()).reshape(count.shape)
+    end_places = places_of_ends(lines, bounds, shifts, spreads, nodes, source)
+    points, point_weights = gauss_legendre(degree + 1)
+    blocks = np.zeros((int(count.sum()), degree + 1, degree + 1))
+    end_masses = np.zeros((int(end_places.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
+    remap = Remap(origin, first, count, start, blocks, end_places, end_masses)
+    basis = (1.0,) * (degree + 1)
+    fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis)
+    values = legendre_at_gauss_points(degree + 1, degree)
+    moments = values * point_weights[:, None]
+    blocks_to_point_values(moments, values, blocks, basis)
+    return remap._replace(end_masses=np.einsum("rlck,mk->rlcm", end_masses, moments))
+
+
+@kernel
+def cells_in_interval(lines, bounds, low, high):
+    """Return the first and the last cell of a row, by its bounds, that overlap an interval."""
+    first = min(max(np.searchsorted(lines, low, side="right") - 1, bounds[0]), bounds[1] - 1)
+    last = min(max(np.searchsorted(lines, high, side="left") - 1, bounds[0]), bounds[1] - 1)
+    return first, last
+
+
+@kernel
+def target_range(lines, bounds, shifts, spreads, nodes, source):
+    """Return ranges (rows, 2) of the cells that the `source` ranges of a remap reach; see `prepare_remap`."""
+    target = np.zeros((len(source), 2), np.int64)
+    for r in range(len(source)):
+        if source[r, 1] > source[r, 0]:
+            row, spread = shifts[min(r, len(shifts) - 1)], spreads[min(r, len(shifts) - 1)].max()
+            low = lines[source[r, 0]] + row.min() + spread * nodes[0]
+            high = lines[source[r, 1]] + row.max() + spread * nodes[-1]
+            first, last = cells_in_interval(lines, bounds[r], low, high)
+            target[r, 0], target[r, 1] = first, last + 1
+    return target
+
+
+@kernel
+def source_cells(lines, shifts, spreads, nodes, source, target, origin):
+    """Return the first source cell and the number of source cells, (target cells, lines), of every target cell."""
+    cells = (target[:, 1] - target[:, 0]).sum()
+    first = np.zeros((cells, shifts.shape[1]), np.int64)
+    count = np.zeros((cells, shifts.shape[1]), np.int64)
+    for r in range(len(source)):
+        for c in range(target[r, 0], target[r, 1]):
+            for q in range(shifts.shape[1]):
+                early, late = spreads[r, q] * nodes[-1], spreads[r, q] * nodes[0]
+                low, _ = cells_in_interval(lines, source[r], lines[c] - shifts[r, q] - early, lines[c + 1])
+                _, high = cells_in_interval(lines, source[r], lines[0], lines[c + 1] - shifts[r, q] - late)
+                first[origin[r] + c, q], count[origin[r] + c, q] = low, max(high - low + 1, 0)
+    return first, count
+
+
+@kernel
+def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
+    """Return `Remap.end_places`: numbers (rows, 2) of the ends that the source ranges pass, -1 for the others."""
+    places = np.full((len(source), 2), -1, np.int64)
+    number = 0
+    for r in range(len(source)):
+        if source[r, 1] <= source[r, 0]:
+            continue
+        spread = spreads[r].max()
+        if lines[source[r, 0]] + shifts[r].min() + spread * nodes[0] < lines[bounds[r, 0]]:
+            places[r, 0] = number
+            number += 1
+        if lines[source[r, 1]] + shifts[r].max() + spread * nodes[-1] > lines[bounds[r, 1]]:
+            places[r, 1] = number
+            number += 1
+    return places
+
+
+@kernel
+def add_integral(start, stop, left, right, weight, points, point_weights, out):
+    """Add to `out` (modes,) the integrals over [start, stop] of the shape functions of the cell [left, right]."""
+    for q in range(len(points) if stop > start else 0):
+        here = legendre_at(2.0 * (start + points[q] * (stop - start) - left) / (right - left) - 1.0)
+        for k in range(len(out)):
+            out[k] += weight * point_weights[q] * (stop - start) * here[k]
+
+
+@kernel
+def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, basis):
+    """Add to a block (modes, modes) the integrals over [start, stop] of products of shape functions.
+
+    One is of the source cell [left, right], one of the target cell [low, high], whose argument is shifted.
+    """
+    here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
+    for q in range(len(points)):
+        x = start + points[q] * (stop - start)
+        part = 0.5 * there_scale * weight * point_weights[q] * (stop - start)
+        here = legendre_at(here_scale * (x - left) - 1.0)
+        there = legendre_at(there_scale * (x + shift - low) - 1.0)
+        for k in range(modes):
+            for i in range(modes):
+                block[k, i] += part * here[k] * there[i]
+
+
+@kernel
+def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
+    """Integrate products of shape functions over all overlaps of row r, exactly, see `fill_blocks`."""
+    origin, first, _, start, blocks, places, masses = remap
+    floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
+    for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
+        for n in range(len(nodes)):
+            move = shifts[r, q] + spreads[r, q] * nodes[n]
+            for cell in range(source[r, 0], source[r, 1]):
+                left, right = lines[cell], lines[cell + 1]
+                low, high = cells_in_interval(lines, bounds[r], left + move, right + move)
+                for target in range(low, high + 1):
+                    begin, stop = max(left, lines[target] - move), min(right, lines[target + 1] - move)
+                    if stop > begin:
+                        place = start[origin[r] + target, q] + cell - first[origin[r] + target, q]
+                        add_product(
+                            begin, stop, left, right, lines[target], lines[target + 1], move, weights[n], points,
+                            point_weights, blocks[place], basis,
+                        )  # fmt: skip
+                if places[r, 0] >= 0:
+                    stop = min(right, floor - move)
+                    add_integral(
+                        left, stop, left, right, weights[n], points, point_weights, masses[places[r, 0], q, cell]
+                    )
+                if places[r, 1] >= 0:
+                    begin = max(left, top - move)
+                    add_integral(
+                        begin, right, left, right, weights[n], points, point_weights, masses[places[r, 1], q, cell]
+                    )
+
+
+@kernel(parallel=True)
+def fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
+    """Integrate products of shape functions over all overlaps, exactly, into the blocks and masses of a remap.
+
+    `basis`, a tuple (modes,), tells the compiler the number of modes.
+    """
+    for r in prange(len(source)):
+        _fill_row(
+            np.int64(r), lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis
+        )
+
+
+@kernel(borrows=True, tuned=True)
+def _block_to_point_values(b, moments, values, blocks, half, basis):
+    """Turn block b, between moments, into one between values at Gauss points; `half` (modes, modes) is overwritten."""
+    modes = len(basis)
+    for k in range(modes):
+        for i in range(modes):
+            total = 0.0
+            for m in range(modes):
+                total += moments[k, m] * blocks[b, m, i]
+            half[k, i] = total
+    for k in range(modes):
+        for i in range(modes):
+            total = 0.0
+            for m in range(modes):
+                total += half[k, m] * values[i, m]
+            blocks[b, k, i] = total
+
+
+@kernel(parallel=True)
+def blocks_to_point_values(moments, values, blocks, basis):
+    """Turn blocks between moments into blocks between values at Gauss points, in place."""
+    for chunk in prange(TUNING.chunks):
+        half = np.empty(values.shape)
+        for b in range(chunk * len(blocks) // TUNING.chunks, (chunk + 1) * len(blocks) // TUNING.chunks):
+            _block_to_point_values(np.int64(b), moments, values, blocks, half, basis)
+
+
+@kernel(fastmath=FASTMATH, tuned=True)
+def remap_row(r, values, source, target, remap, moved, basis):  # noqa: C901  (one branch a mode)
+    """Write to `moved` the values (cells, lines, modes) of the target cells of row r by those of its source cells."""
+    origin, first, count, start, blocks, _, _ = remap
+    modes, shared = len(basis), first.shape[1] == 1
+    base = origin[min(r, len(origin) - 1)]
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            # Scalars, not an array: a store could alias what is read, and then nothing is vectorized.
+            a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for s in range(low, high):
+                for k in range(modes):
+                    value = values[s, q, k]
+                    a0 += blocks[block, k, 0] * value
+                    a1 += blocks[block, k, 1] * value
+                    if modes > 2:
+                        a2 += blocks[block, k, 2] * value
+                    if modes > 3:
+                        a3 += blocks[block, k, 3] * value
+                    if modes > 4:
+                        a4 += blocks[block, k, 4] * value
+                    if modes > 5:
+                        a5 += blocks[block, k, 5] * value
+                block += 1
+            moved[c, q, 0] = a0
+            moved[c, q, 1] = a1
+            if modes > 2:
+                moved[c, q, 2] = a2
+            if modes > 3:
+                moved[c, q, 3] = a3
+            if modes > 4:
+                moved[c, q, 4] = a4
+            if modes > 5:
+                moved[c, q, 5] = a5
+
+
+@kernel(fastmath=FASTMATH)
+def adjoint_remap_row(r, values, source, target, remap, moved, basis):
+    """Add to `moved` values (cells, lines, modes) of source cells by those of target cells: adjoint of `remap_row`."""
+    origin, first, count, start, blocks, _, _ = remap
+    modes, shared = len(basis), first.shape[1] == 1
+    base = origin[min(r, len(origin) - 1)]
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            for s in range(low, high):
+                for k in range(modes):
+                    total = 0.0
+                    for i in range(modes):
+                        total += blocks[block, k, i] * values[c, q, i]
+                    moved[s, q, k] += total
+                block += 1
+
+
+@kernel(fastmath=FASTMATH)
+def mass_past_end(r, end, values, source, remap, masses):
+    """Write masses (lines,) of row r that pass an end, per size of their cells across; return whether any does."""
+    place = remap.end_places[min(r, len(remap.end_places) - 1), end]
+    if place < 0:
+        return False
+    ends = remap.end_masses[place]
+    for q in range(len(masses)):
+        line = ends[0 if len(ends) == 1 else q]
+        masses[q] = 0.0
+        for c in range(source[0], source[1]):
+            for k in range(len(masses)):
+                masses[q] += line[c, k] * values[c, q, k]
+    return True
+
+
+@kernel(fastmath=FASTMATH)
+def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
+    """Add to `moved` what passes an end of row r times `exit_values` (lines,): adjoint of `mass_past_end`."""
+    place = remap.end_places[min(r, len(remap.end_places) - 1), end]
+    if place < 0:
+        return
+    ends = remap.end_masses[place]
+    for q in range(len(exit_values)):
+        line = ends[0 if len(ends) == 1 else q]
+        for c in range(source[0], source[1]):
+            for k in range(len(exit_values)):
+                moved[c, q, k] += exit_values[q] * line[c, k]
+
+
+@kernel(fastmath=FASTMATH)
+def clamp_to_end(end, masses, target, edges, sizes, moved):
+    """Add masses (lines,) that passed an end of a row to its last cell, at the end itself (boundary clamp)."""
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(masses)):
+        for i in range(len(masses)):
+            moved[cell, q, i] += masses[q] / sizes[cell] * edges[end, i]
+
+
+@kernel(fastmath=FASTMATH)
+def adjoint_clamp_to_end(end, values, target, edges, sizes, end_values):
+    """Write the values (lines,) of a function at an end of a row: adjoint of `clamp_to_end`."""
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(end_values)):
+        end_values[q] = 0.0
+        for i in range(len(end_values)):
+            end_values[q] += values[cell, q, i] * edges[end, i] / sizes[cell]

@@ -1,0 +1,323 @@
+"""Targets of characteristics: the cells where they end, for each source cell in groups by target, in blocks of eight.
+
+With eight paths at once in vector registers (`base.lanes`) a group's masses are scattered to the unknowns of its
+target, or a function is gathered from there; a target is written to once a group instead of once a path.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.lanes import WIDTH, load, store, total
+from fpk_rocking.base.stack import scratch
+from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.step.characteristics import Exit
+
+FASTMATH = {"contract", "reassoc", "nsz"}
+"""Rounding that the compiler may change in sums of products; nan and inf stay what they are."""
+
+_MOST_MODES = 6
+"""Legendre polynomials an axis, at most: degree 5."""
+
+_EXITS = -Exit.REST.value
+"""Entries before the first cell of a table by target: exits are negative."""
+
+_ZEROS = np.zeros((1, WIDTH))
+_polynomials, _sums = scratch(2 * _MOST_MODES, WIDTH), scratch(_MOST_MODES * _MOST_MODES, WIDTH)
+
+
+class Targets(NamedTuple):
+    """Targets of the paths of m source cells; the last entries of the arrays may be spare.
+
+    Parameters
+    ----------
+    groups : ndarray of int, shape (m + 1,)
+        First group of each source cell.
+    blocks : ndarray of int, shape (g + 1,)
+        First block of each group.
+    cells : ndarray of int, shape (g,)
+        Target cell of each group, or the `Exit` of its paths.
+    paths : ndarray of int, shape (b, 8)
+        Number of each path among those of its source cell; the number of paths where the last block of a group is
+        filled up.
+    coordinates : ndarray, shape (2 b, 8)
+        Reference coordinates, -1 to 1, of each block's paths in their target, in angle and in velocity.
+    most : int
+        Blocks of a source cell, at most.
+    """
+
+    groups: np.ndarray
+    blocks: np.ndarray
+    cells: np.ndarray
+    paths: np.ndarray
+    coordinates: np.ndarray
+    most: int
+
+    @classmethod
+    def empty(cls):
+        """Return the targets of no source cells."""
+        none = np.zeros(1, np.int64)
+        return cls(none, none, np.empty(0, np.int32), np.empty((0, WIDTH), np.int32), np.empty((0, WIDTH)), 0)
+
+    @property
+    def used(self):
+        """Numbers of groups and blocks, without spare ones."""
+        groups = int(self.groups[-1])
+        return groups, int(self.blocks[groups])
+
+    @property
+    def nbytes(self):
+        """Memory without spare entries, bytes."""
+        groups, blocks = self.used
+        return self.groups.nbytes + 12 * groups + 20 * WIDTH * blocks
+
+    def columns(self, across, limit):
+        """First and last column of target cells, (m,) each, of every source cell; `limit` and -1 where all paths exit.
+
+        The mesh has `limit` columns of `across` cells.
+        """
+        groups, _ = self.used
+        columns, begins = self.cells[:groups] // across, self.groups[:-1]
+        if not groups:
+            return begins, begins
+        return np.minimum.reduceat(np.where(columns < 0, limit, columns), begins), np.maximum.reduceat(columns, begins)
+
+    def extended(self, ends, flags, searches, first_positive):
+        """Return these targets and those of further source cells.
+
+        Parameters
+        ----------
+        ends, flags : ndarray
+            Of the paths of the further cells, see `characteristics.trace_cells`; the ends are overwritten.
+        searches : tuple of CellSearch
+            Of the target mesh in angle and velocity.
+        first_positive : int
+            First column of the target mesh with x > 0.
+
+        Returns
+        -------
+        Targets
+        """
+        if not len(flags):
+            return self
+        ends, flags = ends.reshape(len(flags), -1, 2), flags.reshape(len(flags), -1)
+        cells, sizes = np.empty(flags.shape, np.int32), np.empty((len(flags), 2), np.int64)
+        slots = len(searches[0].scales) * len(searches[1].scales) + _EXITS
+        _locate_paths(ends, flags, *searches, first_positive, slots, cells, sizes)
+        before = self.used
+        limits = np.cumsum(sizes, axis=0) + before
+        groups, blocks = limits[-1]
+        larger = self._replace(
+            groups=np.append(self.groups, limits[:, 0]),
+            blocks=_with_spare(self.blocks, before[0] + 1, groups + 1),
+            cells=_with_spare(self.cells, before[0], groups),
+            paths=_with_spare(self.paths, before[1], blocks),
+            coordinates=_with_spare(self.coordinates, 2 * before[1], 2 * blocks),
+            most=max(self.most, int(sizes[:, 1].max())),
+        )
+        _group_paths(cells, ends, len(self.groups) - 1, np.ascontiguousarray(limits[:, 1]), slots, *larger[:-1])
+        return larger
+
+
+def _with_spare(array, used, needed):
+    """Return an array whose first entries are the used ones of another, with as many entries as are needed, or more."""
+    if len(array) >= needed:
+        return array
+    larger = np.empty((int(TUNING.spare * needed), *array.shape[1:]), array.dtype)
+    larger[:used] = array[:used]
+    return larger
+
+
+@kernel(borrows=True)
+def locate_point(search, point):
+    """Return the cell that holds a point and its reference coordinate on [-1, 1]; (TRUNCATED, 0) outside the mesh.
+
+    `search` is a `CellSearch`.
+    """
+    lines, scales, table, density = search
+    if not lines[0] <= point < lines[-1]:
+        return Exit.TRUNCATED.value, 0.0
+    i = table[int((point - lines[0]) * density)]
+    while point >= lines[i + 1]:
+        i += 1
+    return i, (point - lines[i]) * scales[i] - 1.0
+
+
+@kernel(borrows=True, tuned=True)
+def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
+    """Return the target cell of path n or its `Exit`; its end becomes the reference coordinates in the cell."""
+    x, v, flag = ends[n, 0], ends[n, 1], flags[n]
+    if flag < -1:
+        return flag
+    i, xi = locate_point(angle_search, x)
+    j, eta = locate_point(velocity_search, v)
+    if v == 0.0 and flag < 0 and j > 0 and velocity_search.lines[j] == 0.0:
+        j, eta = j - 1, 1.0
+    if i == first_positive and x == 0.0 and flag < 0 and i > 0:
+        i, xi = i - 1, 1.0
+    ends[n, 0], ends[n, 1] = xi, eta
+    return Exit.TRUNCATED.value if i < 0 or j < 0 else i * len(velocity_search.scales) + j
+
+
+@kernel(parallel=True)
+def _locate_paths(ends, flags, angle_search, velocity_search, first_positive, slots, cells, sizes):
+    """Write target cells (m, n), reference coordinates in place of ends, and numbers (m, 2) of groups and blocks."""
+    for chunk in prange(TUNING.chunks):
+        counts = np.zeros(slots, np.int32)
+        for r in range(chunk * len(flags) // TUNING.chunks, (chunk + 1) * len(flags) // TUNING.chunks):
+            for n in range(flags.shape[1]):
+                cells[r, n] = locate_path(n, ends[r], flags[r], angle_search, velocity_search, first_positive)
+                counts[cells[r, n] + _EXITS] += 1
+            groups, blocks = 0, 0
+            for n in range(flags.shape[1]):
+                count = counts[cells[r, n] + _EXITS]
+                if count > 0:
+                    groups += 1
+                    blocks += (count + WIDTH - 1) // WIDTH
+                    counts[cells[r, n] + _EXITS] = 0
+            sizes[r, 0], sizes[r, 1] = groups, blocks
+
+
+@kernel(parallel=True)
+def _group_paths(cells, coordinates, before, ends, slots, groups, blocks, targets, paths, points):
+    """Write the arrays of a `Targets` for further source cells, which come after `before` others.
+
+    `cells` (m, n) and `coordinates` (m, n, 2) are those of each path's target, `ends` the ends of the cells' blocks.
+    """
+    (count, nodes), first = cells.shape, blocks[groups[before]]
+    for chunk in prange(TUNING.chunks):
+        left, place = np.zeros(slots, np.int32), np.zeros(slots, np.int64)
+        for r in range(chunk * count // TUNING.chunks, (chunk + 1) * count // TUNING.chunks):
+            for n in range(nodes):
+                left[cells[r, n] + _EXITS] += 1
+            group, block = groups[before + r], first if r == 0 else ends[r - 1]
+            for n in range(nodes):
+                slot = cells[r, n] + _EXITS
+                if left[slot] > 0:
+                    targets[group], place[slot] = cells[r, n], WIDTH * block
+                    group, block = group + 1, block + (left[slot] + WIDTH - 1) // WIDTH
+                    blocks[group] = block
+                    for k in range(WIDTH * block - 1, place[slot] + left[slot] - 1, -1):
+                        paths[k // WIDTH, k % WIDTH] = nodes
+                        points[2 * (k // WIDTH), k % WIDTH] = 0.0
+                        points[2 * (k // WIDTH) + 1, k % WIDTH] = 0.0
+                    left[slot] = 0
+                row, lane = place[slot] // WIDTH, place[slot] % WIDTH
+                paths[row, lane] = n
+                points[2 * row, lane], points[2 * row + 1, lane] = coordinates[r, n, 0], coordinates[r, n, 1]
+                place[slot] += 1
+
+
+@kernel(fastmath={"contract"}, borrows=True, forceinline=True)
+def legendre_at(xi):
+    """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal on the unit interval; of one point or eight lanes."""
+    square = xi * xi
+    p2 = 0.5 * math.sqrt(5.0) * (3.0 * square - 1.0)
+    p3 = 0.5 * math.sqrt(7.0) * xi * (5.0 * square - 3.0)
+    p4 = 0.375 * ((35.0 * square - 30.0) * square + 3.0)
+    p5 = 0.125 * math.sqrt(11.0) * xi * ((63.0 * square - 70.0) * square + 15.0)
+    return 1.0, math.sqrt(3.0) * xi, p2, p3, p4, p5
+
+
+@kernel(fastmath=FASTMATH, borrows=True, forceinline=True)
+def _store_polynomials(points, b, rows):
+    """Write Legendre polynomials 1 to 5 of block b's paths: of the angle, and from row `_MOST_MODES` the velocity."""
+    for axis in range(2):
+        _, p1, p2, p3, p4, p5 = legendre_at(load(points, 2 * b + axis))
+        first = axis * _MOST_MODES
+        store(rows, first + 1, p1)
+        store(rows, first + 2, p2)
+        store(rows, first + 3, p3)
+        store(rows, first + 4, p4)
+        store(rows, first + 5, p5)
+
+
+@kernel(fastmath=FASTMATH, borrows=True, tuned=True)
+def scatter_group(target, begin, end, points, masses, basis):
+    """Add masses (blocks, 8) times the shape functions at the points of a group's blocks to the unknowns of a cell."""
+    modes, sums, rows = len(basis), _sums(), _polynomials()
+    for k in range(modes * modes):
+        store(sums, k, load(_ZEROS, 0))
+    for b in range(begin, end):
+        _store_polynomials(points, b, rows)
+        for i in range(modes):
+            part = load(masses, b - begin)
+            if i > 0:
+                part = part * load(rows, i)
+            store(sums, i * modes, load(sums, i * modes) + part)
+            for j in range(1, modes):
+                store(sums, i * modes + j, load(sums, i * modes + j) + part * load(rows, _MOST_MODES + j))
+    for k in range(modes * modes):
+        target[k] += total(load(sums, k))
+
+
+@kernel(fastmath=FASTMATH, borrows=True, tuned=True)
+def gather_group(function, begin, end, points, values, basis):
+    """Write the values (blocks, 8) of a function, by its coefficients in a cell, at the points of a group's blocks."""
+    modes, rows = len(basis), _polynomials()
+    for b in range(begin, end):
+        _store_polynomials(points, b, rows)
+        value = load(_ZEROS, 0)
+        for i in range(modes):
+            part = load(_ZEROS, 0) + function[i * modes]
+            for j in range(1, modes):
+                part = part + load(rows, _MOST_MODES + j) * function[i * modes + j]
+            if i > 0:
+                part = part * load(rows, i)
+            value = value + part
+        store(values, b - begin, value)
+
+
+@kernel
+def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ordered, basis):
+    """Add the point masses `values` (g, h) of source cell r, times the nodes' weights, to unknowns and absorbed masses.
+
+    `buffer` (target cells, modes²) holds the unknowns; `masses` (n + 1,) and `ordered` (most, 8) are overwritten.
+    """
+    n = 0
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            for k in range(len(node_weights)):
+                masses[n] = values[p, q] * node_weights[k]
+                n += 1
+    masses[n] = 0.0
+    first, last = targets.groups[r], targets.groups[r + 1]
+    base = targets.blocks[first]
+    for b in range(targets.blocks[last] - base):
+        for k in range(WIDTH):
+            ordered[b, k] = masses[targets.paths[base + b, k]]
+    for g in range(first, last):
+        target, begin, end = targets.cells[g], targets.blocks[g], targets.blocks[g + 1]
+        if target < 0:
+            absorbed[Exit.OVERTURNED_LEFT - target] += ordered[begin - base : end - base].sum()
+        else:
+            scatter_group(buffer[target], begin, end, targets.coordinates, ordered[begin - base :], basis)
+
+
+@kernel
+def gather_cell(function, exit_values, node_weights, r, targets, values, path_values, ordered, basis):
+    """Write means (g, h) over the nodes of a function at the paths' ends of source cell r: adjoint of `scatter_cell`.
+
+    `function` (target cells, modes²) are its coefficients; `path_values` (n + 1,) and `ordered` are overwritten.
+    """
+    first, last = targets.groups[r], targets.groups[r + 1]
+    base = targets.blocks[first]
+    for g in range(first, last):
+        target, begin, end = targets.cells[g], targets.blocks[g], targets.blocks[g + 1]
+        if target < 0:
+            ordered[begin - base : end - base] = exit_values[Exit.OVERTURNED_LEFT - target]
+        else:
+            gather_group(function[target], begin, end, targets.coordinates, ordered[begin - base :], basis)
+    for b in range(targets.blocks[last] - base):
+        for k in range(WIDTH):
+            path_values[targets.paths[base + b, k]] = ordered[b, k]
+    n = 0
+    for p in range(values.shape[0]):
+        for q in range(values.shape[1]):
+            values[p, q] = 0.0
+            for k in range(len(node_weights)):
+                values[p, q] += node_weights[k] * path_values[n]
+                n += 1
