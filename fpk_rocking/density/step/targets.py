@@ -211,8 +211,7 @@ def _group_paths(cells, coordinates, before, ends, slots, groups, blocks, target
                 place[slot] += 1
 
 
-@kernel(fastmath={"contract"}, borrows=True, forceinline=True)
-def legendre_at(xi):
+def _legendre(xi):
     """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal on the unit interval; of one point or eight lanes."""
     square = xi * xi
     p2 = 0.5 * math.sqrt(5.0) * (3.0 * square - 1.0)
@@ -222,11 +221,15 @@ def legendre_at(xi):
     return 1.0, math.sqrt(3.0) * xi, p2, p3, p4, p5
 
 
+legendre_at = kernel(fastmath={"contract"}, borrows=True)(_legendre)
+_legendre_in_lanes = kernel(fastmath=FASTMATH, borrows=True, forceinline=True)(_legendre)
+
+
 @kernel(fastmath=FASTMATH, borrows=True, forceinline=True)
 def _store_polynomials(points, b, rows):
     """Write Legendre polynomials 1 to 5 of block b's paths: of the angle, and from row `_MOST_MODES` the velocity."""
     for axis in range(2):
-        _, p1, p2, p3, p4, p5 = legendre_at(load(points, 2 * b + axis))
+        _, p1, p2, p3, p4, p5 = _legendre_in_lanes(load(points, 2 * b + axis))
         first = axis * _MOST_MODES
         store(rows, first + 1, p1)
         store(rows, first + 2, p2)
