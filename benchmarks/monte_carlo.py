@@ -16,8 +16,8 @@ from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import Start
 from montecarlo import simulate
 from montecarlo.engines import rk4
+from montecarlo.engines.band_noise import draw_start_and_noise
 from montecarlo.engines.random import open_stream, stream_keys
-from montecarlo.engines.shinozuka import draw_band
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml")
 CYCLES = 10
@@ -26,11 +26,11 @@ TARGET = 1e-6
 
 
 @kernel(parallel=True)
-def rotation_sum(keys, problem, samples, spacing, sink):
+def rotation_sum(keys, parameters, samples, spacing, sink):
     """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
     for r in prange(sink.size):
-        own = band.allocate_realization(problem.harmonics, 1)
-        draw_band(open_stream(keys, r), problem, own)
+        own = band.allocate_realization(parameters.harmonics, 1)
+        draw_start_and_noise(open_stream(keys, r), parameters, own)
         band.write_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
         band.set_centre(own, 0, 0.0)
         sink[r] = _rotated(own, samples[r])
@@ -52,20 +52,20 @@ def _rotated(own, samples):
 
 
 @kernel(parallel=True)
-def chunked_sum(keys, problem, samples, spacing, half, sink):
+def chunked_sum(keys, parameters, samples, spacing, half, sink):
     """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
     for r in prange(sink.size):
-        own = band.allocate_realization(problem.harmonics, half)
-        draw_band(open_stream(keys, r), problem, own)
+        own = band.allocate_realization(parameters.harmonics, half)
+        draw_start_and_noise(open_stream(keys, r), parameters, own)
         band.write_sample_rotations(own, half, spacing)
         band.write_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
         band.set_centre(own, 0, half * spacing)
-        room, total = np.zeros(2 * half + 1), 0.0
+        workspace, total = np.zeros(2 * half + 1), 0.0
         for _ in range((samples[r] + 2 * half - 1) // (2 * half)):
-            room[:] = 0.0
-            band.add_samples(own, half, room)
+            workspace[:] = 0.0
+            band.add_samples(own, half, workspace)
             band.rotate_centre(own, own.hop)
-            total += room[0]
+            total += workspace[0]
         sink[r] = total
 
 
@@ -75,15 +75,15 @@ def floor(realizations=20_000):
     chunk = MAIN.period / STEPS * rk4.CHUNK_STEPS
     lived = np.where(np.isnan(ensemble.overturn_time), CYCLES * MAIN.period, ensemble.overturn_time)
     samples = (np.ceil(lived / chunk - 1e-9) * 2 * rk4.CHUNK_STEPS).astype(np.int64)
-    problem, keys, sink = rk4.problem_of(MAIN, STEPS), stream_keys(1), np.empty(realizations)
+    parameters, keys, sink = rk4.parameters_of(MAIN, STEPS), stream_keys(1), np.empty(realizations)
     spacing, half = 0.5 / STEPS, rk4.CHUNK_STEPS
     return medians(
         {
             "rk4, the whole engine": lambda: simulate(
                 MAIN, cycles=CYCLES, realizations=realizations, method="rk4", steps_per_cycle=STEPS
             ),
-            "rotation sum alone": lambda: rotation_sum(keys, problem, samples, spacing, sink),
-            "the engine's own sum alone": lambda: chunked_sum(keys, problem, samples, spacing, half, sink),
+            "rotation sum alone": lambda: rotation_sum(keys, parameters, samples, spacing, sink),
+            "the engine's own sum alone": lambda: chunked_sum(keys, parameters, samples, spacing, half, sink),
         }
     )
 

@@ -16,7 +16,7 @@ from report import ROOT, medians, table
 
 from fpk_rocking import solve_fpk
 from montecarlo import simulate
-from montecarlo.engines.white import FINEST
+from montecarlo.tuning import TUNING
 
 REFERENCE = ROOT / "tests" / "data" / "main_white.npz"
 CYCLES = 10
@@ -140,7 +140,7 @@ def rows():
             label, steps = ("diffrax" if name[1] else "diffrax, plain map"), name[0]
         else:
             survival, label = engine(total, 2, name).survival[-1], "white engine"
-            steps = f"shortest steps: {name * FINEST:,}"
+            steps = f"shortest steps: {name * TUNING.finest_step:,}"
         needed = cost * truth * (1.0 - truth) / TARGET**2
         found[name] = cost / unit, f"{survival - truth:+.4f} ± {spread:.4f}"
         lines.append([label, steps, found[name][1], f"{1e6 * cost:.1f}", f"{cost / unit:.1f}", f"{needed:.1f}"])

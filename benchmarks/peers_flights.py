@@ -12,7 +12,7 @@ from report import medians, table
 
 from fpk_rocking.physics.noise import band
 from montecarlo import simulate
-from montecarlo.engines import rk4, shinozuka
+from montecarlo.engines import band_noise, rk4
 from montecarlo.engines.random import open_stream, stream_keys
 
 CYCLES, PATHS, TOLS = (1, 4), 200, (1e-5, 1e-8)
@@ -24,12 +24,12 @@ E, CUTOFF, PERIOD = BAND.block.restitution, BAND.overturning.angle, BAND.period
 
 def realizations(count, seed=1):
     """Return frequencies, phases and amplitudes of the forcing of realizations (count, 3, harmonics + 1)."""
-    problem, rows = rk4.problem_of(BAND, 8), []
+    parameters, rows = rk4.parameters_of(BAND, 8), []
     omega, phase, amplitude = BAND.forcing.frequency, BAND.forcing.phase, BAND.forcing.amplitude
     for number in range(count):
-        drawn = band.allocate_realization(problem.harmonics, 1)
-        shinozuka.draw_band(open_stream(stream_keys(seed), number), problem, drawn)
-        ratios, phases, weights = (row[: problem.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
+        drawn = band.allocate_realization(parameters.harmonics, 1)
+        band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters, drawn)
+        ratios, phases, weights = (row[: parameters.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
         rows.append(
             [np.append(omega * ratios, omega), np.append(2 * np.pi * phases, phase), np.append(weights, -amplitude)]
         )

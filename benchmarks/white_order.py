@@ -26,12 +26,13 @@ from scipy.optimize import curve_fit
 
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise, load_scene
 from montecarlo import histories
-from montecarlo.engines import running, white
+from montecarlo.engines import batches, white
+from montecarlo.tuning import TUNING
 
 SCENES = ROOT / "cases" / "scenes"
 PATHS = 200_000
 STEPS = 200
-DEFAULT = white.FINEST * STEPS
+DEFAULT = TUNING.finest_step * STEPS
 COARSE = (64, 128, 256, 512, 1024)
 REFERENCE = 256
 CYCLES = (2, 10)
@@ -39,14 +40,13 @@ NAMES = ("S", "⟨x⟩", "⟨v⟩", "⟨x²⟩", "⟨v²⟩")
 
 
 @contextlib.contextmanager
-def shortest_steps(per_cycle, brief=white.BRIEF):
+def shortest_steps(per_cycle, brief=TUNING.bounce_time):
     """Let the engine's shortest step be a cycle over `per_cycle`, and bounces as brief as `brief` one draw each."""
-    kept = white.FINEST, white.BRIEF
-    white.FINEST, white.BRIEF = per_cycle / STEPS, brief
+    white.TUNING = TUNING._replace(finest_step=per_cycle / STEPS, bounce_time=brief)
     try:
         yield
     finally:
-        white.FINEST, white.BRIEF = kept
+        white.TUNING = TUNING
 
 
 def balance(restitution, diffusion, step, paths, brief, seed=1, duration=16.0):
@@ -63,8 +63,10 @@ def balance(restitution, diffusion, step, paths, brief, seed=1, duration=16.0):
 def survival_and_moments(scene, per_cycle, paths):
     """Return survival and moments of the standing paths, and their standard errors, each (cycles + 1, 5)."""
     sums, squares = np.zeros((2, max(CYCLES) + 1, len(NAMES)))
+    run = batches.checked_run(scene, max(CYCLES), paths, per_cycle, "white", STEPS)
+    run = batches.checked_run(scene, max(CYCLES), paths, per_cycle, "white", STEPS)
     with shortest_steps(per_cycle):
-        for batch in running.batches(running.checked(scene, max(CYCLES), paths, per_cycle, "white", STEPS)):
+        for batch in batches.simulate_batches(run):
             standing = np.isfinite(batch.angle)
             x, v = np.where(standing, batch.angle, 0.0), np.where(standing, batch.velocity, 0.0)
             for i, values in enumerate((standing.astype(float), x, v, x * x, v * v)):

@@ -8,15 +8,13 @@ of realizations with their sampling errors.
 """
 
 from montecarlo.forces import ContactForces, contact_forces
-from montecarlo.history import histories
 from montecarlo.poincare import correlation_dimension, mean_poincare_map, restarted_poincare_map
-from montecarlo.rare.splitting import Splitting, split
 from montecarlo.results.ensemble import Ensemble
 from montecarlo.results.histories import Histories
 from montecarlo.results.statistics import bin_errors, first_passage, impact_speeds, overturning_rate
 from montecarlo.results.tally import Tally
-from montecarlo.simulation import simulate
-from montecarlo.tallying import tally
+from montecarlo.simulation import histories, simulate, tally
+from montecarlo.splitting import Splitting, split
 
 __all__ = [
     "ContactForces",

@@ -1,16 +1,24 @@
-"""`contact_forces`: what friction and normal force the blocks of some histories need to rock without sliding."""
+"""`contact_forces`: the friction and the normal force with which the blocks of some histories rock without sliding.
+
+Histories do not keep the force on the block: its noise is drawn again, from the same random numbers.
+"""
 
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.motion import block as forces
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines.force import forces_of
+from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
+from montecarlo.engines.filtered import parameters_of, workspace_of
+from montecarlo.engines.filtered_noise import bound_noise, draw_first_states, draw_next_interval
+from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
 from montecarlo.results.histories import Histories
 
 
@@ -51,9 +59,9 @@ class ContactForces:
 
         It is |H|/N, inf where N <= 0: the corner leaves the floor there. nan after overturning.
         """
-        held = self.normal > 0.0
-        ratio = np.abs(self.horizontal) / np.where(held, self.normal, 1.0)
-        return np.where(held | np.isnan(self.normal), ratio, np.inf)
+        pressed = self.normal > 0.0
+        ratio = np.abs(self.horizontal) / np.where(pressed, self.normal, 1.0)
+        return np.where(pressed | np.isnan(self.normal), ratio, np.inf)
 
     @property
     def needed(self) -> Array:
@@ -143,8 +151,72 @@ def contact_forces(histories: Histories) -> ContactForces:
         accepted = "'band', 'filtered' or 'none' for contact forces"
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     count = 1 if scene.deterministic else histories.realizations
-    shaking = forces_of(scene, histories.seed, count, histories.steps_per_cycle, histories.time)
+    force = _total_force(scene, histories.seed, count, histories.steps_per_cycle, histories.time)
     slender = scene.block.critical_angle == 0.0
     alpha = math.atan(scene.block.least_friction)
-    found = forces.contact_forces(histories.angle, histories.velocity, shaking, alpha, slender)
-    return ContactForces(scene, histories.time, *found)
+    both = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender)
+    return ContactForces(scene, histories.time, *both)
+
+
+def _total_force(scene, seed, count, steps_per_cycle, times):
+    """Return the force (count, n) at times (n,) on the realizations 0, 1, ... of a scene without white noise."""
+    noise = scene.noise
+    force = np.tile([scene.forcing.value(time) for time in times.tolist()], (count, 1))
+    if noise.kind == "none":
+        return force
+    envelope = 1.0 if noise.envelope is None else noise.envelope.value(times)
+    if noise.kind == "band":
+        return force + envelope * _band_noise(scene, seed, count, times)
+    return force + envelope * _filtered_noise(scene, seed, count, steps_per_cycle, times)
+
+
+class _Realization(NamedTuple):
+    """What `draw_start_and_noise` reads and writes, of one realization."""
+
+    start: np.ndarray
+    low_ratio: float
+    ratio_width: float
+    weight: float
+    harmonics: int
+    ratios: np.ndarray
+    phases: np.ndarray
+    weights: np.ndarray
+
+
+def _band_noise(scene, seed, count, times):
+    """Return band noise (count, n) at times (n,), less its envelope: the sum of its harmonics."""
+    keys, values, band = stream_keys(seed), np.empty((count, times.size)), band_of_scene(scene, 2.0 * math.pi)
+    for number in range(count):
+        drawn = _Realization(start_parameters(scene.start), *band, *np.empty((3, band.harmonics)))
+        draw_start_and_noise(open_stream(keys, number), drawn, drawn)
+        values[number] = np.cos(np.outer(times, drawn.ratios) + 2.0 * math.pi * drawn.phases) @ drawn.weights
+    return values
+
+
+def _filtered_noise(scene, seed, count, steps_per_cycle, times):
+    """Return filtered noise (count, n) at times (n,), less its envelope: a polynomial in each of its intervals."""
+    parameters = parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
+    values = np.empty((count, times.size))
+    _write_filtered_noise(stream_keys(seed), parameters, times / parameters.spacing, values)
+    return values
+
+
+@kernel
+def _write_filtered_noise(keys, parameters, places, values):
+    """Write the noise (count, n) at places (n,), ascending, in intervals."""
+    noise, tables = workspace_of(parameters).noise, parameters.noise
+    for realization in range(values.shape[0]):
+        stream, drawn = open_stream(keys, realization), -1
+        draw_start(stream, parameters.start)
+        draw_first_states(stream, tables, noise)
+        for k in range(places.size):
+            number = int(places[k])
+            while drawn < number:
+                draw_next_interval(stream, tables, noise)
+                drawn += 1
+            bound_noise(number % parameters.count, tables, parameters.envelope, noise)
+            share, row = places[k] - number, noise.bernstein
+            for last in range(row.size - 1, 0, -1):
+                for i in range(last):
+                    row[i] += share * (row[i + 1] - row[i])
+            values[realization, k] = row[0]

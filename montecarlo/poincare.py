@@ -19,10 +19,8 @@ from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import running
+from montecarlo.engines.batches import checked_run, refuse_large, simulate_batches
 from montecarlo.results.ensemble import Ensemble
-
-_RULES = ("clamped", "left out")
 
 
 class MeanMap(NamedTuple):
@@ -87,11 +85,11 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     """
     checks.instance("ensemble", ensemble, Ensemble)
     refuse_transient(ensemble.scene.forcing, "a Poincaré map")
-    _checked(overturned)
+    _refuse_unknown_rule(overturned)
     cutoff = ensemble.scene.overturning.angle
     columns = zip(ensemble.angle.T, ensemble.velocity.T, strict=True)
     rows = [_mean(angle, velocity, ensemble.overturn_side, cutoff, overturned) for angle, velocity in columns]
-    return _mapped(rows, cutoff, ensemble.deterministic)
+    return _mean_map(rows, cutoff, ensemble.deterministic)
 
 
 def restarted_poincare_map(
@@ -144,13 +142,13 @@ def restarted_poincare_map(
     checks.instance("scene", scene, Scene)
     refuse_transient(scene.forcing, "a Poincaré map")
     refuse_envelope(scene.noise, "a restarted map")
-    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
-    running.refuse_large(run)
+    run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress)
+    refuse_large(run)
     run = run._replace(times=run.times[:2])
-    _checked(overturned)
+    _refuse_unknown_rule(overturned)
     cutoff, rows, place = scene.overturning.angle, [], scene.start
     for cycle in range(cycles):
-        angle, velocity, side = _images(run._replace(scene=dataclasses.replace(scene, start=place)), cycle)
+        angle, velocity, side = _cycle_images(run._replace(scene=dataclasses.replace(scene, start=place)), cycle)
         if cycle == 0:
             rows.append(_mean(angle[:, 0], velocity[:, 0], side, cutoff, overturned))
         rows.append(_mean(angle[:, 1], velocity[:, 1], side, cutoff, overturned))
@@ -161,7 +159,7 @@ def restarted_poincare_map(
             rows += (cycles - cycle - 1) * rows[-1:]
             break
         place = Start(float(mean[0]), float(mean[1]))
-    return _mapped(rows, cutoff, scene.deterministic)
+    return _mean_map(rows, cutoff, scene.deterministic)
 
 
 def correlation_dimension(points: ArrayLike, shortest: float, longest: float) -> float:
@@ -208,24 +206,25 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
     return math.log(far / near) / math.log(longest / shortest) if near > 0.0 else math.nan
 
 
-def _checked(overturned):
-    if overturned not in _RULES:
-        raise ValueError(checks.refusal("overturned", overturned, " or ".join(map(repr, _RULES))))
+def _refuse_unknown_rule(overturned):
+    """Refuse anything but "clamped" and "left out"."""
+    if overturned not in ("clamped", "left out"):
+        raise ValueError(checks.refusal("overturned", overturned, "'clamped' or 'left out'"))
 
 
-def _images(run, cycle):
+def _cycle_images(run, cycle):
     """States (realizations, 2) before and after one cycle, and the side of overturning in it."""
-    batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in running.batches(run, cycle=cycle)]
+    batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in simulate_batches(run, cycle=cycle)]
     return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 
 def _mean(angle, velocity, side, cutoff, overturned):
     """Mean (2,) of states, some of them overturned (nan), its standard error (2,), and how many it is over."""
-    states, gone = np.stack([angle, velocity]), np.isnan(angle)
+    states, over = np.stack([angle, velocity]), np.isnan(angle)
     if overturned == "left out":
-        states = states[:, ~gone]
+        states = states[:, ~over]
     else:
-        states[0, gone], states[1, gone] = side[gone] * cutoff, 0.0
+        states[0, over], states[1, over] = side[over] * cutoff, 0.0
     counted = states.shape[1]
     if counted == 0:
         return np.full(2, np.nan), np.full(2, np.nan), 0
@@ -236,7 +235,8 @@ def _mean(angle, velocity, side, cutoff, overturned):
     return mean, np.sqrt(np.square(states - mean[:, None]).sum(axis=1) / (counted - 1) / counted), counted
 
 
-def _mapped(rows, cutoff, deterministic):
+def _mean_map(rows, cutoff, deterministic):
+    """Return the `MeanMap` of rows of `_mean`, one a cycle."""
     points, errors, counted = map(np.array, zip(*rows, strict=True))
     if deterministic:
         errors[counted > 0] = 0.0

@@ -1,13 +1,22 @@
-"""`simulate`: an ensemble of realizations of a scene, every one kept."""
+"""Monte Carlo runs of a scene: `simulate`, `histories` and `tally`, by what they keep of the realizations.
+
+`simulate` keeps the states after every cycle, `histories` those between and the impacts, and `tally` counts alone.
+"""
 
 import time
 
 import numpy as np
 
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import ArrayLike, File, Progress
+from fpk_rocking.results.binning import ascending_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import running
+from montecarlo.engines.batches import checked_run, refuse_large, simulate_batches
+from montecarlo.results.counts import LARGEST, add, empty_counts
 from montecarlo.results.ensemble import Ensemble
+from montecarlo.results.histories import Histories
+from montecarlo.results.tally import Checkpoint, Tally, resumed
+from montecarlo.tuning import TUNING
 
 
 def simulate(
@@ -74,8 +83,8 @@ def simulate(
     0.984 [0.974 0.99 ]
     """
     started = time.perf_counter()
-    run = running.checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
-    running.refuse_large(run, instead="; a tally keeps counts alone and has no such limit")
+    run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
+    refuse_large(run, instead="; a tally keeps counts alone and has no such limit")
     shape = (run.realizations, run.rows + 1)
     arrays = {
         "angle": np.empty(shape),
@@ -83,7 +92,7 @@ def simulate(
         "overturn_time": np.empty(run.realizations),
         "overturn_side": np.empty(run.realizations, np.int8),
     }
-    for batch in running.batches(run, progress=progress):
+    for batch in simulate_batches(run, progress=progress):
         for name, array in arrays.items():
             part = getattr(batch, name)
             array[batch.first : batch.first + len(part)] = part
@@ -96,3 +105,206 @@ def simulate(
         wall_s=time.perf_counter() - started,
         **arrays,
     )
+
+
+def histories(
+    scene: Scene,
+    *,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    realizations: int = 1,
+    seed: int = 1,
+    method: str | None = None,
+    steps_per_cycle: int = 200,
+    samples_per_cycle: int | None = None,
+    progress: Progress | None = None,
+) -> Histories:
+    """Simulate realizations and keep their time histories with every impact.
+
+    Realization number r is that of `montecarlo.simulate` with the same seed, method and steps. The method "white" is an
+    exception: its paths depend on `samples_per_cycle` too, though their probabilities do not.
+
+    Parameters
+    ----------
+    scene : Scene
+        Block, forcing, noise, start and overturning.
+    cycles, realizations, seed, method, steps_per_cycle, progress
+        As for `montecarlo.simulate`.
+    times : array_like, optional
+        For a pulse or a record: ascending nondimensional times of the states. By default 1001 times until 10 units of
+        time after its end.
+    samples_per_cycle : int, optional
+        Number of states in each cycle, at least 1; by default 100. Refused where the forcing does not repeat.
+
+    Returns
+    -------
+    Histories
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, as by `montecarlo.simulate`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from montecarlo import histories
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz")
+    >>> path = histories(rack, cycles=2)
+    >>> print(path.angle.shape, path.impact_time.round(2))
+    (1, 201) [0.62 2.16 3.7 ]
+    """
+    started = time.perf_counter()
+    run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
+    samples = checks.count("samples_per_cycle", 100 if samples_per_cycle is None else samples_per_cycle)
+    if scene.period is None:
+        if samples_per_cycle is not None:
+            accepted = f"nothing, as a {scene.forcing.kind} has no cycles; use times"
+            raise ValueError(checks.refusal("samples_per_cycle", samples_per_cycle, accepted))
+        samples = 1
+        if times is None:
+            run = run._replace(times=np.linspace(0.0, run.times[-1], 1001))
+    refuse_large(run, samples + TUNING.impacts_per_cycle)
+    parts = [(batch[1:5], _impacts_of(batch)) for batch in _batches_with_all_impacts(run, samples, progress)]
+    states, impacts = (map(np.concatenate, zip(*rows, strict=True)) for rows in zip(*parts, strict=True))
+    return Histories(
+        scene,
+        run.method,
+        run.seed,
+        run.steps_per_cycle,
+        samples,
+        time.perf_counter() - started,
+        run.times if scene.period is None else scene.period * (np.arange(run.rows * samples + 1) / samples),
+        *states,
+        *impacts,
+    )
+
+
+def _batches_with_all_impacts(run, samples, progress):
+    """Yield the batches of a run; one with more impacts than there was space for is simulated again with enough."""
+    capacity = TUNING.impacts_per_cycle * run.rows
+    for batch in simulate_batches(run, samples=samples, capacity=capacity, progress=progress):
+        needed = int(batch.impacts.count.max())
+        if needed <= capacity:
+            yield batch
+        else:
+            again = run._replace(realizations=batch.first + batch.angle.shape[0])
+            refuse_large(again._replace(realizations=batch.angle.shape[0], times=run.times[:2]), needed)
+            yield from simulate_batches(again, first=batch.first, samples=samples, capacity=needed)
+
+
+def _impacts_of(batch):
+    """Return realization, time and velocity of each impact of a batch, shape (n_impacts,)."""
+    recorded = np.arange(batch.impacts.time.shape[1]) < batch.impacts.count[:, None]
+    return batch.first + np.nonzero(recorded)[0], batch.impacts.time[recorded], batch.impacts.velocity[recorded]
+
+
+def tally(
+    scene: Scene,
+    *,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    realizations: int | None = None,
+    seed: int = 1,
+    method: str | None = None,
+    steps_per_cycle: int = 200,
+    angle_edges: ArrayLike | None = None,
+    velocity_edges: ArrayLike | None = None,
+    checkpoint: File | None = None,
+    progress: Progress | None = None,
+) -> Tally:
+    """Simulate realizations of a scene and keep counts alone, in little memory however many there are.
+
+    Survival, joint histograms and moments after each cycle are counted. The realizations are those of `simulate` with
+    the same parameters. The result does not depend on the number of threads, nor on where a run was stopped and
+    resumed.
+
+    Parameters
+    ----------
+    scene, cycles, times, seed, method, steps_per_cycle, progress
+        As for `simulate`.
+    realizations : int, optional
+        Number of realizations, 1 to 2**31 - 1. A deterministic scene needs no number, as for `simulate`.
+    angle_edges, velocity_edges : array_like, optional
+        Ascending edges of the bins that are counted, nondimensional. The default bins, 0.05 wide, are those that
+        comparisons and pictures need.
+    checkpoint : path, optional
+        File that keeps the state of the run. It is written from time to time, at the end, and when the run is
+        interrupted. Where the file exists, the run goes on from it: `realizations` may then be larger than before, all
+        other parameters have to be the same. `Tally.load` reads it.
+
+    Returns
+    -------
+    Tally
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `simulate`; or the edges do not ascend, the histograms would take more than 512 MiB, or the checkpoint is
+        damaged or belongs to another run, and is then left as it is.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from montecarlo import tally
+    >>> print(tally(load_scene("main"), cycles=4, realizations=1000).survival.round(2))
+    [1.   1.   1.   0.97 0.86]
+    """
+    started = time.perf_counter()
+    run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
+    checks.count("realizations", run.realizations, at_most=LARGEST)
+    angles, velocities = joint_edges(scene)
+    edges = (
+        _checked_edges("angle_edges", angle_edges, angles),
+        _checked_edges("velocity_edges", velocity_edges, velocities),
+    )
+    _check_size(run, edges)
+    counts, spent = empty_counts(run.scene, run.times, *edges), 0.0
+    if checkpoint is not None and checks.path("checkpoint", checkpoint).exists():
+        counts, spent = resumed(checkpoint, run, counts)
+
+    def result():
+        wall_s = spent + time.perf_counter() - started
+        return Tally(scene, run.method, run.seed, run.steps_per_cycle, wall_s, counts)
+
+    done = result().realizations
+    saved = Checkpoint(checkpoint, done)
+    try:
+        for batch in _small_batches(run, done, progress):
+            add(counts, batch)
+            if saved.is_due:
+                saved.save(result())
+    finally:
+        saved.save(result())
+    return result()
+
+
+def _small_batches(run, first, progress):
+    """Yield the batches of a run from a realization on, none of more states than are held at once."""
+    most = max(1, TUNING.tally_states // (run.rows + 1))
+    report = None if progress is None else lambda done, _: progress(done, run.realizations)
+    for begin in range(first, run.realizations, most):
+        piece = run._replace(realizations=min(begin + most, run.realizations))
+        yield from simulate_batches(piece, first=begin, progress=report)
+
+
+def _with_middles(edges):
+    """Return the edges and the middles between them, the edges as they are to the last bit."""
+    return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
+
+
+def _checked_edges(name, given, default):
+    """Return the edges of bins (n + 1,) that a user has given, or the default ones and their middles."""
+    return _with_middles(default) if given is None else ascending_edges(name, given, finite=True)
+
+
+def _check_size(run, edges):
+    """Refuse histograms that do not fit into little memory."""
+    bins = [values.size - 1 for values in edges]
+    most = TUNING.tally_bytes // (4 * bins[0] * bins[1]) - 1
+    if most < 1:
+        accepted = f"at most {TUNING.tally_bytes // 8} bins; fewer edges of your own make fewer than the default ones"
+        raise ValueError(checks.refusal("angle_edges, velocity_edges", f"{bins[0]} x {bins[1]} bins", accepted))
+    if run.rows > most:
+        accepted = f"1 to {most} with {bins[0]} x {bins[1]} bins, more with fewer bins"
+        raise ValueError(checks.refusal("cycles" if run.scene.period else "number of times", run.rows, accepted))

@@ -16,7 +16,7 @@ from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import grid, scaled
 from fpk_rocking.studies.sweeping import checked_scenes
 from fpk_rocking.studies.tasks import TASKS
-from montecarlo.engines.choice import engine_of
+from montecarlo.engines import engine_of
 
 _ENGINES = ("exact", "rk4", "white", "filtered", "density")
 _MOST = 10_000
@@ -178,7 +178,7 @@ def _engine(engine, scenes):
         accepted = ", ".join(map(repr, _ENGINES)) + " or None (the Monte Carlo method that fits the noise)"
         raise ValueError(checks.refusal("engine", engine, accepted))
     if engine is None:
-        kinds = {engine_of(scene).METHOD for scene in scenes}
+        kinds = {engine_of(scene).method for scene in scenes}
         if len(kinds) != 1:
             accepted = "scenes whose noise one method takes, or an `engine` that replaces it"
             raise ValueError(checks.refusal("scene", f"methods {sorted(kinds)}", accepted))

@@ -12,7 +12,7 @@ from fpk_rocking.density import Evolution, solve_fpk
 from fpk_rocking.density.ahead import tasks_of_density
 from fpk_rocking.scene.scene import Scene
 from montecarlo import simulate
-from montecarlo.engines.choice import engine_of, fitting, task_of
+from montecarlo.engines import engine_of, engines_for, task_of
 
 
 def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[
     names: set[str] = set()
     for scene in scenes:
         if task is mc:
-            names.update(task_of(engine, scene) for engine in fitting(scene, options.get("method"))[:1])
+            names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
             names.update(tasks_of_density(scene, options.get("noise_replacement")))
     return sorted(names)

@@ -1,93 +1,45 @@
 """The Monte Carlo engines, which integrate the realizations of a scene.
 
-An engine is a module with what `Engine` lists, or its own march in place of all from `begin` on. `choice` lists the
-engines and chooses one for a scene; `march` makes their kernels; `running` checks the parameters of a run and yields
-batches of realizations. `random`, `start` and `shinozuka` draw what they need, `grid` divides time for all of them, and
-`approach` and `bounce` are parts of `white`.
+`engine` says what an engine is, and has the loop over time that all of them share; `batches` checks the parameters of a
+run and yields its realizations; `random` has the random numbers of each. The engines are `exact` and `rk4`, for band
+noise or none (`band_noise`), `white` (with `approach` and `bounce`), and `filtered` (`filtered_noise`). This module
+lists them and chooses one for a scene. `walkers` and `levels` are the kernels of `montecarlo.splitting`.
 """
 
-from typing import Protocol
+from fpk_rocking.base import ahead, checks
+from montecarlo.engines import exact, filtered, rk4, white
+
+ENGINES = exact.SLENDER, exact.ENVELOPED, exact.EXACT_BLOCK, rk4.ENGINE, white.ENGINE, filtered.ENGINE
+"""All engines. Of those that take a scene the first is the default; those of one method take different scenes."""
 
 
-class Engine(Protocol):
-    """What a module of this folder has to have to be an engine.
+def engines_for(scene, method=None):
+    """Return the engines that take a scene, of one method or of any, the default first."""
+    return [engine for engine in ENGINES if engine.takes(scene) and method in (None, engine.method)]
 
-    Attributes
-    ----------
-    METHOD : str
-        Name by which a user asks for it.
-    RENEWS : bool
-        Whether a run that begins at another cycle has noise of its own, and not the same function of time.
-    BLOCK : int
-        Realizations that follow each other in a thread's working memory.
+
+def engine_of(scene, method=None):
+    """Return the `Engine` that simulates a scene by a method, or by the first that fits.
+
+    Raises
+    ------
+    ValueError
+        There is no such method, or it does not take the scene.
     """
+    engines = engines_for(scene, method)
+    if engines:
+        return engines[0]
+    methods = dict.fromkeys(engine.method for engine in ENGINES)
+    if not isinstance(method, str) or method not in methods:
+        accepted = ", ".join(map(repr, methods)) + " or None (the first that fits the noise)"
+        raise ValueError(checks.refusal("method", method, accepted))
+    names = dict.fromkeys(repr(engine.method) for engine in engines_for(scene))
+    accepted = f"{' or '.join(names)} for noise of kind {scene.noise.kind!r}"
+    if method in {"white", "filtered"}:
+        accepted += f"; {method!r} needs {method} noise, which scene.{method}_equivalent() makes of this one"
+    raise ValueError(checks.refusal("method", method, accepted))
 
-    METHOD: str
-    RENEWS: bool
-    BLOCK: int
 
-    def takes(self, scene):
-        """Whether it simulates a scene."""
-
-    def problem_of(self, scene, steps_per_cycle, times):
-        """Return what its kernels have to know, as a tuple of numbers and arrays.
-
-        Parameters
-        ----------
-        scene : Scene
-        steps_per_cycle : int
-            As it was asked for; an engine may take no steps.
-        times : ndarray, shape (rows,)
-            Times since its begin at which states are wanted in each lap (`grid`): a cycle, or all of a time that does
-            not repeat.
-        """
-
-    def realize(self, keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
-        """Simulate realizations `first`, `first` + 1, ... in parallel, each from its own stream of random numbers.
-
-        Times count from τ = 0, also where the run begins later. A realization depends on its keys and its number alone.
-
-        Parameters
-        ----------
-        keys : ndarray of uint64, shape (4,)
-            From `montecarlo.engines.random.stream_keys`.
-        first : int
-            Number of the first realization.
-        cycle : int
-            Number of the lap at which the run begins, from the scene's start.
-        problem : tuple
-            From `problem_of`.
-        angle, velocity : ndarray, shape (count, laps * rows + 1)
-            Filled with the states at the begin and at the times wanted, up to overturning; nan before the call.
-        overturn_time, overturn_side : ndarray, shape (count,)
-            Filled with the time (nan: never) and the side (0: never).
-        impacts : Impacts of ndarray, shapes (count,), (count, capacity) and (count, capacity)
-            Filled with each realization's impacts; those beyond the capacity are counted and not kept.
-        """
-
-    def room_of(self, problem):
-        """Return the working memory of a thread."""
-
-    def draw(self, stream, problem, room):
-        """Draw a start, and what is drawn of the noise before all else; return angle and velocity."""
-
-    def begin(self, stream, x, v, side, cycle, problem, room):
-        """Make the noise ready at the begin of a run; return the state at (x, v), in the engine's own variables."""
-
-    def know(self, stream, number, j, cycle, problem, room):
-        """Make the force known in interval `number` of the run, j of the lap."""
-
-    def coast(self, state, side, number, j, problem, room):
-        """Return whether nothing happens in the interval, and the state at its end if so."""
-
-    def resolve(self, number, j, problem, room):
-        """Write the force in the interval as a polynomial, before `look` and `cross`."""
-
-    def look(self, state, side, number, j, share, problem, room):
-        """Return angle and velocity after a share of the interval, nan if overturned."""
-
-    def cross(self, state, ahead, side, number, j, cycle, problem, room, impacts):
-        """Carry a block on, `ahead` from `coast`; return state, side, and time of overturning (inf: none)."""
-
-    def seen(self, state, side, number, j, problem, room):
-        """Return angle and velocity at the end of the interval."""
+def task_of(engine, scene):
+    """Return the task of `fpk_rocking.base.ahead` that compiles an engine for a scene."""
+    return ahead.of_block(f"montecarlo.ahead:{engine.task}", scene)

@@ -1,24 +1,24 @@
 """Steps of a white-noise path near the barriers, x = 0 and the cut-off: as long as is safe, and across an impact.
 
-Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Problem` these kernels read.
+Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Parameters` these kernels read.
 """
 
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration, acceleration_bounds, block_of, dispatch_on_block
+from fpk_rocking.physics.motion.equation import (
+    acceleration,
+    acceleration_bounds,
+    block_of,
+    dispatch_on_block,
+    force_factor,
+)
 from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.flight import covariance_factor, slender_flight_end
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
 from montecarlo.engines.random import normal
-from montecarlo.engines.steps import nystrom
-
-FAST = 1e-3
-"""A block arrives at a barrier after t at speed w, all but certainly and nearly on time, if 2 D t < FAST w^2."""
-
-_BRIEF = 0.02
-"""Longest flight that is drawn as one step to its arrival at a barrier."""
+from montecarlo.tuning import TUNING
 
 
 @kernel
@@ -49,15 +49,16 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 
 @kernel(borrows=True)
-def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
-    """Say where a draw that ended beyond x = 0, or was meant to end there, has led: through an impact if one is found.
+def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, origin):
+    """Return u, w, side and the time of a draw (u, w) at `end` that lies beyond x = 0, or was meant to end there.
 
-    The impact lies on the parabola through the drawn state. Where that has none within the step, the motion since the
-    impact is the drawn one scaled by the restitution. The impact is recorded, unless `impacts` is None. `latest` is the
-    latest time for it: `end`, or that of a step that was to end with it.
+    They are those right after the impact, if there is one. The impact lies on the parabola through the drawn state.
+    Where that has none within the step, the motion since the impact is the drawn one scaled by the restitution. The
+    impact is recorded, unless `impacts` is None. `latest` is the latest time for it: `end`, or that of a step that was
+    to end with it.
     """
-    restitution = problem.restitution
-    pull = acceleration(u, side, value_and_slope(segment.force, end)[0], block_of(problem))
+    restitution = parameters.restitution
+    pull = acceleration(u, side, value_and_slope(segment.force, end)[0], block_of(parameters))
     square = w * w - 2.0 * pull * u
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
@@ -74,49 +75,68 @@ def land(u, w, side, segment, start, end, latest, problem, impacts, origin):
 
 
 @kernel(inline="always")
+def nystrom_step(u, w, side, begin, middle, end, h, block):
+    """Folded angle and velocity after a step of Nyström's method of order 4, from three values of the force.
+
+    And the factor of the noise halfway: cos φ. The method is that for forces which do not depend on the velocity.
+    """
+    first = acceleration(u, side, begin, block)
+    halfway = u + 0.5 * h * (w + 0.25 * h * first)
+    second = acceleration(halfway, side, middle, block)
+    third = acceleration(u + h * (w + 0.5 * h * second), side, end, block)
+    u, w = u + h * (w + h * (first + 2.0 * second) / 6.0), w + h * (first + 4.0 * second + third) / 6.0
+    return u, w, force_factor(halfway, block)
+
+
+@kernel(inline="always")
 def _slender_mean(x, v, side, segment, start, end, block):
+    """Angle and velocity of a slender block at the end of a step without noise, and the factor of the noise in it."""
     x, v = slender_flight_end(x, v, side, segment, start, end, block)
     return x, v, 1.0
 
 
 @kernel(inline="always")
 def _exact_mean(x, v, side, segment, start, end, block):
+    """Angle and velocity of an exact block at the end of a step without noise, and the factor of the noise in it."""
     begin, middle = value_and_slope(segment.force, start)[0], value_and_slope(segment.force, 0.5 * (start + end))[0]
     last = value_and_slope(segment.force, end)[0]
-    u, w, strength = nystrom(side * x, side * v, side, begin, middle, last, end - start, block)
+    u, w, strength = nystrom_step(side * x, side * v, side, begin, middle, last, end - start, block)
     return side * u, side * w, strength
 
 
 _mean = dispatch_on_block(_slender_mean, _exact_mean)
-"""Angle and velocity after a step without noise, and the factor by which the noise enters in it."""
 
 
 @kernel(forceinline=True, borrows=True)  # see events.next_event
-def near(stream, u, w, side, segment, j, start, limit, problem, impacts, origin):
+def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, impacts, origin):
     """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
 
     u >= cutoff means overturned.
     """
-    cutoff, left, diffusion, reach = problem.cutoff, limit - start, problem.diffusion[j], problem.reach[j]
-    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block_of(problem))
-    down = safe_step(u, w, min(0.0, -fall), reach, left, problem.shortest)
-    up = safe_step(cutoff - u, -w, min(0.0, -rise), reach, left, problem.shortest)
+    cutoff, left, diffusion, reach = parameters.cutoff, limit - start, parameters.diffusion[j], parameters.reach[j]
+    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block_of(parameters))
+    down = safe_step(u, w, min(0.0, -fall), reach, left, parameters.shortest)
+    up = safe_step(cutoff - u, -w, min(0.0, -rise), reach, left, parameters.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
-        duration = min(max(duration, problem.shortest), left)
-        pull = acceleration(u, side, value_and_slope(segment.force, start)[0], block_of(problem))
+        duration = min(max(duration, parameters.shortest), left)
+        pull = acceleration(u, side, value_and_slope(segment.force, start)[0], block_of(parameters))
         falls = down <= up
         needed = least_closing_time(u, w, -pull) if falls else least_closing_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0
-        if towards and 0.0 < needed < min(left, _BRIEF) and 2.0 * diffusion * needed < FAST * w * w:
+        if (
+            towards
+            and 0.0 < needed < min(left, TUNING.longest_arrival)
+            and 2.0 * diffusion * needed < TUNING.sure_arrival * w * w
+        ):
             if not falls:
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
     end = limit if duration == left else start + duration
-    x, v, strength = _mean(side * u, side * w, side, segment, start, end, block_of(problem))
+    x, v, strength = _mean(side * u, side * w, side, segment, start, end, block_of(parameters))
     xx, vx, vv = covariance_factor(diffusion * strength * strength, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)
     if u < 0.0 or arrives:
-        return land(u, w, side, segment, start, end, limit if arrives else end, problem, impacts, origin)
+        return reflect_draw(u, w, side, segment, start, end, limit if arrives else end, parameters, impacts, origin)
     return u, w, side, end

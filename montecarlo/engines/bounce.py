@@ -18,24 +18,17 @@ from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from fpk_rocking.physics.motion.segment import value_and_slope
 from montecarlo.engines.random import normal, uniform
-
-SURE = 4.0
-"""A bounce is one draw if there is time for one that is as many standard deviations longer (in its duration's root)."""
-
-_SLOWEST = 0.01  # speed in units of D/pull; of such bounces two draws in nine are kept
-_STEADY = 0.5  # share of the pull that may be lost in the longest bounce
-_STRAIGHT = 0.3  # share of the pull by which the force may bend away from its tangent in it, twice
-_WIDTH = math.sqrt(8.0 / 3.0)
+from montecarlo.tuning import TUNING
 
 
 @kernel
-def _missing(ratio):
+def _mean_negative_part(ratio):
     """Mean of the negative part of a normal number of mean 1 and standard deviation 1/ratio."""
     return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))
 
 
 @kernel(borrows=True)
-def _beyond(stream, ratio):
+def _draw_beyond(stream, ratio):
     """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor."""
     while True:
         if ratio < 1.0:
@@ -71,7 +64,7 @@ def first_return(stream, speed, pull, growth, diffusion, least):
     time, speed : float
         The time is inf where the pull has ended before.
     """
-    width, most = _WIDTH * math.sqrt(diffusion), _missing(least) if least < 8.0 else 0.0
+    width, most = math.sqrt(8.0 / 3.0) * math.sqrt(diffusion), _mean_negative_part(least) if least < 8.0 else 0.0
     while True:
         pick, noise = (1.0 + most) * uniform(stream), width * normal(stream)
         disc = math.sqrt(noise * noise + 8.0 * pull * speed)
@@ -96,54 +89,58 @@ def first_return(stream, speed, pull, growth, diffusion, least):
                 arrival = 2.0 * mean - arrival
         else:
             ratio = mean / spread
-            if uniform(stream) * most >= _missing(ratio):
+            if uniform(stream) * most >= _mean_negative_part(ratio):
                 continue
-            arrival = 2.0 * mean + spread * _beyond(stream, ratio)
+            arrival = 2.0 * mean + spread * _draw_beyond(stream, ratio)
         apart = 3.0 * speed * arrival / (diffusion * time)
         if apart > 16.0 or uniform(stream) < math.erf(math.sqrt(apart)):
             return time, arrival
 
 
 @kernel(forceinline=True, borrows=True)  # see events.next_event
-def bounce(stream, w, side, j, time, until, problem, impacts, origin):
-    """Let a block that leaves x = 0 in interval j at w > 0 bounce back to it; return w after it, side, and its time.
+def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
+    """Draw the bounce of a block that leaves x = 0 in interval j at w > 0; return w and side after it, and its time.
 
     The side is 0 where the bounce is not low enough, could last beyond `until`, or meets a pull that changes too much
     for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
     values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
-    block, span = block_of(problem), problem.spacing
+    block, span = block_of(parameters), parameters.spacing
     share = force_factor(0.0, block)
-    diffusion = problem.diffusion[j] * share * share
-    force, slope = value_and_slope(problem.force[j], time)
+    diffusion = parameters.diffusion[j] * share * share
+    force, slope = value_and_slope(parameters.force[j], time)
     pull = -acceleration(0.0, side, force, block)
-    if not w < problem.brief * pull:
+    if not w < parameters.brief * pull:
         return w, 0, time
     disc = pull * pull - 8.0 / 3.0 * side * share * slope * w
     if not disc > 0.5 * pull * pull:
         return w, 0, time
     half = 2.0 * w / (pull + math.sqrt(disc))
     if time + half <= span:
-        middle, rate = value_and_slope(problem.force[j], time + half)
+        middle, rate = value_and_slope(parameters.force[j], time + half)
     else:
-        middle, rate = value_and_slope(problem.force[(j + 1) % problem.low.size], time + half - span)
+        middle, rate = value_and_slope(parameters.force[(j + 1) % parameters.low.size], time + half - span)
     chord = (middle - force) / half
     growth = -side * share * (rate + 0.6 * (slope + rate) - 1.2 * chord)
     mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
     pull = -acceleration(0.0, side, mean, block) - half * (
         acceleration_gradient(0.0, side, mean, block) * w / 3.0 + growth
     )
-    if not w * pull > _SLOWEST * diffusion:
+    if not w * pull > TUNING.bounce_slowest * diffusion:
         return w, 0, time
-    noise = SURE * _WIDTH * math.sqrt(diffusion)
+    noise = TUNING.bounce_deviations * math.sqrt(8.0 / 3.0) * math.sqrt(diffusion)
     root = 0.5 * (noise + math.sqrt(noise * noise + 8.0 * pull * w)) / pull
     latest = root * root
     lost = max(0.0, -growth) * latest / pull
-    if time + latest > until or lost > _STEADY or problem.curvature[j] * latest * latest > _STRAIGHT * pull:
+    if (
+        time + latest > until
+        or lost > TUNING.bounce_lost
+        or parameters.curvature[j] * latest * latest > TUNING.bounce_curved * pull
+    ):
         return w, 0, time
     duration, speed = first_return(stream, w, pull, growth, diffusion, math.sqrt((1.0 - lost) * w * pull / diffusion))
     if time + duration > until:
         return w, 0, time
     if impacts is not None:
         record_impact(impacts, origin + time + duration, -side * speed)
-    return velocity_after_impact(speed, problem.restitution), -side, time + duration
+    return velocity_after_impact(speed, parameters.restitution), -side, time + duration

@@ -1,25 +1,41 @@
-"""Event-driven realizations under band noise or none: closed-form flights between located impacts, no time step.
+"""Event-driven realizations under band noise or none: flights between located impacts, and no time step.
 
-The particular solution P of the forcing is band-limited. It is sampled on a grid that is far coarser than the steps of
-an integrator, and is a polynomial between grid points (`physics.noise.band`). The flight itself is s + P
-plus two exponentials, so at grid points it costs a few operations; only the intervals in which a bound of the
-acceleration cannot exclude an event are looked at, by `physics.motion.slender_interval`.
+Noise and forcing are band-limited. The noise is sampled on a grid that is far coarser than the steps of an integrator,
+and is a polynomial between grid points. Over an interval a block is carried in one flight; only the intervals in which
+a bound of the acceleration cannot exclude an event are looked at more closely. There are three kinds of flight:
+
+* A slender block is carried in closed form, s + P plus two exponentials, where P is the particular solution of forcing
+  and noise, and a polynomial like them. The state is these exponentials and the folded angle, which costs a few
+  operations an interval. Events are met by `physics.motion.crossing`.
+* A slender block under noise with an envelope, η(τ) g(τ), is carried by what forcing and noise add to its angle and
+  velocity over an interval. As g has kinks the product is not band-limited, and P is started anew in every interval.
+* An exact block, with an envelope or without, is carried by collocation (`physics.motion.collocation`), for which the
+  force is known at a few points by a table times the samples of the noise.
 """
 
 import math
-import sys
 from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import block_of, block_of_scene, slender_acceleration_bounds
-from fpk_rocking.physics.motion.flight import dynamic_stiffness, exponential_parts, folded_angle
-from fpk_rocking.physics.motion.particular import particular_at
-from fpk_rocking.physics.motion.segment import force_bounds
+from fpk_rocking.base.lanes import load, store
+from fpk_rocking.physics.motion import TERMS, lift_off
+from fpk_rocking.physics.motion.collocation import (
+    NODES,
+    PLACES,
+    FlightTables,
+    advance_from_flight,
+    flight_tables,
+    fly_by_tables,
+)
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.events import advance_through_events, chord_clearance
+from fpk_rocking.physics.motion.flight import dynamic_stiffness, exponential_parts, folded_angle, homogeneous_flight
+from fpk_rocking.physics.motion.impact import side_of_start
+from fpk_rocking.physics.motion.particular import force_series, forced_response, particular_at, particular_series
+from fpk_rocking.physics.motion.segment import force_bounds, particular_from_rest, segment_from_particular
 from fpk_rocking.physics.motion.slender_interval import Interval, cross_interval, interval_tables, state_in_interval
-from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.band import (
     OVERSAMPLING,
     WIDTH,
@@ -27,36 +43,34 @@ from fpk_rocking.physics.noise.band import (
     interpolant_polynomials,
     window_compensation,
 )
-from montecarlo.engines import shinozuka
-from montecarlo.engines.grid import grid_of
-from montecarlo.engines.march import marcher, realizer
-from montecarlo.engines.samples import CHUNK, allocate, first_samples, interpolate, more_samples
-from montecarlo.engines.shinozuka import band_of
-from montecarlo.engines.start import start_numbers
-
-METHOD = "exact"
-RENEWS = False
-BLOCK = 64
-
-FEWEST, LONGEST = 12, 0.2
-"""Intervals of the grid in the forcing's shortest period at least, and the longest interval."""
-
-
-def takes(scene):
-    """Whether this engine simulates a scene."""
-    plain = scene.noise.kind == "none" or (scene.noise.kind == "band" and scene.noise.envelope is None)
-    return plain and scene.block.critical_angle == 0.0
+from montecarlo.engines.band_noise import (
+    CHUNK,
+    EnvelopePieces,
+    Samples,
+    allocate_samples,
+    band_of_scene,
+    divide_by_window,
+    draw_start_and_noise,
+    envelope_pieces,
+    interpolate,
+    largest_envelope,
+    write_first_samples,
+    write_next_samples,
+)
+from montecarlo.engines.engine import Engine, time_grid
+from montecarlo.engines.random import start_parameters
+from montecarlo.tuning import TUNING
 
 
-class Problem(NamedTuple):
-    """What the kernel has to know: a scene in numbers, nondimensional, and tables over the m intervals of a lap.
+class Parameters(NamedTuple):
+    """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,); `count`, `spacing`, `marks`; `low_ratio` to `harmonics`: see `montecarlo.engines.start`, `grid` and
-    `shinozuka`. `pieces` (WIDTH, TERMS), `compensation`,
-    `ratio_scale`: interpolant of the noise, and `ends` (2, WIDTH): it and its derivative at an interval's end. `forced`
-    (m, TERMS): P of the forcing in the time since the interval's middle; `node` (m, 2): it and its derivative at the
-    interval's end. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an
-    interval a flight has no event in it. `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`.
+    `start` (5,); `low_ratio` to `harmonics`; `count` to `output_times`: see `start_parameters`, `Band` and `TimeGrid`.
+    `polynomials` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise. `zeros` (TERMS,).
+    `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the forcing for an exact block.
+    `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
+    flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest. `envelope`: of the noise.
+    `exponentials`, `bend`: see `physics.motion.crossing.Interval`. `flight`: tables of a kind of flight.
     """
 
     restitution: float
@@ -69,66 +83,177 @@ class Problem(NamedTuple):
     harmonics: int
     count: int
     spacing: float
-    marks: np.ndarray
-    pieces: np.ndarray
+    output_times: np.ndarray
+    polynomials: np.ndarray
     compensation: np.ndarray
     ratio_scale: float
+    zeros: np.ndarray
     forced: np.ndarray
-    node: np.ndarray
     least: np.ndarray
     most: np.ndarray
+    stays: np.ndarray
+    envelope: EnvelopePieces
     exponentials: np.ndarray
     bend: np.ndarray
+    flight: "ClosedForm | Response | Collocation"
+
+
+class ClosedForm(NamedTuple):
+    """Tables of the flights of a slender block without an envelope.
+
+    `node` (m, 2): P of the forcing and its derivative at the interval's end. `ends` (2, WIDTH): polynomials of the
+    interpolant there, and their derivatives.
+    """
+
+    node: np.ndarray
     ends: np.ndarray
 
 
-def problem_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
-    """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
-    forcing, noisy = scene.forcing, scene.noise.kind == "band"
-    longest = min(LONGEST, forcing.shortest_period / FEWEST)
-    grid = grid_of(scene, min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1])) if noisy else longest, times)
-    intervals, spacing = grid.count, grid.spacing
-    block, band = block_of_scene(scene), band_of(scene, grid.duration)
-    forced = forcing.pieces((np.arange(intervals) + 0.5) * spacing)
-    shapes, half = interpolant_polynomials(spacing), 0.5 * spacing
-    return Problem(
+class Response(NamedTuple):
+    """Tables of the flights of a slender block under noise with an envelope.
+
+    `noise` (order, 2, WIDTH): angle and velocity that the polynomials of the interpolant, times powers of the time, add
+    to a flight over an interval. `forcing` (m, 2): those that the forcing adds.
+    """
+
+    noise: np.ndarray
+    forcing: np.ndarray
+
+
+class Collocation(NamedTuple):
+    """Tables of the flights of an exact block.
+
+    `values` (WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m, NODES) and
+    `envelope` (m, NODES), (0, NODES) without one: their values there. `cruise`: see `physics.motion.collocation`.
+    """
+
+    values: np.ndarray
+    forcing: np.ndarray
+    envelope: np.ndarray
+    cruise: FlightTables
+
+
+def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
+    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`."""
+    forcing, envelope, exact = scene.forcing, scene.noise.envelope, scene.block.critical_angle > 0.0
+    longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
+    if scene.noise.kind == "band":
+        longest = min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1]))
+    grid = time_grid(scene, longest, times)
+    half, middles = 0.5 * grid.spacing, (np.arange(grid.count) + 0.5) * grid.spacing
+    block, band, polynomials = (
+        block_of_scene(scene),
+        band_of_scene(scene, grid.duration),
+        interpolant_polynomials(grid.spacing),
+    )
+    particular = forcing.pieces(middles)
+    low, high = np.empty((2, grid.count))
+    force_bounds(particular, half, low, high)
+    loudest = band.weight * band.harmonics * largest_envelope(envelope, grid)
+    parts = envelope_pieces(envelope, middles, half)
+    if exact:
+        flight = _collocation(force_series(particular), envelope, polynomials, middles, grid.spacing)
+    elif envelope is not None:
+        flight = _response(particular, polynomials, parts.strength.shape[1], half)
+    else:
+        flight = _closed_form(particular, polynomials, half)
+    return Parameters(
         *block,
-        start_numbers(scene.start),
+        start_parameters(scene.start),
         *band,
         *grid,
-        shapes,
+        polynomials,
         window_compensation(),
-        2.0 * OVERSAMPLING / intervals,
-        forced,
-        np.stack(particular_at(forced, half), axis=-1),
-        *_quiet_angles(forced, grid, block, band.weight * band.harmonics),
+        2.0 * OVERSAMPLING / grid.count,
+        np.zeros(TERMS),
+        force_series(particular) if exact else particular,
+        *_eventless_angles(low - loudest, high + loudest, grid.spacing, block),
+        parts,
         *interval_tables(half),
-        np.stack(particular_at(shapes, half)),
+        flight,
     )
 
 
-def _quiet_angles(forced, grid, block, loudest):
-    """Angles (m, 2) that a flight at both ends of an interval must exceed, and not reach, to have no event within."""
-    low, high = np.empty((2, len(forced)))
-    force_bounds(forced, 0.5 * grid.spacing, low, high)
-    fall, rise = np.array(
-        [slender_acceleration_bounds.py_func(side, low - loudest, high + loudest, block) for side in (-1, 1)]
-    ).swapaxes(0, 1)
-    sag = 0.125 * grid.spacing * grid.spacing
-    return (sag * np.maximum(rise, 0.0)).T.copy(), (block.cutoff - sag * np.maximum(fall, 0.0)).T.copy()
+def _closed_form(particular, polynomials, half):
+    """Return `ClosedForm` from P of the forcing and the polynomials of the interpolant."""
+    return ClosedForm(np.stack(particular_at(particular, half), axis=-1), np.stack(particular_at(polynomials, half)))
+
+
+def _response(particular, polynomials, order, half):
+    """Return `Response` from P of the forcing and the polynomials of the interpolant."""
+
+    def over_an_interval(particular):
+        """Angle and velocity (2, n) that flights over an interval gain from particular solutions (n, TERMS)."""
+        return np.stack(
+            forced_response(*particular_at(particular, -half), *particular_at(particular, half), 2.0 * half)
+        )
+
+    powers = [np.pad(polynomials, ((0, 0), (k, 0)))[:, :TERMS] for k in range(order)]
+    noise = np.stack([over_an_interval(particular_series(0.0, 0.0, power)) for power in powers])
+    return Response(noise, over_an_interval(particular).T.copy())
+
+
+def _collocation(force, envelope, polynomials, middles, spacing):
+    """Return `Collocation` from the forcing and the polynomials of the interpolant."""
+    times = 0.5 * spacing * (2.0 * PLACES - 1.0)
+    powers = times ** np.arange(TERMS)[:, None]
+    strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
+    return Collocation(polynomials @ powers, force @ powers, strength, flight_tables(spacing))
+
+
+def _eventless_angles(low, high, spacing, block):
+    """Return `least`, `most` and `stays` of `Parameters` from bounds (m,) of the force."""
+    below, above = np.empty((2, low.size, 2))
+    _write_clearances(low, high, spacing, block, below, above)
+    return below, block.cutoff - above, np.maximum(high, -low) < lift_off(block.critical_angle or 0.0)
+
+
+@kernel
+def _write_clearances(low, high, spacing, block, below, above):
+    """Write how far flights may leave their chord (m, 2), from bounds (m,) of the force, on both sides."""
+    for j in range(low.size):
+        for k in range(2):
+            below[j, k], above[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, block)
+
+
+class Workspace(NamedTuple):
+    """Arrays of a thread.
+
+    `samples`: of the noise. `node` (CHUNK,): the noise's share of P at the ends of the CHUNK intervals that the last
+    samples complete. `interval`: P in an interval, and scratch. `noise` (TERMS,): the noise in an interval, less its
+    envelope. `acceleration` (1, NODES): u'' of an exact block in the flight that `try_step` has tried.
+    """
+
+    samples: Samples
+    node: np.ndarray
+    interval: Interval
+    noise: np.ndarray
+    acceleration: np.ndarray
+
+
+@kernel
+def workspace_of(parameters):
+    """Return the `Workspace` of a thread."""
+    half, rows = 0.5 * parameters.spacing, np.empty((4, TERMS))
+    exponentials, bend = parameters.exponentials, parameters.bend
+    interval = Interval(rows[0], rows[1], rows[2], exponentials, bend, half, math.exp(half))
+    return Workspace(allocate_samples(parameters.harmonics), np.empty(CHUNK), interval, rows[3], np.zeros((1, NODES)))
+
+
+# ----------------------------------------------------------------------------------------- a slender block, closed form
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def _divide(harmonics, problem):
-    """Turn drawn harmonics of the noise into those of the interpolant of P."""
-    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (problem.count * problem.spacing)
+def _divide_by_stiffness(harmonics, parameters):
+    """Turn the harmonics of the noise into those of the interpolant of P."""
+    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (parameters.count * parameters.spacing)
     for n in range(ratios.size):
-        gain = -evaluate_compensation(problem.compensation, ratios[n] * problem.ratio_scale)
+        gain = -evaluate_compensation(parameters.compensation, ratios[n] * parameters.ratio_scale)
         harmonics.weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
 
 
 @kernel(fastmath={"contract"}, borrows=True)
-def _set_nodes(samples, node, ends):
+def _write_nodes(samples, node, ends):
     """Write the noise's share of P at the ends of the intervals that the new samples complete."""
     node[:] = 0.0
     for i in range(0, WIDTH, 4):
@@ -138,98 +263,278 @@ def _set_nodes(samples, node, ends):
 
 
 @kernel(fastmath={"contract", "reassoc"}, borrows=True)
-def _slope(samples, k, slopes):
-    """Return the derivative of the noise's P at the end of interval k of a chunk."""
+def _noise_slope(samples, k, slopes):
+    """Return the derivative of the noise's share of P at the end of interval k of a chunk."""
     total = 0.0
     for i in range(WIDTH):
         total += slopes[i] * samples[k + i]
     return total
 
 
-class Room(NamedTuple):
-    """Working memory of a thread.
-
-    `samples` (WIDTH - 1 + CHUNK,): the interpolant's samples of the noise, the last CHUNK of them new. `node` (CHUNK,):
-    the noise's share of P at the ends of the CHUNK intervals that these samples complete.
-    """
-
-    harmonics: band.Realization
-    samples: np.ndarray
-    node: np.ndarray
-    interval: Interval
-
-
-@kernel
-def room_of(problem):
-    """Return the `Room` of a thread."""
-    half, rows = 0.5 * problem.spacing, np.empty((3, TERMS))
-    interval = Interval(rows[0], rows[1], rows[2], problem.exponentials, problem.bend, half, math.exp(half))
-    harmonics, samples = allocate(problem.harmonics)
-    return Room(harmonics, samples, np.empty(CHUNK), interval)
+@kernel(forceinline=True, borrows=True)
+def _begin_closed(stream, cycle, parameters, workspace):
+    """Draw the start and the noise; the state is the growing and the decaying exponential and the folded angle."""
+    samples = workspace.samples
+    x, v = draw_start_and_noise(stream, parameters, samples.harmonics)
+    side = side_of_start(x, v)
+    _divide_by_stiffness(samples.harmonics, parameters)
+    write_first_samples(samples, cycle, parameters)
+    _write_nodes(samples.values, workspace.node, parameters.flight.ends)
+    _build_particular(0, 0, parameters, workspace)
+    grow, decay = exponential_parts(x, v, side, workspace.interval.particular, -workspace.interval.half)
+    return (x, v), (grow, decay, abs(x))
 
 
 @kernel(forceinline=True, borrows=True)
-def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
-    """Make the first samples of the noise; return the flight from (x, v): its exponentials and its folded angle."""
-    _divide(room.harmonics, problem)
-    first_samples(room.harmonics, room.samples, cycle, problem)
-    _set_nodes(room.samples, room.node, problem.ends)
-    resolve(0, 0, problem, room)
-    grow, decay = exponential_parts(x, v, side, room.interval.particular, -room.interval.half)
-    return grow, decay, abs(x)
+def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
+    """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
+    if write_next_samples(workspace.samples, number, cycle, parameters):
+        _write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
 
 
 @kernel(forceinline=True, borrows=True)
-def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
-    """Make the samples of the noise for CHUNK intervals, where the last ones are used up."""
-    if more_samples(room.harmonics, room.samples, number, cycle, problem):
-        _set_nodes(room.samples, room.node, problem.ends)
+def _is_eventless(u, end, side, j, parameters):
+    """Whether a flight between two folded angles surely has no event in interval j."""
+    s = 1 if side > 0 else 0
+    return min(u, end) > parameters.least[j, s] and max(u, end) < parameters.most[j, s]
 
 
 @kernel(forceinline=True, borrows=True)
-def coast(state, side, number, j, problem, room):
-    """Whether nothing happens in an interval, and the flight at its end if so."""
-    factor, (grow, decay, u) = room.interval.factor * room.interval.factor, state
+def _try_closed(state, side, number, j, parameters, workspace):
+    """Whether nothing happens in an interval, and the exponentials and the folded angle at its end if so."""
+    factor, (grow, decay, u) = workspace.interval.factor * workspace.interval.factor, state
     grow, decay = grow * factor, decay * (1.0 / factor)
-    end, s = folded_angle(side, problem.node[j, 0] + room.node[number % CHUNK], grow, decay), 1 if side > 0 else 0
-    quiet = side != 0 and min(u, end) > problem.least[j, s] and max(u, end) < problem.most[j, s]
-    return quiet, (grow, decay, end)
+    end = folded_angle(side, parameters.flight.node[j, 0] + workspace.node[number % CHUNK], grow, decay)
+    return side != 0 and _is_eventless(u, end, side, j, parameters), (grow, decay, end)
 
 
 @kernel(forceinline=True, borrows=True)
-def resolve(number, j, problem, room):
-    """Write P in an interval."""
-    interpolate(room.interval.particular, problem.forced[j], problem.pieces, room.samples, number % CHUNK)
+def _build_particular(number, j, parameters, workspace):
+    """Write P of forcing and noise in an interval."""
+    particular, samples = workspace.interval.particular, workspace.samples.values
+    interpolate(particular, parameters.forced[j], parameters.polynomials, samples, number % CHUNK)
 
 
 @kernel(forceinline=True, borrows=True)
-def look(state, side, number, j, share, problem, room):  # noqa: ARG001
-    """Angle and velocity in a resolved interval, nan if overturned."""
-    return state_in_interval(
-        room.interval, state[0], state[1], side, (share - 0.5) * problem.spacing, block_of(problem)
-    )
-
-
-@kernel(forceinline=True, borrows=True)
-def cross(state, ahead, side, number, j, cycle, problem, room, impacts):
-    """Carry a block through a resolved interval."""
-    middle = cycle * (problem.count * problem.spacing) + (number + 0.5) * problem.spacing
-    node = problem.node[j, 0] + room.node[number % CHUNK]
+def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
+    """Carry a block through an interval; with the impacts None through a share of it, to angle and velocity."""
+    block = block_of(parameters)
+    if impacts is None:
+        time = (share - 0.5) * parameters.spacing
+        x, v = state_in_interval(workspace.interval, state[0], state[1], side, time, block)
+        return (x, v, 0.0), side, math.inf
+    middle = cycle * (parameters.count * parameters.spacing) + (number + 0.5) * parameters.spacing
+    node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
     grow, decay, u, side, time = cross_interval(
-        room.interval, node, state[0], state[1], state[2], ahead[2], side, block_of(problem), impacts, middle
+        workspace.interval, node, state[0], state[1], state[2], end[2], side, block, impacts, middle
     )
     return (grow, decay, u), side, time
 
 
 @kernel(forceinline=True, borrows=True)
-def seen(state, side, number, j, problem, room):
+def _end_closed(state, side, number, j, parameters, workspace):
     """Angle and velocity at the end of an interval."""
     grow, decay, u = state
     if side == 0:
         return 0.0, 0.0
-    return side * u, problem.node[j, 1] + _slope(room.samples, number % CHUNK, problem.ends[1]) + grow - decay
+    slope = _noise_slope(workspace.samples.values, number % CHUNK, parameters.flight.ends[1])
+    return side * u, parameters.flight.node[j, 1] + slope + grow - decay
 
 
-draw = shinozuka.draw
-march = marcher(sys.modules[__name__], borrows=True)
-realize = realizer(sys.modules[__name__])
+# ------------------------------------------------------ an envelope, or an exact block; the state is angle and velocity
+
+
+@kernel(borrows=True)
+def _begin(stream, cycle, parameters, workspace):
+    """Draw the start and the noise, and make the first samples."""
+    samples = workspace.samples
+    x, v = draw_start_and_noise(stream, parameters, samples.harmonics)
+    divide_by_window(samples.harmonics, parameters)
+    write_first_samples(samples, cycle, parameters)
+    return (x, v), (x, v)
+
+
+@kernel(forceinline=True, borrows=True)
+def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
+    """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
+    write_next_samples(workspace.samples, number, cycle, parameters)
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def _respond_to_force(x, v, side, j, k, parameters, workspace):
+    """Angle and velocity of a slender block after interval j, number k of a chunk, if nothing happens in it."""
+    h, samples, response = parameters.spacing, workspace.samples.values, parameters.flight.noise
+    strength = parameters.envelope.strength[parameters.envelope.first[j]]
+    push, kick = parameters.flight.forcing[j, 0], parameters.flight.forcing[j, 1]
+    for n in range(strength.size):
+        a, b = 0.0, 0.0
+        for i in range(WIDTH):
+            a += response[n, 0, i] * samples[k + i]
+            b += response[n, 1, i] * samples[k + i]
+        push += strength[n] * a
+        kick += strength[n] * b
+    y, v = homogeneous_flight(x - side, v, math.cosh(h), math.sinh(h))
+    return side + y + push, v + kick
+
+
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def _noise_at_points(values, g, k):
+    """Noise at the points of an interval, less its envelope, from the samples from number k on."""
+    one = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
+    two = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
+    for i in range(4, WIDTH, 4):
+        one = one + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
+        two = two + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
+    return one + two
+
+
+@kernel(borrows=True)
+def _try_response(state, side, number, j, parameters, workspace):
+    """Whether nothing happens to a slender block in an interval, and angle and velocity at its end if so."""
+    x, v = state
+    if side == 0:
+        return parameters.stays[j], state
+    if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
+        return False, state
+    end = _respond_to_force(x, v, side, j, number % CHUNK, parameters, workspace)
+    return _is_eventless(side * x, side * end[0], side, j, parameters), end
+
+
+@kernel(forceinline=True, borrows=True)
+def _try_collocation(state, side, number, j, parameters, workspace):
+    """Whether nothing happens to an exact block in an interval, and angle and velocity at its end if so."""
+    x, v = state
+    if side == 0:
+        return parameters.stays[j], state
+    if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
+        return False, state
+    tables, block = parameters.flight, block_of(parameters)
+    push = _noise_at_points(tables.values, workspace.samples.values, number % CHUNK)
+    if tables.envelope.shape[0] > 0:
+        push = load(tables.envelope, j) * push
+    u, push = side * x, side * (load(tables.forcing, j) + push)
+    end, speed, acceleration, converged = fly_by_tables(u, side * v, push, tables.cruise, parameters.spacing, block)
+    store(workspace.acceleration, 0, acceleration)
+    eventless = converged and _is_eventless(u, end, side, j, parameters)
+    return eventless, (side * end if converged else math.nan, side * speed)
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
+    """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
+    k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
+    for n in range(TERMS):
+        value = 0.0
+        for i in range(WIDTH):
+            value += samples[k + i] * polynomials[i, n]
+        workspace.noise[n] = value
+
+
+@kernel(forceinline=True, borrows=True)
+def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
+    """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
+    interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
+
+
+@kernel(forceinline=True, borrows=True)
+def _write_product(strength, noise, base, out):
+    """Write a polynomial (TERMS,) plus the product of envelope and noise."""
+    for n in range(TERMS):
+        force = base[n]
+        for i in range(min(n + 1, strength.size)):
+            force += strength[i] * noise[n - i]
+        out[n] = force
+
+
+@kernel(inline="always")
+def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
+    """Carry a slender block through a piece of the envelope in interval j."""
+    force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
+    _write_product(strength, workspace.noise, parameters.zeros, force)
+    particular_from_rest(force, particular)
+    for n in range(TERMS):
+        particular[n] += parameters.forced[j, n]
+    segment = segment_from_particular(particular, force, half)
+    return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
+
+
+@kernel(inline="always")
+def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters, workspace, impacts, origin, block):
+    """Carry an exact block through a piece of the envelope in interval j; `last` is the state at its end if `known`."""
+    force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
+    _write_product(strength, workspace.noise, parameters.forced[j], force)
+    angle, speed = last
+    return advance_from_flight(
+        force, half, x, v, side, begin, end, block, impacts, origin, known, side * angle, side * speed, acceleration
+    )
+
+
+_advance = dispatch_on_block(_advance_slender, _advance_exact)
+
+
+@kernel(forceinline=True, borrows=True)
+def _step(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
+    """Carry a block through a share of an interval, piece by piece of the envelope."""
+    (x, v), first = state, parameters.envelope.first
+    spacing, time, known = parameters.spacing, 0.0, False
+    if share == 1.0:
+        known = side != 0 and not math.isnan(end[0]) and first[j + 1] == first[j] + 1
+    origin = cycle * (parameters.count * spacing) + (number + 0.5) * spacing
+    until, begin, block = (share - 0.5) * spacing, -0.5 * spacing, block_of(parameters)
+    for piece in range(first[j], first[j + 1]):
+        strength, stop = parameters.envelope.strength[piece], min(parameters.envelope.ends[piece], until)
+        if begin >= until:
+            break
+        x, v, side, time = _advance(
+            x, v, side, j, begin, stop, strength, known, end, parameters, workspace, impacts, origin, block
+        )
+        if abs(x) >= parameters.cutoff:
+            return (x, v), side, origin + time
+        begin = stop
+    return (x, v), side, math.inf
+
+
+def _takes(enveloped, exact):
+    """Return `Engine.takes` for scenes with or without an envelope (None: either), and an exact or slender block."""
+
+    def takes(scene):
+        noise, block = scene.noise, scene.block
+        fits = enveloped in (None, noise.kind == "band" and noise.envelope is not None)
+        return noise.kind in {"none", "band"} and fits and (block.critical_angle > 0.0) == exact
+
+    return takes
+
+
+_COMMON = {"method": "exact", "file": __file__, "parameters_of": parameters_of, "workspace_of": workspace_of}
+
+SLENDER = Engine(
+    task="exact",
+    takes=_takes(False, False),
+    begin=_begin_closed,
+    draw=_draw_closed,
+    try_step=_try_closed,
+    build_force=_build_particular,
+    step_with_events=_step_closed,
+    state_at_end=_end_closed,
+    **_COMMON,
+)
+ENVELOPED = Engine(
+    task="enveloped",
+    takes=_takes(True, False),
+    begin=_begin,
+    draw=_draw,
+    try_step=_try_response,
+    build_force=_build_noise_slender,
+    step_with_events=_step,
+    **_COMMON,
+)
+EXACT_BLOCK = Engine(
+    task="nonlinear",
+    takes=_takes(None, True),
+    begin=_begin,
+    draw=_draw,
+    try_step=_try_collocation,
+    build_force=_build_noise,
+    step_with_events=_step,
+    **_COMMON,
+)

@@ -1,9 +1,13 @@
-"""Random numbers: one independent stream for each realization, a function of the seed and its number alone.
+"""Random numbers: those of realization number r are a function of the seed and of r alone.
+
+`stream_keys` makes four keys of the seed, `open_stream` makes of the keys and r the state of a generator of its own,
+and every random number of that realization is drawn from this state in a fixed order: first the start (`draw_start`),
+then the noise. So a realization is the same however many others there are, and whichever thread computes it.
 
 Generator: xoshiro256++ (D. Blackman, S. Vigna, ACM Trans. Math. Softw. 47(4), 36, 2021). A stream's four words of
-state are hashes (the finalizer of splitmix64) of the realization's number under four keys that come from the seed, so
-no two realizations of a seed share a word. Normals: the ziggurat of 256 layers (G. Marsaglia, W. W. Tsang, J. Stat.
-Softw. 5(8), 2000, in the form of J. A. Doornik, 2005, where the layer and the abscissa use different bits).
+state are hashes (the finalizer of splitmix64) of the realization's number under the four keys, so no two realizations
+of a seed share a word. Normals: the ziggurat of 256 layers (G. Marsaglia, W. W. Tsang, J. Stat. Softw. 5(8), 2000, in
+the form of J. A. Doornik, 2005, where the layer and the abscissa use different bits).
 """
 
 import math
@@ -12,31 +16,27 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 
-_MASK = 2**64 - 1
 _GOLDEN = 0x9E3779B97F4A7C15
-_TAIL = 3.6541528853610088
-_AREA = 0.00492867323399
+_TAIL = 3.6541528853610088  # begin of the last layer
 
 
-def _layers():
+def _ziggurat():
     """Right ends (257,) of the layers, widest first, and the fraction (256,) of each that lies inside the next."""
-    ends = np.zeros(257)
+    ends, area = np.zeros(257), 0.00492867323399  # of each layer
     density = math.exp(-0.5 * _TAIL**2)
-    ends[0], ends[1] = _AREA / density, _TAIL
+    ends[0], ends[1] = area / density, _TAIL
     for i in range(2, 256):
-        ends[i] = math.sqrt(-2.0 * math.log(_AREA / ends[i - 1] + density))
+        ends[i] = math.sqrt(-2.0 * math.log(area / ends[i - 1] + density))
         density = math.exp(-0.5 * ends[i] ** 2)
     return ends, ends[1:] / ends[:-1]
 
 
-_ENDS, _INSIDE = _layers()
-_LAYERS = np.uint64(255)
-_UNIT = 2.0**-53
+_ENDS, _INSIDE = _ziggurat()
 
 
 @kernel
-def mix(word):
-    """Hash a uint64 (the finalizer of splitmix64, a bijection)."""
+def hash_word(word):
+    """Return a hash of a uint64 (the finalizer of splitmix64, a bijection)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
@@ -44,32 +44,32 @@ def mix(word):
 
 def stream_keys(seed):
     """Return the four keys (4,) uint64 of a seed, an int from 0 to 2**64 - 1."""
-    return np.array([mix(np.uint64((seed + i * _GOLDEN) & _MASK)) for i in range(1, 5)], dtype=np.uint64)
+    return np.array([hash_word(np.uint64((seed + i * _GOLDEN) & (2**64 - 1))) for i in range(1, 5)], dtype=np.uint64)
 
 
 @kernel
 def keys_at(keys, cycle):
-    """Return the keys (4,) for paths that begin at a cycle: those of the seed at cycle 0, else others."""
+    """Return the keys (4,) uint64 of paths that begin at a cycle: at cycle 0 those of the seed, else others."""
     if cycle == 0:
         return keys
     moved = np.empty_like(keys)
     for i in range(4):
-        moved[i] = mix(keys[i] ^ mix(np.uint64(cycle)))
+        moved[i] = hash_word(keys[i] ^ hash_word(np.uint64(cycle)))
     return moved
 
 
 @kernel
 def open_stream(keys, realization):
-    """Return the state (4,) of a realization's stream."""
-    name = mix(np.uint64(realization) + np.uint64(_GOLDEN))
+    """Return the state (4,) uint64 of the random numbers of a realization, from the keys of a seed and its number."""
+    name = hash_word(np.uint64(realization) + np.uint64(_GOLDEN))
     state = np.empty(4, np.uint64)
     for i in range(4):
-        state[i] = mix(name ^ keys[i])
+        state[i] = hash_word(name ^ keys[i])
     return state
 
 
 @kernel(inline="always")
-def _turn(s0, s1, s2, s3):
+def _advance_generator(s0, s1, s2, s3):
     """One step of the generator: 64 random bits and the next state."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
@@ -80,8 +80,8 @@ def _turn(s0, s1, s2, s3):
 
 @kernel(borrows=True)
 def next_word(state):
-    """Return 64 random bits and move the stream on."""
-    word, state[0], state[1], state[2], state[3] = _turn(state[0], state[1], state[2], state[3])
+    """Return 64 random bits (uint64) and advance the state."""
+    word, state[0], state[1], state[2], state[3] = _advance_generator(state[0], state[1], state[2], state[3])
     return word
 
 
@@ -90,17 +90,17 @@ def uniform_pairs(state, first, second, count):
     """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give."""
     s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
     for n in range(count):
-        word, s0, s1, s2, s3 = _turn(s0, s1, s2, s3)
-        first[n] = float(word >> np.uint64(11)) * _UNIT
-        word, s0, s1, s2, s3 = _turn(s0, s1, s2, s3)
-        second[n] = float(word >> np.uint64(11)) * _UNIT
+        word, s0, s1, s2, s3 = _advance_generator(s0, s1, s2, s3)
+        first[n] = float(word >> np.uint64(11)) * 2.0**-53
+        word, s0, s1, s2, s3 = _advance_generator(s0, s1, s2, s3)
+        second[n] = float(word >> np.uint64(11)) * 2.0**-53
     state[0], state[1], state[2], state[3] = s0, s1, s2, s3
 
 
 @kernel(borrows=True)
 def uniform(state):
     """Return a number in [0, 1), a multiple of 2**-53."""
-    return float(next_word(state) >> np.uint64(11)) * _UNIT
+    return float(next_word(state) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel(borrows=True)
@@ -108,8 +108,8 @@ def normal(state):
     """Return a standard normal number."""
     while True:
         word = next_word(state)
-        layer = np.int64(word & _LAYERS)
-        share = 2.0 * (float(word >> np.uint64(11)) * _UNIT) - 1.0
+        layer = np.int64(word & np.uint64(255))
+        share = 2.0 * (float(word >> np.uint64(11)) * 2.0**-53) - 1.0
         if abs(share) < _INSIDE[layer]:
             return share * _ENDS[layer]
         if layer == 0:
@@ -123,8 +123,25 @@ def normal(state):
 
 @kernel(borrows=True)
 def _tail(state):
+    """Return a normal number beyond the begin of the last layer, without its sign."""
     while True:
         x = math.log(1.0 - uniform(state)) / _TAIL
         y = math.log(1.0 - uniform(state))
         if -2.0 * y >= x * x:
             return _TAIL - x
+
+
+def start_parameters(start):
+    """Return angle, velocity and the Cholesky factor xx, vx, vv of their covariance, shape (5,); zeros for a point."""
+    spread = np.zeros((2, 2)) if start.covariance is None else np.linalg.cholesky(np.array(start.covariance))
+    return np.array([start.angle, start.velocity, spread[0, 0], spread[1, 0], spread[1, 1]])
+
+
+@kernel
+def draw_start(stream, start):
+    """Draw angle and velocity at τ = 0 from `start_parameters` (5,); a point takes no random numbers."""
+    angle, velocity, xx, vx, vv = start
+    if xx > 0.0:
+        first, second = normal(stream), normal(stream)
+        angle, velocity = angle + xx * first, velocity + vx * first + vv * second
+    return angle, velocity

@@ -7,43 +7,29 @@ cannot be excluded takes the forcing as the parabola through its three values an
 steps are few.
 """
 
-import sys
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import acceleration, block_of, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import runge_kutta_coefficients, runge_kutta_forcing
 from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise import band
-from montecarlo.engines import shinozuka
-from montecarlo.engines.grid import grid_of
-from montecarlo.engines.march import carriers, marcher, realizer, the_state
-from montecarlo.engines.shinozuka import band_of
-from montecarlo.engines.start import start_numbers
-from montecarlo.engines.steps import classical
-
-METHOD = "rk4"
-RENEWS = False
-BLOCK = 1
-
-CHUNK_STEPS = 20
-"""Steps for which noise is made at once, at most: an overturned block has cost no more than that in vain."""
+from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
+from montecarlo.engines.engine import Engine, time_grid
+from montecarlo.engines.random import start_parameters
+from montecarlo.tuning import TUNING
 
 
-def takes(scene):
-    """Whether this engine simulates a scene."""
-    return scene.noise.kind in {"band", "none"}
+class Parameters(NamedTuple):
+    """A scene in numbers, nondimensional.
 
-
-class Problem(NamedTuple):
-    """What the kernel has to know: a scene in numbers, nondimensional.
-
-    `start` (5,); `count`, `spacing`, `marks`; `low_ratio` to `harmonics`: see `montecarlo.engines.start`, `grid` and
-    `shinozuka`. `forcing` (n, 3): its values at the begin, the middle and the end of the n steps of a lap. `strength`
+    `start` (5,); `count` to `output_times`; `low_ratio` to `harmonics`: see `start_parameters`, `TimeGrid` and `Band`.
+    `forcing` (n, 3): its values at the begin, the middle and the end of the n steps of a table period. `strength`
     (n, 3): the noise's envelope there.
     """
 
@@ -53,7 +39,7 @@ class Problem(NamedTuple):
     start: np.ndarray
     count: int
     spacing: float
-    marks: np.ndarray
+    output_times: np.ndarray
     forcing: np.ndarray
     strength: np.ndarray
     low_ratio: float
@@ -62,12 +48,12 @@ class Problem(NamedTuple):
     harmonics: int
 
 
-class Room(NamedTuple):
-    """Working memory of one realization, and the forcing of a chunk of steps with what RK4 makes of it; m steps.
+class Workspace(NamedTuple):
+    """Arrays of a thread: the noise, and the force in a chunk of m steps with what RK4 makes of it.
 
     `noise` (2 m + 1,) at the half steps; `force` (m, 3) with it at begin, middle and end of the steps; `low`, `high`
     (m,) bound the parabola through the three values of a step; `push` (m, 2) is the forcing's contribution to angle and
-    velocity of a slender block over a step. `particular`, `scratch` (TERMS,) are room for a `Segment`.
+    velocity of a slender block over a step. `particular`, `scratch` (TERMS,) are arrays of a `Segment`.
     """
 
     harmonics: band.Realization
@@ -80,20 +66,20 @@ class Room(NamedTuple):
     scratch: np.ndarray
 
 
-def problem_of(scene, steps_per_cycle, times=None):
-    """Return the `Problem` of a scene with band noise or none; a realization does not depend on `times`."""
-    grid = grid_of(scene, scene.forcing.time_scale / steps_per_cycle, times)
-    return Problem(
+def parameters_of(scene, steps_per_cycle, times=None):
+    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`."""
+    grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
+    return Parameters(
         *block_of_scene(scene),
-        start_numbers(scene.start),
+        start_parameters(scene.start),
         *grid,
         scene.forcing.stage_values(grid.spacing, grid.count),
-        _strengths(scene.noise.envelope, grid),
-        *band_of(scene, grid.duration),
+        _envelope_values(scene.noise.envelope, grid),
+        *band_of_scene(scene, grid.duration),
     )
 
 
-def _strengths(envelope, grid):
+def _envelope_values(envelope, grid):
     """Return the envelope (n, 3) at the begin, the middle and the end of every step."""
     if envelope is None:
         return np.ones((grid.count, 3))
@@ -102,13 +88,13 @@ def _strengths(envelope, grid):
 
 
 @kernel
-def room_of(problem):
-    """Return the `Room` of one realization."""
-    n = problem.count
-    chunks = (n + CHUNK_STEPS - 1) // CHUNK_STEPS
+def workspace_of(parameters):
+    """Return the `Workspace` of a thread."""
+    n = parameters.count
+    chunks = (n + TUNING.rk4_chunk - 1) // TUNING.rk4_chunk
     length = (n + chunks - 1) // chunks
-    return Room(
-        band.allocate_realization(problem.harmonics, length),
+    return Workspace(
+        band.allocate_realization(parameters.harmonics, length),
         np.empty(2 * length + 1),
         np.empty((length, 3)),
         np.empty(length),
@@ -120,55 +106,71 @@ def room_of(problem):
 
 
 @kernel
-def begin(stream, x, v, side, cycle, problem, room):  # noqa: ARG001  (all of the noise is drawn with the start)
-    """Tabulate the rotations of the noise."""
-    n, length, harmonics = problem.count, room.low.size, room.harmonics
+def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
+    """Draw the start and the noise, and tabulate the rotations of its harmonics; the state is angle and velocity."""
+    n, length, harmonics = parameters.count, workspace.low.size, workspace.harmonics
+    state = draw_start_and_noise(stream, parameters, harmonics)
     band.write_sample_rotations(harmonics, length, 0.5 / n)
     band.write_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
     last = (n - 1) // length * length
     band.write_rotation(harmonics.ratios, 1.0 - last / n, harmonics.wrap[0], harmonics.wrap[1])
-    return x, v
+    return state, state
 
 
 @kernel(forceinline=True, borrows=True)
-def know(stream, number, j, cycle, problem, room):  # noqa: ARG001
-    """Make the forcing of the next chunk of steps, where the last one is used up."""
-    if j % room.low.size == 0:
-        _extend(number, j, cycle, problem, room)
+def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
+    """Write the force in the next chunk of steps, where the last one is used up."""
+    if j % workspace.low.size == 0:
+        _write_chunk(number, j, cycle, parameters, workspace)
 
 
 @kernel(borrows=True)
-def _extend(number, first, cycle, problem, room):
-    """Make the forcing of the chunk that begins with a step, bounds of it, and what it does in each step."""
-    n, length, harmonics, h = problem.count, room.low.size, room.harmonics, problem.spacing
+def _write_chunk(number, first, cycle, parameters, workspace):
+    """Write the force in the chunk that begins with a step, bounds of it, and what it adds to each step."""
+    n, length, harmonics, h = parameters.count, workspace.low.size, workspace.harmonics, parameters.spacing
     cycle += number // n
     if number == 0 or (first == 0 and cycle % band.ANCHOR_CYCLES == 0):
         band.set_centre(harmonics, cycle, 0.5 * length / n)
     else:
         band.rotate_centre(harmonics, harmonics.wrap if first == 0 else harmonics.hop)
-    room.noise[:] = 0.0
-    band.add_samples(harmonics, length, room.noise)
+    workspace.noise[:] = 0.0
+    band.add_samples(harmonics, length, workspace.noise)
     for j in range(min(length, n - first)):
         for i in range(3):
-            room.force[j, i] = problem.forcing[first + j, i]
-            room.force[j, i] += problem.strength[first + j, i] * room.noise[2 * j + i]
-        begin, middle, end = room.force[j, 0], room.force[j, 1], room.force[j, 2]
+            workspace.force[j, i] = parameters.forcing[first + j, i]
+            workspace.force[j, i] += parameters.strength[first + j, i] * workspace.noise[2 * j + i]
+        begin, middle, end = workspace.force[j, 0], workspace.force[j, 1], workspace.force[j, 2]
         bend = 0.125 * abs(begin - 2.0 * middle + end)
-        room.low[j] = min(begin, middle, end) - bend
-        room.high[j] = max(begin, middle, end) + bend
-        room.push[j, 0], room.push[j, 1] = runge_kutta_forcing(begin, middle, end, h)
+        workspace.low[j] = min(begin, middle, end) - bend
+        workspace.high[j] = max(begin, middle, end) + bend
+        workspace.push[j, 0], workspace.push[j, 1] = runge_kutta_forcing(begin, middle, end, h)
 
 
 @kernel(inline="always")
-def _slender_step(x, v, side, k, h, room, block):  # noqa: ARG001
+def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
+    """Angle and velocity of a slender block after step k of a chunk, of duration h, without an event."""
     keep, swap, share = runge_kutta_coefficients(h)
-    return keep * x + swap * v + room.push[k, 0] - side * share, swap * x + keep * v + room.push[k, 1] - side * swap
+    return keep * x + swap * v + workspace.push[k, 0] - side * share, swap * x + keep * v + workspace.push[
+        k, 1
+    ] - side * swap
 
 
 @kernel(inline="always")
-def _exact_step(x, v, side, k, h, room, block):
-    begin, middle, end = room.force[k, 0], room.force[k, 1], room.force[k, 2]
-    u, w = classical(side * x, side * v, side, begin, middle, end, h, block)
+def classical_step(u, w, side, begin, middle, end, h, block):
+    """Folded angle and velocity after a step of the classical Runge-Kutta method, from three values of the force."""
+    half = 0.5 * h
+    first = acceleration(u, side, begin, block)
+    second = acceleration(u + half * w, side, middle, block)
+    third = acceleration(u + half * (w + half * first), side, middle, block)
+    fourth = acceleration(u + h * (w + half * second), side, end, block)
+    return u + h * (w + h * (first + second + third) / 6.0), w + h * (first + 2.0 * (second + third) + fourth) / 6.0
+
+
+@kernel(inline="always")
+def _exact_step(x, v, side, k, h, workspace, block):
+    """Angle and velocity of an exact block after step k of a chunk, of duration h, without an event."""
+    begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
+    u, w = classical_step(side * x, side * v, side, begin, middle, end, h, block)
     return side * u, side * w
 
 
@@ -176,44 +178,53 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 
 
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
-def coast(state, side, number, j, problem, room):  # noqa: ARG001
+def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether nothing happens in a step, and angle and velocity at its end if so."""
-    k, h, (x, v) = j % room.low.size, problem.spacing, state
+    k, h, (x, v) = j % workspace.low.size, parameters.spacing, state
     if side == 0:
-        return not can_lift_off(room.low[k], room.high[k], block_of(problem)), state
-    floor, roof = folded_angle_bounds(side * x, side * v, side, room.low[k], room.high[k], h, block_of(problem))
-    x, v = _step(x, v, side, k, h, room, block_of(problem))
-    cutoff = problem.cutoff
+        return not can_lift_off(workspace.low[k], workspace.high[k], block_of(parameters)), state
+    floor, roof = folded_angle_bounds(
+        side * x, side * v, side, workspace.low[k], workspace.high[k], h, block_of(parameters)
+    )
+    x, v = _step(x, v, side, k, h, workspace, block_of(parameters))
+    cutoff = parameters.cutoff
     return floor > 0.0 and roof < cutoff and 0.0 < side * x < cutoff, (x, v)
 
 
 @kernel(borrows=True)
-def resolve(number, j, problem, room):  # noqa: ARG001
+def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of the parabola through the three values of the forcing in a step."""
-    k, h = j % room.low.size, problem.spacing
-    begin, middle, end = room.force[k, 0], room.force[k, 1], room.force[k, 2]
+    k, h = j % workspace.low.size, parameters.spacing
+    begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     slope = (4.0 * middle - 3.0 * begin - end) / h
     curvature = 4.0 * (begin - 2.0 * middle + end) / (h * h)
     # With f a parabola, P = -f - f'' solves P'' = P + f.
-    room.particular[0] = -begin - curvature
-    room.particular[1] = -slope
-    room.particular[2] = -0.5 * curvature
+    workspace.particular[0] = -begin - curvature
+    workspace.particular[1] = -slope
+    workspace.particular[2] = -0.5 * curvature
 
 
 @kernel(borrows=True)
-def carry(x, v, side, number, j, share, cycle, problem, room, impacts):
-    """Carry a block through a share of a resolved step; return x, v, side and the time reached."""
-    n, h, k = problem.count, problem.spacing, j % room.low.size
+def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
+    """Carry a block through a share of a step; return (angle, velocity), side, and time of overturning."""
+    (x, v), n, h, k = state, parameters.count, parameters.spacing, j % workspace.low.size
+    block = block_of(parameters)
     origin = (cycle + number // n) * (n * h) + (j - k) * h
-    segment = segment_from_particular(room.particular, room.scratch, h)
-    x, v, side, time = advance_through_events(
-        x, v, side, segment, 0.0, h * share, block_of(problem), impacts, origin + k * h
-    )
-    return x, v, side, origin + (k * h + time)
+    segment = segment_from_particular(workspace.particular, workspace.scratch, h)
+    x, v, side, time = advance_through_events(x, v, side, segment, 0.0, h * share, block, impacts, origin + k * h)
+    return (x, v), side, (origin + (k * h + time) if abs(x) >= parameters.cutoff else math.inf)
 
 
-draw = shinozuka.draw
-look, cross = carriers(sys.modules[__name__])
-seen = the_state
-march = marcher(sys.modules[__name__])
-realize = realizer(sys.modules[__name__])
+ENGINE = Engine(
+    method="rk4",
+    task="rk4",
+    file=__file__,
+    takes=lambda scene: scene.noise.kind in {"band", "none"},
+    parameters_of=parameters_of,
+    workspace_of=workspace_of,
+    begin=_begin,
+    draw=_draw,
+    try_step=_try_step,
+    build_force=_build_force,
+    step_with_events=_step_with_events,
+)

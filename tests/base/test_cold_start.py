@@ -18,8 +18,7 @@ from fpk_rocking.density import ahead as density_tasks
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
 from montecarlo import ahead as engine_tasks
-from montecarlo.engines import filtered, nonlinear, rk4, white
-from montecarlo.engines.choice import ENGINES, engine_of, task_of
+from montecarlo.engines import ENGINES, engine_of, exact, filtered, rk4, task_of, white
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -113,8 +112,8 @@ WHITE = "montecarlo.ahead:white"
 
 def test_every_engine_and_every_call_has_its_task():
     scenes = [Scene(Block(0.5, critical_angle=angle), Harmonic(1.0, 2.0), NoNoise()) for angle in (0.0, 0.3)]
-    named = {task_of(engine, scenes[engine is nonlinear]) for engine in ENGINES}
-    named |= {task_of(engine, scenes[1]) for engine in (rk4, white, filtered)}
+    named = {task_of(engine, scenes[engine is exact.EXACT_BLOCK]) for engine in ENGINES}
+    named |= {task_of(engine, scenes[1]) for engine in (rk4.ENGINE, white.ENGINE, filtered.ENGINE)}
     named.update(task for one in scenes for task in density_tasks.tasks_of_density(one, "filtered"))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
         named.update(re.findall(r'ahead\.(?:before|of_block)\("([\w.:]+)"', path.read_text(encoding="utf-8")))

@@ -9,7 +9,7 @@ import pytest
 from fpk_rocking.physics.motion import equation, flight
 from montecarlo.engines import approach
 
-PROBLEM = types.SimpleNamespace(restitution=0.6, cutoff=1.5, critical_angle=None, shortest=1e-6)
+PARAMETERS = types.SimpleNamespace(restitution=0.6, cutoff=1.5, critical_angle=None, shortest=1e-6)
 
 
 @pytest.fixture(autouse=True)
@@ -18,8 +18,8 @@ def plain(monkeypatch):
     for name in (
         "block_of",
         "velocity_after_impact",
-        "land",
-        "near",
+        "reflect_draw",
+        "step_near_barrier",
         "covariance_factor",
         "value_and_slope",
         "safe_step",
@@ -61,21 +61,21 @@ def near(u, w, side, force, diffusion=0.0):
     coefficients = np.zeros(16)
     coefficients[0] = force
     segment = types.SimpleNamespace(force=coefficients, particular=-coefficients, force_low=force, force_high=force)
-    problem = types.SimpleNamespace(**vars(PROBLEM), diffusion=[diffusion], reach=[1e-4])
-    return approach.near(None, u, w, side, segment, 0, 0.2, 1.2, problem, None, 0.0)
+    parameters = types.SimpleNamespace(**vars(PARAMETERS), diffusion=[diffusion], reach=[1e-4])
+    return approach.step_near_barrier(None, u, w, side, segment, 0, 0.2, 1.2, parameters, None, 0.0)
 
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_step_ends_before_a_bound_of_the_acceleration_brings_a_block_to_a_barrier(side):
     """From rest: -u'' is at most 1 - s f, and u'' at most cutoff - 1 + s f; no step is shortened without a need."""
     for u, folded, bound in ((0.2, -3.0, 4.0), (1.3, 3.0, 3.5)):
-        gap = min(u, PROBLEM.cutoff - u)
+        gap = min(u, PARAMETERS.cutoff - u)
         *_, end = near(u, 0.0, side, side * folded)
         assert end - 0.2 == pytest.approx(math.sqrt(2.0 * gap / bound), rel=1e-3)
     assert near(1.0, 0.0, side, 0.0)[-1] == 1.2
     # Towards a barrier at a speed against which noise is nothing a flight goes there at once.
     assert near(0.01, -1.0, side, 0.0)[::2] == (0.0, -side)
-    assert near(1.49, 1.0, side, 0.0)[0] == PROBLEM.cutoff
+    assert near(1.49, 1.0, side, 0.0)[0] == PARAMETERS.cutoff
 
 
 def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
@@ -83,7 +83,7 @@ def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
     segment = types.SimpleNamespace(force=np.zeros(16))
     for late in (0.01, 0.05, -0.02):  # a draw may end before its impact, if the step was to end with it
         u, w = -late * (0.8 + 0.75 * late), -(0.8 + 1.5 * late)
-        found = approach.land(u, w, 1, segment, 0.1, 0.3, 0.33, PROBLEM, None, 0.0)
+        found = approach.reflect_draw(u, w, 1, segment, 0.1, 0.3, 0.33, PARAMETERS, None, 0.0)
         assert found == pytest.approx((0.0, 0.6 * 0.8, -1, 0.3 - late))
 
 
@@ -92,5 +92,5 @@ def test_a_draw_beyond_an_impact_that_no_parabola_has_is_scaled(monkeypatch, w, 
     """It rises, its impact would be before the step, or there is none."""
     monkeypatch.setattr(approach, "acceleration", lambda *_: lift)
     segment = types.SimpleNamespace(force=np.zeros(16))
-    found = approach.land(-0.01, w, -1, segment, 0.25, 0.3, 0.3, PROBLEM, None, 0.0)
+    found = approach.reflect_draw(-0.01, w, -1, segment, 0.25, 0.3, 0.3, PARAMETERS, None, 0.0)
     assert found == pytest.approx((0.006, -0.6 * w, 1, 0.3))

@@ -13,8 +13,9 @@ from fpk_rocking.physics.motion.segment import Segment
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white
-from montecarlo.engines.bounce import bounce, first_return
+from montecarlo.engines.bounce import draw_bounce, first_return
 from montecarlo.engines.random import open_stream, stream_keys
+from montecarlo.tuning import TUNING
 
 RATTLING = Scene(Block(0.85), Harmonic(0.8, 2.0), WhiteNoise(0.002))
 
@@ -60,18 +61,18 @@ def test_returns_have_the_law_of_mckean(speed, growth, latest):
 
 def bounce_errors(share, angle, monkeypatch):
     """Relative errors of arrival speed and duration of bounces without noise that last about 2 share intervals."""
-    monkeypatch.setattr(white, "BRIEF", 2.0)
+    monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=2.0))
     scene = Scene(Block(0.9, critical_angle=angle), Harmonic(0.9, 7.0), WhiteNoise(1e-20))
-    problem, block = white.problem_of(scene, 200), Body(0.9, 1.5, angle or None)
-    stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * problem.spacing, {}
-    for j in range(problem.low.size):
+    parameters, block = white.parameters_of(scene, 200), Body(0.9, 1.5, angle or None)
+    stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * parameters.spacing, {}
+    for j in range(parameters.low.size):
         for side in (-1, 1):
-            pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, problem.force[j]) * math.cos(angle)
-            speed = share * problem.spacing * pull
-            after, gone, end = bounce(stream, speed, side, j, begin, math.inf, problem, None, 0.0)
+            pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, parameters.force[j]) * math.cos(angle)
+            speed = share * parameters.spacing * pull
+            after, gone, end = draw_bounce(stream, speed, side, j, begin, math.inf, parameters, None, 0.0)
             if gone != 0:
-                segment = Segment(problem.particular[j], problem.force[j], -1.0, 1.0, 200.0)
-                _, time, _, v = next_event(0.0, side * speed, side, segment, begin, 10.0 * problem.spacing, block)
+                segment = Segment(parameters.particular[j], parameters.force[j], -1.0, 1.0, 200.0)
+                _, time, _, v = next_event(0.0, side * speed, side, segment, begin, 10.0 * parameters.spacing, block)
                 errors[j, side] = after / (0.9 * abs(v)) - 1.0, (end - begin) / (time - begin) - 1.0
     return errors
 
@@ -93,8 +94,8 @@ def test_bounces_keep_the_energy_balance(monkeypatch):
     """The unforced block at a shortest step of 0.8 D, where steps alone are off by 0.118; 2,000 paths tell 0.002."""
     errors = []
     scene = Scene(Block(0.5), Harmonic(0.0, math.pi / 8.0), WhiteNoise(0.01))
-    for brief in (white.BRIEF, 0.0):
-        monkeypatch.setattr(white, "BRIEF", brief)
+    for brief in (TUNING.bounce_time, 0.0):
+        monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=brief))
         run = histories(scene, cycles=1, realizations=2000, seed=1, steps_per_cycle=8, samples_per_cycle=1)
         late = run.impact_time > 1.0
         errors.append(0.375 * np.square(run.impact_velocity[late]).sum() / 2000 / 15.0 / 0.01 - 1.0)
@@ -121,8 +122,8 @@ def test_a_rattling_block_has_the_speeds_of_the_quasi_steady_layer():
 def test_bounces_and_fine_steps_have_one_law(monkeypatch):
     """A block that rattles most of the time: six means over states, and the number of impacts; false alarm 4e-4."""
     runs = []
-    for brief, steps in ((white.BRIEF, 100), (0.0, 1000)):
-        monkeypatch.setattr(white, "BRIEF", brief)
+    for brief, steps in ((TUNING.bounce_time, 100), (0.0, 1000)):
+        monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=brief))
         runs.append(
             histories(RATTLING, cycles=3, realizations=3000, seed=steps, steps_per_cycle=steps, samples_per_cycle=8)
         )

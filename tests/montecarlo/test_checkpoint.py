@@ -12,8 +12,8 @@ import pytest
 
 from fpk_rocking import cli
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene, WhiteNoise
-from montecarlo import Tally, simulate, tally, tallying
-from montecarlo.engines import running
+from montecarlo import Tally, simulate, simulation, tally
+from montecarlo.engines import batches
 from montecarlo.results.tally import Checkpoint
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
@@ -24,9 +24,14 @@ def content(result):
     return [array.tobytes() for array in result.counts]
 
 
+def tuned(monkeypatch, **numbers):
+    """Other numbers of the table, in batches and in what a tally holds at once."""
+    for module in (batches, simulation):
+        monkeypatch.setattr(module, "TUNING", module.TUNING._replace(**numbers))
+
+
 def in_small_batches(monkeypatch):
-    monkeypatch.setattr(running, "_BATCH_S", 1e-9)
-    monkeypatch.setattr(running, "_FIRST_STATES", 0)
+    tuned(monkeypatch, batch_seconds=1e-9, first_batch=0)
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +47,13 @@ def test_same_counts_for_any_threads_and_any_batches(whole, monkeypatch):
     finally:
         numba.set_num_threads(threads)
     in_small_batches(monkeypatch)
-    monkeypatch.setattr(running, "_SMALLEST_BATCH", 101)
+    tuned(monkeypatch, smallest_batch=101)
     assert content(tally(MAIN, **SIZE)) == content(whole)
 
 
 def test_memory_does_not_grow_with_the_ensemble(whole, monkeypatch):
     """Not even where the engine is so fast that a batch could hold all: 0.8 MB of states for the largest."""
-    monkeypatch.setattr(running, "_BATCH_S", math.inf)
-    monkeypatch.setattr(tallying, "_BATCH_STATES", 3 * 300)
+    tuned(monkeypatch, batch_seconds=math.inf, tally_states=3 * 300)
     peaks = []
     for realizations in (64, 1000, 16_000):
         tracemalloc.start()

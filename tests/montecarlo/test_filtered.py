@@ -18,8 +18,9 @@ from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Overturning, Scene
 from montecarlo import histories, simulate, split, tally
-from montecarlo.engines import filtered, running
-from montecarlo.engines.grid import Grid
+from montecarlo.engines import batches, filtered, filtered_noise
+from montecarlo.engines.engine import TimeGrid
+from montecarlo.engines.filtered import ENGINE
 from montecarlo.engines.random import open_stream, stream_keys
 
 LOW_PASS = FilteredNoise("low-pass", 0.04, 9.0, math.sqrt(0.5))
@@ -59,9 +60,9 @@ def test_sampled_noise_has_the_autocovariance(noise):
     standard errors but for a probability of 4e-4.
     """
     scene, n, grid = scene_of(noise), 100_000, 4
-    problem = with_intervals(scene, 24)
-    values, flights = noise_of(problem, grid, n)
-    h, nodes = problem.spacing, np.polynomial.legendre.leggauss(48)
+    parameters = with_intervals(scene, 24)
+    values, flights = noise_of(parameters, grid, n)
+    h, nodes = parameters.spacing, np.polynomial.legendre.leggauss(48)
     time, weight = 0.5 * h * (1.0 + nodes[0]), 0.5 * h * nodes[1]
     output = noise.space.output * math.sqrt(noise.variance)
     times, kernels = [], []
@@ -94,46 +95,48 @@ def _mean(noise, first, second):
 @pytest.mark.parametrize("intervals", [24, 400])
 def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     """A flight by the polynomial ends where the drawn one does, to rounding, and the polynomial has the drawn noise."""
-    problem = with_intervals(scene_of(noise), intervals)
-    room, stream = filtered.room_of(problem), open_stream(stream_keys(1), 0)
-    filtered.begin_noise(stream, problem, room)
+    parameters = with_intervals(scene_of(noise), intervals)
+    workspace, stream = filtered.workspace_of(parameters), open_stream(stream_keys(1), 0)
+    filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
     output, rate = noise.space.output, noise.space.output @ noise.space.drift
     n, sigma = output.size, math.sqrt(noise.variance)
     for j in range(intervals):
-        filtered.draw_noise(stream, problem, room)
-        drawn = interval(0.8, 0.1, 1, 0, j, problem, room)[:2]
-        filtered.resolve(j, j, problem, room)
-        assert filtered.look((0.8, 0.1), 1, j, j, 1.0, problem, room) == pytest.approx(drawn, abs=1e-13)
-        ends = [sigma * (output @ room.drawn[:n]), sigma * (output @ room.drawn[n : 2 * n])]
-        assert room.bernstein[[0, -1]] == pytest.approx(ends, abs=1e-14)
+        filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
+        drawn = interval(0.8, 0.1, 1, 0, j, parameters, workspace)[:2]
+        ENGINE.build_force(j, j, parameters, workspace)
+        end, _, _ = ENGINE.step_with_events((0.8, 0.1), (0.0, 0.0), 1, j, j, 1.0, 0, parameters, workspace, None)
+        assert end == pytest.approx(drawn, abs=1e-13)
+        ends = [sigma * (output @ workspace.noise.drawn[:n]), sigma * (output @ workspace.noise.drawn[n : 2 * n])]
+        assert workspace.noise.bernstein[[0, -1]] == pytest.approx(ends, abs=1e-14)
         if noise in (LOW_PASS, THIRD):
-            slopes = (room.bernstein.size - 1) * np.diff(room.bernstein)[[0, -1]]
+            slopes = (workspace.noise.bernstein.size - 1) * np.diff(workspace.noise.bernstein)[[0, -1]]
             assert slopes == pytest.approx(
-                problem.spacing * sigma * room.drawn[: 2 * n].reshape(2, n) @ rate, abs=1e-12
+                parameters.spacing * sigma * workspace.noise.drawn[: 2 * n].reshape(2, n) @ rate, abs=1e-12
             )
 
 
 KINKED = Table((0.3, 0.6, 2.0), (0.2, 1.5, 0.1))
 
 
-def lap(scene, end):
+def tables_over(scene, end):
     """The engine's tables for a time, in intervals of its default length at most."""
-    spacing = filtered.problem_of(scene, 200, np.array([end])).spacing
+    spacing = filtered.parameters_of(scene, 200, np.array([end])).spacing
     count = math.ceil(end / spacing - 1e-9)
-    return filtered.on_grid(scene, Grid(count, end / count, np.array([float(count)])))
+    return filtered.parameters_on_grid(scene, TimeGrid(count, end / count, np.array([float(count)])))
 
 
-def flown(problem):
+def flown(parameters):
     """Covariance (2, 2) of angle and velocity of a flight without events, which the engine's draws and tables imply."""
-    n = len(problem.stationary)
+    n = len(parameters.noise.stationary)
     covariance = np.zeros((n + 2, n + 2))
-    covariance[:n, :n] = problem.stationary @ problem.stationary.T
-    known, drawn = np.vstack([np.eye(n), problem.move]), np.vstack([np.zeros((n, n + 2)), problem.spread])
-    keep, swap = problem.hyperbolic
-    for response in problem.response:
-        moves = response @ problem.shape
-        step, source = np.zeros((n + 2, n + 2)), np.vstack([problem.spread[:n], moves @ drawn])
-        step[:n, :n], step[n:, :n], step[n:, n:] = problem.move[:n], moves @ known, [[keep, swap], [swap, keep]]
+    covariance[:n, :n] = parameters.noise.stationary @ parameters.noise.stationary.T
+    move, spread = parameters.noise.move, parameters.noise.spread
+    known, drawn = np.vstack([np.eye(n), move]), np.vstack([np.zeros((n, n + 2)), spread])
+    keep, swap = parameters.hyperbolic
+    for response in parameters.envelope.response:
+        moves = response @ parameters.noise.shape
+        step, source = np.zeros((n + 2, n + 2)), np.vstack([spread[:n], moves @ drawn])
+        step[:n, :n], step[n:, :n], step[n:, n:] = move[:n], moves @ known, [[keep, swap], [swap, keep]]
         covariance = step @ covariance @ step.T + source @ source.T
     return covariance[n:, n:]
 
@@ -165,26 +168,27 @@ def quadrature(noise, end):
 def test_kinks_and_jumps_of_an_envelope_are_in_the_variance_of_a_flight(noise, envelope):
     """At the default steps, whose intervals the kinks cut."""
     noise = dataclasses.replace(noise, envelope=envelope)
-    found = flown(lap(scene_of(noise), 0.7))
+    found = flown(tables_over(scene_of(noise), 0.7))
     assert found == pytest.approx(quadrature(noise, 0.7), rel=1e-5)
 
 
 def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_interval():
     """Far from every event the paths by pieces, to any time, and by the tables of whole intervals are the same."""
     noise = dataclasses.replace(LOW_PASS, envelope=Table((0.03, 0.31, 0.32, 0.6), (0.2, 1.5, 0.0, 1.0)))
-    problem = lap(scene_of(noise), 0.7)
-    room, stream, cut = filtered.room_of(problem), open_stream(stream_keys(1), 0), 0
-    filtered.begin_noise(stream, problem, room)
-    for j in range(len(problem.response)):
-        filtered.draw_noise(stream, problem, room)
-        x, v, side, _ = interval(0.8, 0.1, 1, 0, j, problem, room)
-        filtered.resolve(j, j, problem, room)
-        parts = filtered.carry(0.8, 0.1, 1, 0, j, 1.0, 0, problem, room, None)
-        assert parts == pytest.approx((x, v, side, problem.spacing), abs=1e-13)
-        pieces = range(problem.first[j], problem.first[j + 1])
+    parameters = tables_over(scene_of(noise), 0.7)
+    workspace, stream, cut = filtered.workspace_of(parameters), open_stream(stream_keys(1), 0), 0
+    filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
+    for j in range(len(parameters.envelope.response)):
+        filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
+        x, v, side, _ = interval(0.8, 0.1, 1, 0, j, parameters, workspace)
+        ENGINE.build_force(j, j, parameters, workspace)
+        parts = ENGINE.step_with_events((0.8, 0.1), (0.0, 0.0), 1, 0, j, 1.0, 0, parameters, workspace, None)
+        assert parts[0] == pytest.approx((x, v), abs=1e-13)
+        assert parts[1:] == (side, math.inf)
+        pieces = range(parameters.envelope.first[j], parameters.envelope.first[j + 1])
         cut += len(pieces) > 1
-        begins, values = j * problem.spacing + problem.begins[pieces], problem.strength[pieces, 0]
-        assert values == pytest.approx(noise.envelope.value(begins + 1e-12), abs=1e-9)
+        begins, values = parameters.envelope.begins[pieces], parameters.envelope.strength[pieces, 0]
+        assert values == pytest.approx(noise.envelope.value(j * parameters.spacing + begins + 1e-12), abs=1e-9)
     assert cut == 3
 
 
@@ -267,8 +271,8 @@ def test_a_run_that_begins_later_sees_the_same_noise():
     whole = simulate(scene, cycles=4, realizations=6, seed=7)
     for r in np.nonzero(np.isfinite(whole.angle[:, 4]))[0]:
         begun = scene.varied(start=Start(whole.angle[r, 3], whole.velocity[r, 3]))
-        run = running.checked(begun, 1, int(r) + 1, 7, "filtered", 200)
-        (batch,) = running.batches(run, first=int(r), cycle=3)
+        run = batches.checked_run(begun, 1, int(r) + 1, 7, "filtered", 200)
+        (batch,) = batches.simulate_batches(run, first=int(r), cycle=3)
         assert batch.angle[0, 1] == pytest.approx(whole.angle[r, 4], abs=1e-12)
 
 

@@ -13,7 +13,7 @@ from fpk_rocking.envelopes import Exponential, Trapezoid
 from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Pulse, Scene, Start
 from montecarlo import histories, restarted_poincare_map, simulate, tally
-from montecarlo.engines import nonlinear, running, shinozuka
+from montecarlo.engines import band_noise, batches, exact
 from montecarlo.engines.random import open_stream, stream_keys
 
 BLOCK = Block(0.85, critical_angle=0.3)
@@ -89,15 +89,15 @@ def test_paths_under_pulses_and_records_are_those_of_an_independent_integrator(n
 
 def realized(scene, seed, number):
     """Force of a realization as a function of time, from the numbers that the engine draws."""
-    problem = nonlinear.problem_of(scene, 200, np.array([scene.period]))
-    drawn = band.allocate_realization(problem.harmonics, 1)
-    shinozuka.draw_band(open_stream(stream_keys(seed), number), problem, drawn)
-    count, lap = problem.harmonics, problem.count * problem.spacing
-    rates, phases = 2.0 * math.pi * drawn.ratios[:count] / lap, 2.0 * math.pi * drawn.phases[:count]
+    parameters = exact.parameters_of(scene, 200, np.array([scene.period]))
+    drawn = band.allocate_realization(parameters.harmonics, 1)
+    band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters, drawn)
+    count, period = parameters.harmonics, parameters.count * parameters.spacing
+    rates, phases = 2.0 * math.pi * drawn.ratios[:count] / period, 2.0 * math.pi * drawn.phases[:count]
     forcing, envelope = scene.forcing, scene.noise.envelope
 
     def force(t):
-        noise = problem.weight * np.cos(rates * t + phases).sum()
+        noise = parameters.weight * np.cos(rates * t + phases).sum()
         strength = 1.0 if envelope is None else envelope.value(np.array([t]))[0]
         return float(-forcing.amplitude * math.cos(forcing.frequency * t + forcing.phase) + strength * noise)
 
@@ -150,8 +150,8 @@ def test_a_run_that_begins_later_goes_on(noise):
     assert np.isfinite(whole.angle[:, 4]).sum() >= 3
     for r in np.nonzero(np.isfinite(whole.angle[:, 4]))[0]:
         begun = scene.varied(start=Start(whole.angle[r, 3], whole.velocity[r, 3]))
-        run = running.checked(begun, 1, int(r) + 1, 7, None, 200)
-        (batch,) = running.batches(run, first=int(r), cycle=3)
+        run = batches.checked_run(begun, 1, int(r) + 1, 7, None, 200)
+        (batch,) = batches.simulate_batches(run, first=int(r), cycle=3)
         assert batch.angle[0, 1] == pytest.approx(whole.angle[r, 4], abs=1e-11)
 
 

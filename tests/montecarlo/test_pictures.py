@@ -18,7 +18,7 @@ from montecarlo import (
     restarted_poincare_map,
     simulate,
 )
-from montecarlo.engines import running
+from montecarlo.engines import batches
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
@@ -91,8 +91,8 @@ def test_noise_goes_on_through_a_restart(scene):
     again = dataclasses.replace(scene, start=Start(*restarted.points[2]))
     means = []
     for cycle in (0, 2):
-        batches = running.batches(running.checked(again, 1, 100, 1, None, 200), cycle=cycle)
-        means.append(np.nanmean(np.concatenate([batch.angle[:, 1] for batch in batches])))
+        parts = batches.simulate_batches(batches.checked_run(again, 1, 100, 1, None, 200), cycle=cycle)
+        means.append(np.nanmean(np.concatenate([batch.angle[:, 1] for batch in parts])))
     assert restarted.points[3, 0] == pytest.approx(means[1], abs=1e-12)
     assert abs(means[0] - means[1]) > 1e-6
 

@@ -1,4 +1,4 @@
-"""Splitting: exact probabilities of a lattice walk, plain ensembles, independent runs at 1e-8, and prospects."""
+"""Splitting: exact probabilities of a lattice walk, plain ensembles, independent runs at 1e-8, and scores."""
 
 import math
 
@@ -11,9 +11,10 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
+from montecarlo.engines.levels import allocate_population, raise_level, record_score
 from montecarlo.engines.random import open_stream, stream_keys, uniform
-from montecarlo.rare.levels import climb, populate, raise_level
-from montecarlo.rare.prospects import AHEAD, Prospects, prospect, prospects_of
+from montecarlo.engines.walkers import ScoreTable, score_of_state, score_table
+from montecarlo.tuning import TUNING
 
 REST = Start()
 UP = 0.3
@@ -35,9 +36,9 @@ def _lattice(keys, walkers, steps, top, rough, estimates, extinct):
     """Split a walk on 0 ... top, one up with probability UP, else one down if it can, up to its first visit of top."""
     for repeat in range(estimates.shape[0]):
         stream = open_stream(keys, repeat)
-        population = populate(walkers, steps)
+        population = allocate_population(walkers, steps)
         for i in range(walkers):
-            climb(population, i, _lattice_score(0, 0, top, rough), 0, 0.0, 0.0, 0.0)
+            record_score(population, i, _lattice_score(0, 0, top, rough), 0, 0.0, 0.0, 0.0)
         while True:
             for i in range(walkers):
                 if population.unfinished[i]:
@@ -46,7 +47,7 @@ def _lattice(keys, walkers, steps, top, rough, estimates, extinct):
                     while step < steps and place < top:
                         place = place + 1.0 if uniform(stream) < UP else max(place - 1.0, 0.0)
                         step += 1
-                        climb(population, i, _lattice_score(place, step, top, rough), step, place, 0.0, 0.0)
+                        record_score(population, i, _lattice_score(place, step, top, rough), step, place, 0.0, 0.0)
             if not raise_level(population, stream):
                 break
         extinct[repeat] = population.weight[0] == 0.0
@@ -109,9 +110,9 @@ def test_agrees_with_a_plain_ensemble(scene, cycles, which):
 
 @pytest.mark.slow
 def test_agrees_with_a_plain_ensemble_of_exact_blocks(monkeypatch):
-    """With a coarse table of prospects; false alarm 6 x 6e-5."""
-    monkeypatch.setattr("montecarlo.rare.prospects._ANGLES", 24)
-    monkeypatch.setattr("montecarlo.rare.prospects._VELOCITIES", 48)
+    """With a coarse table of the score; false alarm 6 x 6e-5."""
+    coarse = TUNING._replace(score_angles=24, score_velocities=48)
+    monkeypatch.setattr("montecarlo.engines.walkers.TUNING", coarse)
     scene = scene_of(0.004, 4.0, 0.6, 6.0, SPREAD)
     compare(scene.varied(block=Block(0.6, critical_angle=0.4)), 2, (0, 1, 2))
 
@@ -172,41 +173,41 @@ def test_steps_are_as_short_as_they_are_asked_for():
     assert not np.any(coarse.repeat_probability[:, -1] == fine.repeat_probability[:, -1])
 
 
-def test_prospect_is_the_nearest_approach_of_an_independent_block():
+def test_the_score_is_the_nearest_approach_of_an_independent_block():
     """At nodes of the table, scipy's integration and its impacts; one state that escapes among them."""
     intervals = 32
-    prospects = prospects_of(MAIN, intervals)
-    _, _, n_angle, n_velocity = prospects.table.shape
+    scores = score_table(MAIN, intervals)
+    _, _, n_angle, n_velocity = scores.table.shape
     shift = 4.6 / math.hypot(1.0, 2.7)
     cutoff, found = MAIN.overturning.angle, []
     for j, side, a, b in ((5, -1, 40, 110), (17, 1, 70, 80), (30, -1, 5, 150)):
-        u, w = cutoff * a / (n_angle - 1), prospects.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
+        u, w = cutoff * a / (n_angle - 1), scores.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
         block = oracle.Block(4.6, 2.7, math.pi, 0.5, cutoff, side * u, side * w, side)
         block.t = begin = j * MAIN.period / intervals
         best, impacts = -math.inf, -1
-        while block.t < begin + AHEAD and not block.overturned:
+        while block.t < begin + TUNING.foresight and not block.overturned:
             if len(block.events) != impacts:  # z is largest right after an impact
                 saddle = shift * math.cos(2.7 * block.t + math.pi + math.atan(2.7))
                 best = max(best, block.side * (block.x + block.v - saddle) - 1.0)
                 impacts = len(block.events)
             block.advance(block.t + 0.002)
         found.append(best)
-        assert prospect(u, w, side, j, prospects) == pytest.approx(best, rel=0.01, abs=1e-3)
+        assert score_of_state(u, w, side, j, scores) == pytest.approx(best, rel=0.01, abs=1e-3)
     assert max(found) > 0.0 > min(found)
 
 
-def test_prospects_are_bilinear_between_the_nodes_and_those_of_the_edge_beyond():
+def test_scores_are_bilinear_between_the_nodes_and_those_of_the_edge_beyond():
     def plane(u, w):
         return 0.3 + 2.0 * u - 0.7 * w + 0.4 * u * w
 
     angles, velocities = np.linspace(0.0, 1.5, 4), np.linspace(-2.0, 2.0, 6)
     table = np.zeros((3, 2, 4, 6))
     table[1, 1] = plane(angles[:, None], velocities)
-    prospects = Prospects(table, 2.0, 2.0, 1.25)
+    scores = ScoreTable(table, 2.0, 2.0, 1.25)
     for u, w in ((0.0, -2.0), (0.2, 0.1), (0.75, -1.3), (1.3, 1.9), (1.5, 2.0), (1.1, -2.5), (0.4, 3.0), (1.8, 0.5)):
         inside = min(u, 1.5), min(max(w, -2.0), 2.0)
-        assert prospect.py_func(u, w, 1, 1, prospects) == pytest.approx(plane(*inside), rel=1e-12)
-        assert prospect.py_func(u, w, -1, 1, prospects) == prospect.py_func(u, w, 1, 2, prospects) == 0.0
+        assert score_of_state.py_func(u, w, 1, 1, scores) == pytest.approx(plane(*inside), rel=1e-12)
+        assert score_of_state.py_func(u, w, -1, 1, scores) == score_of_state.py_func(u, w, 1, 2, scores) == 0.0
 
 
 def test_estimates_and_errors_follow_from_the_repeats():

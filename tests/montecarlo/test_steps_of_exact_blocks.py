@@ -23,9 +23,11 @@ from fpk_rocking.scene import (
     WhiteNoise,
 )
 from montecarlo import histories, simulate
-from montecarlo.engines import rk4, steps
+from montecarlo.engines import rk4
+from montecarlo.engines.approach import nystrom_step
+from montecarlo.engines.band_noise import draw_start_and_noise
 from montecarlo.engines.random import open_stream, stream_keys
-from montecarlo.engines.shinozuka import draw_band
+from montecarlo.engines.rk4 import classical_step
 
 ALPHA, CUTOFF = 0.3, math.pi / 2
 FORCING = Harmonic(3.0, 2.7, math.pi)
@@ -70,7 +72,7 @@ def test_orders_of_a_flight():
     counts = np.array([4, 8, 16, 32])
     flights = [(u, w, side) for u, w in ((0.3, 0.5), (0.9, -0.7)) for side in (-1, 1)]
     truth = np.array([flight(*one, 0.6) for one in flights])
-    for method in (steps.classical, steps.nystrom):
+    for method in (classical_step, nystrom_step):
         found = np.array([[stepped(method, *one, n) for one in flights] for n in counts])
         errors = np.abs(found - truth)
         state = errors[:, :, :2].max(axis=(1, 2))
@@ -83,9 +85,9 @@ def test_orders_of_a_flight():
 
 def noise_of(scene, number, seed):
     """Force of a realization as a function of time, from the frequencies and phases that the engine draws."""
-    problem = rk4.problem_of(scene, 50)
-    harmonics = rk4.room_of(problem).harmonics
-    draw_band(open_stream(stream_keys(seed), number), problem, harmonics)
+    parameters = rk4.parameters_of(scene, 50)
+    harmonics = rk4.workspace_of(parameters).harmonics
+    draw_start_and_noise(open_stream(stream_keys(seed), number), parameters, harmonics)
     rates, phases = 2.0 * math.pi * harmonics.ratios / scene.period, 2.0 * math.pi * harmonics.phases
     known = scene.forcing
     return lambda t: (

@@ -12,7 +12,7 @@ from fpk_rocking.results import storage
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Tally, simulate, tally
-from montecarlo.engines import running
+from montecarlo.engines import batches
 from montecarlo.results import counts
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
@@ -25,7 +25,7 @@ def content(result):
 
 def batch_of(first, angle, velocity):
     count = len(angle)
-    return running.Batch(first, angle, velocity, np.full(count, math.nan), np.zeros(count, np.int8), None)
+    return batches.Batch(first, angle, velocity, np.full(count, math.nan), np.zeros(count, np.int8), None)
 
 
 @pytest.fixture(scope="module")
@@ -208,9 +208,9 @@ def test_an_ensemble_that_does_not_fit_is_sent_here():
 
 @pytest.mark.parametrize(("cycle", "rows"), [(1, "cycles"), (16, "cycles x 16")])
 def test_a_run_that_does_not_fit_tells_what_it_counts(cycle, rows):
-    run = running.checked(MAIN, 10, 10**8, 1, None, 200)
+    run = batches.checked_run(MAIN, 10, 10**8, 1, None, 200)
     with pytest.raises(ValueError, match=rf"accepted: realizations x \({rows} \+ 1\) <= \d+, 4 GiB of states$"):
-        running.refuse_large(run, cycle)
+        batches.refuse_large(run, cycle)
 
 
 def test_a_tally_compares_as_the_ensemble_does(whole, ensemble):

@@ -7,7 +7,7 @@ from two_samples import survival_test
 
 from fpk_rocking import BandNoise, Block, Dimensions, FilteredNoise, NoNoise, Pulse, Record, Scene, WhiteNoise
 from montecarlo import histories, simulate, tally
-from montecarlo.engines import running
+from montecarlo.engines import batches
 
 SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)
 SHAKEN = Scene(Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.45), NoNoise())
@@ -111,4 +111,4 @@ def test_a_forcing_that_repeats_is_cut_out_of_a_pulse():
     found = simulate(pulse, times=ensemble.times, realizations=200)
     assert found.angle == pytest.approx(ensemble.angle, abs=1e-8, nan_ok=True)
     assert 0.1 < found.survival[-1] < 0.9
-    assert running.checked(pulse, None, 1, 1, None, 200).times[-1] == pytest.approx(pulse.forcing.duration + 10.0)
+    assert batches.checked_run(pulse, None, 1, 1, None, 200).times[-1] == pytest.approx(pulse.forcing.duration + 10.0)

@@ -13,7 +13,7 @@ from mpmath import mp, mpf
 
 from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start
-from montecarlo.engines import rk4, shinozuka
+from montecarlo.engines import band_noise, rk4
 from montecarlo.engines.random import open_stream, stream_keys
 
 SLOW = 1e-5
@@ -25,11 +25,13 @@ def follow_scene(scene, seed, realization, cycles, rounding=2e-14, digits=50):
 
     Frequencies and phases are the very numbers that the engines draw; what they are multiplied with is exact.
     """
-    problem = rk4.problem_of(scene, 8)
-    harmonics = band.allocate_realization(problem.harmonics, 1)
-    angle, velocity = shinozuka.draw_band(open_stream(stream_keys(seed), realization), problem, harmonics)
+    parameters = rk4.parameters_of(scene, 8)
+    harmonics = band.allocate_realization(parameters.harmonics, 1)
+    angle, velocity = band_noise.draw_start_and_noise(
+        open_stream(stream_keys(seed), realization), parameters, harmonics
+    )
     rows = harmonics.ratios, harmonics.phases, harmonics.weights
-    ratios, phases, weights = (row[: problem.harmonics].tolist() for row in rows)
+    ratios, phases, weights = (row[: parameters.harmonics].tolist() for row in rows)
     forcing = scene.forcing
     with mp.workdps(digits + 15):
         omega = mpf(forcing.frequency)

@@ -17,8 +17,8 @@ from fpk_rocking.physics.noise.band import (
 )
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene
 from montecarlo.engines import rk4
+from montecarlo.engines.band_noise import draw_start_and_noise
 from montecarlo.engines.random import open_stream, stream_keys
-from montecarlo.engines.shinozuka import draw_band
 
 VARIANCE, BAND = 0.04, (1.0, 6.0)
 
@@ -26,7 +26,7 @@ VARIANCE, BAND = 0.04, (1.0, 6.0)
 def draw(realization, half=1, count=100):
     scene = Scene(Block(0.5), Harmonic(1.0, 2.7), BandNoise(VARIANCE, BAND, count))
     harmonics = band.allocate_realization(count, half)
-    draw_band(open_stream(stream_keys(5), realization), rk4.problem_of(scene, 8), harmonics)
+    draw_start_and_noise(open_stream(stream_keys(5), realization), rk4.parameters_of(scene, 8), harmonics)
     return harmonics
 
 

@@ -7,7 +7,7 @@ from scipy import stats
 from fpk_rocking import BandNoise, Block, FilteredNoise, Pulse, Scene
 from fpk_rocking.envelopes import Table
 from montecarlo import simulate
-from montecarlo.engines import enveloped, filtered
+from montecarlo.engines import exact, filtered
 
 
 @pytest.mark.parametrize("middle", [0.35, 0.6, 1.0])
@@ -16,12 +16,12 @@ def test_a_spike_shorter_than_an_interval_lifts_blocks_off(middle):
     spike = Table((middle - 0.01, middle, middle + 0.01), (0.0, 200.0, 0.0))
     scene = Scene(Block(0.9), Pulse("one-cosine", 1e-4, 3.0), BandNoise(4.0, (0.0, 5.0), 40, envelope=spike))
     times = [middle - 0.02, middle + 0.5]
-    assert enveloped.problem_of(scene, 200, np.array([0.0, *times])).spacing > 0.1
-    exact = simulate(scene, times=times, realizations=100)
+    assert exact.parameters_of(scene, 200, np.array([0.0, *times])).spacing > 0.1
+    found = simulate(scene, times=times, realizations=100)
     steps = simulate(scene, times=times, realizations=100, method="rk4", steps_per_cycle=4000)
-    assert np.all(exact.angle[:, 1] == 0.0)
-    assert np.mean(exact.angle[:, 2] != 0.0) > 0.9
-    assert exact.angle == pytest.approx(steps.angle, abs=1e-3, nan_ok=True)
+    assert np.all(found.angle[:, 1] == 0.0)
+    assert np.mean(found.angle[:, 2] != 0.0) > 0.9
+    assert found.angle == pytest.approx(steps.angle, abs=1e-3, nan_ok=True)
 
 
 @pytest.mark.parametrize(("steps", "intervals"), [(200, 2), (40_000, 5)])
@@ -33,7 +33,7 @@ def test_filtered_noise_lifts_blocks_off_while_its_envelope_rises(steps, interva
     """
     noise = FilteredNoise("low-pass", 0.49, 0.05, 0.7, Table((0.0, 1.0), (0.0, 10.0)))
     scene, times, paths = Scene(Block(0.9), Pulse("one-cosine", 1e-6, 1.9), noise), np.array([0.1, 0.2]), 20_000
-    assert filtered.problem_of(scene, steps, np.append(0.0, times)).low.size == intervals
+    assert filtered.parameters_of(scene, steps, np.append(0.0, times)).low.size == intervals
     found = simulate(scene, times=times, realizations=paths, steps_per_cycle=steps).angle[:, 1:]
     part = (np.arange(100_000) + 0.5) / 100_000
     slope = 10.0 * 0.7 * np.abs(stats.norm.ppf(part))[:, None]

@@ -26,8 +26,8 @@ from fpk_rocking.physics.forcing.record import MOST
 from fpk_rocking.scene import limits
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
-from montecarlo.rare.splitting import split
 from montecarlo.results.statistics import overturning_rate
+from montecarlo.splitting import split
 
 ROOT = pathlib.Path(__file__).parents[2]
 SIZE = Dimensions(0.6, 2.0)

@@ -9,7 +9,7 @@ import sys
 import fuzz
 
 from montecarlo import Tally, tally
-from montecarlo.engines import running
+from montecarlo.engines import batches
 from montecarlo.results.tally import Checkpoint
 
 SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
@@ -25,6 +25,6 @@ def told(self, path):
 
 if __name__ == "__main__":
     save, Tally.save = Tally.save, told
-    running._BATCH_S, running._SMALLEST_BATCH = 1e-9, 256
+    batches.TUNING = batches.TUNING._replace(batch_seconds=1e-9, smallest_batch=256)
     Checkpoint.least_s, Checkpoint.share = 0.0, math.inf
     tally(SCENE, **ASKED, realizations=int(sys.argv[2]), checkpoint=sys.argv[1])

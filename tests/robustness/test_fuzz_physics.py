@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fpk_rocking import solve_fpk
 from montecarlo import histories, simulate, split, tally
-from montecarlo.engines import exact, running
+from montecarlo.engines import batches, exact
 
 RANGE = ("forcing.", "noise.", "start.", "overturning.", "block.")
 FEW = {"cycles": 2, "realizations": 3}
@@ -89,26 +89,28 @@ def test_a_state_that_is_no_number_raises(monkeypatch):
     """Whatever an engine did wrong, a missing state does not pass as an overturned block."""
     scene = fuzz.scene(noise=fuzz.BandNoise(0.01, (0.0, 9.0), 10))
 
-    def spoil(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
-        realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts)
-        velocity[1, 1] = math.nan
+    def spoil(keys, first, cycle, parameters, angle, velocity, *others):
+        computed(keys, first, cycle, parameters, angle, velocity, *others)
+        if first <= 1 < first + len(velocity):
+            velocity[1 - first, 1] = math.nan
 
-    realize = exact.realize
-    monkeypatch.setattr(exact, "realize", spoil)
+    computed = exact.SLENDER.simulate
+    monkeypatch.setitem(vars(exact.SLENDER), "simulate", spoil)
     for call in (simulate, tally, histories):
         with pytest.raises(FloatingPointError, match=r"realization 1 of method 'exact', seed 1: \d+ finite states"):
             call(scene, **FEW)
 
 
 def test_an_overturning_that_leaves_states_behind_raises(monkeypatch):
-    def spoil(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts):
-        realize(keys, first, cycle, problem, angle, velocity, overturn_time, overturn_side, impacts)
-        overturn_side[2], overturn_time[2] = 1, 0.5
+    def spoil(keys, first, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
+        computed(keys, first, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts)
+        if first <= 2 < first + len(velocity):
+            overturn_side[2 - first], overturn_time[2 - first] = 1, 0.5
 
-    realize, scene = exact.realize, fuzz.scene(noise=fuzz.BandNoise(0.01, (0.0, 9.0), 10))
-    monkeypatch.setattr(exact, "realize", spoil)
+    computed, scene = exact.SLENDER.simulate, fuzz.scene(noise=fuzz.BandNoise(0.01, (0.0, 9.0), 10))
+    monkeypatch.setitem(vars(exact.SLENDER), "simulate", spoil)
     with pytest.raises(FloatingPointError, match=r"realization 2 .*: 3 finite states, overturning at 0.5"):
-        next(running.batches(running.checked(scene, 2, 3, 1, None, 200)))
+        next(batches.simulate_batches(batches.checked_run(scene, 2, 3, 1, None, 200)))
 
 
 @st.composite

@@ -13,7 +13,7 @@ from fpk_rocking import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scen
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, tables
 from montecarlo import histories, mean_poincare_map, overturning_rate, restarted_poincare_map, simulate, tally
-from montecarlo.engines import exact, nonlinear
+from montecarlo.engines import exact
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 QUIET = MAIN.varied(noise=NoNoise())
@@ -51,16 +51,17 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
     rows = []
 
     def watch(engine):
-        computed = engine.realize
+        computed = engine.simulate
 
-        def realize(keys, first, cycle, problem, angle, *others):
-            rows.append((engine.__name__, first, len(angle)))
-            computed(keys, first, cycle, problem, angle, *others)
+        def watched(keys, first, cycle, parameters, angle, *others):
+            rows.append((engine.task, first, len(angle)))
+            computed(keys, first, cycle, parameters, angle, *others)
 
-        monkeypatch.setattr(engine, "realize", realize)
+        monkeypatch.setitem(vars(engine), "simulate", watched)
 
-    watch(exact)
-    watch(nonlinear)
+    engines = exact.SLENDER, exact.EXACT_BLOCK
+    for engine in engines:
+        watch(engine)
     for scene in (QUIET, MAIN.varied(noise={"variance": 0.0}), FALL):
         one = simulate(scene, cycles=5)
         many = simulate(scene, cycles=5, realizations=200)
@@ -74,7 +75,7 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
         counted = tally(scene, cycles=5, realizations=200)
         assert np.array_equal(counted.survival, one.survival)
         assert counted.realizations == 200
-    assert {*rows} == {(engine.__name__, 0, 1) for engine in (exact, nonlinear)}
+    assert {*rows} == {(engine.task, 0, 1) for engine in engines}
 
 
 def test_a_number_is_required_where_there_is_chance():

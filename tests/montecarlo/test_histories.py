@@ -23,8 +23,8 @@ from fpk_rocking.scene import (
     Start,
     load_scene,
 )
-from montecarlo import Histories, histories, history, simulate
-from montecarlo.engines import running
+from montecarlo import Histories, histories, simulate, simulation
+from montecarlo.engines import batches
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 MAIN = load_scene(SCENES / "main.toml")
@@ -112,7 +112,7 @@ def test_every_impact_turns_the_side(scene, method):
 def test_no_impact_is_dropped_where_there_are_many():
     """A block rattles at 1e4 impacts a cycle or so: more than there is room for at first."""
     scene = Scene(Block(0.999), Harmonic(0.0, 0.05), NoNoise(), Start(1e-4))
-    few = next(running.batches(running.checked(scene, 1, 2, 1, None, 400), capacity=3)).impacts
+    few = next(batches.simulate_batches(batches.checked_run(scene, 1, 2, 1, None, 400), capacity=3)).impacts
     run = histories(scene, cycles=1, realizations=2, steps_per_cycle=400)
     assert few.count.tolist() == run.impacts.tolist()
     assert run.impacts[0] > 1000
@@ -127,7 +127,7 @@ def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_
     whole = histories(scene, cycles=1, realizations=20)
     room = 10
     assert whole.impacts.min() < room < whole.impacts.max()
-    monkeypatch.setattr(history, "_ROOM_PER_CYCLE", room)
+    monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(impacts_per_cycle=room))
     again = histories(scene, cycles=1, realizations=20)
     for name in ("angle", "impact_realization", "impact_time", "impact_velocity"):
         assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
@@ -141,7 +141,8 @@ def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
     r = np.flatnonzero(whole.overturn_side == 0)[0]
     for cycle in (1, 5, 18):
         scene = dataclasses.replace(MAIN, start=Start(angle[r, cycle], velocity[r, cycle]))
-        batch = next(running.batches(running.checked(scene, 1, r + 1, 3, method, 200), r, capacity=50, cycle=cycle))
+        run = batches.checked_run(scene, 1, r + 1, 3, method, 200)
+        batch = next(batches.simulate_batches(run, r, capacity=50, cycle=cycle))
         assert batch.angle[0, 1] == pytest.approx(angle[r, cycle + 1], abs=1e-9)
         assert batch.velocity[0, 1] == pytest.approx(velocity[r, cycle + 1], abs=1e-9)
         begin, end = cycle * MAIN.period, (cycle + 1) * MAIN.period
@@ -154,7 +155,8 @@ def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
     """Over 50 cycles, in which the noise's rotations are begun anew; weak forcing, so that the start is forgotten."""
     scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
     whole = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
-    late = next(running.batches(running.checked(scene, 50, 1, 3, method, 200), capacity=1000, cycle=7)).impacts
+    run = batches.checked_run(scene, 50, 1, 3, method, 200)
+    late = next(batches.simulate_batches(run, capacity=1000, cycle=7)).impacts
     one = whole.impact_time[(whole.impact_time > 20.0 * scene.period) & (np.abs(whole.impact_velocity) > 1e-3)]
     time, speed = late.time[0, : late.count[0]], np.abs(late.velocity[0, : late.count[0]])
     other = time[(time > 20.0 * scene.period) & (speed > 1e-3)]
@@ -164,11 +166,11 @@ def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
 
 
 def test_white_paths_of_a_later_cycle_are_others():
-    run = running.checked(WHITE, 1, 40, 3, None, 200)
-    first, second = (next(running.batches(run, cycle=cycle)) for cycle in (0, 1))
+    run = batches.checked_run(WHITE, 1, 40, 3, None, 200)
+    first, second = (next(batches.simulate_batches(run, cycle=cycle)) for cycle in (0, 1))
     assert not np.any(first.angle[:, 1] == second.angle[:, 1])
     scene = dataclasses.replace(WHITE, start=Start(1.4, 0.8))
-    gone = next(running.batches(running.checked(scene, 1, 40, 3, None, 200), cycle=7))
+    gone = next(batches.simulate_batches(batches.checked_run(scene, 1, 40, 3, None, 200), cycle=7))
     assert np.all(gone.overturn_time > 7.0 * scene.period)
 
 

@@ -1,9 +1,11 @@
-"""A run of any engine: its checked parameters, and batches of realizations."""
+"""A run of any engine: its checked parameters, and its realizations in batches, each simulated in parallel."""
 
+import concurrent.futures
 import math
 import time
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
@@ -11,14 +13,9 @@ from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines.choice import engine_of, task_of
+from montecarlo.engines import engine_of, task_of
 from montecarlo.engines.random import keys_at, stream_keys
-
-_BATCH_S, _SMALLEST_BATCH, _FIRST_STATES = 0.3, 64, 4096
-"""Seconds that a batch should take, its fewest realizations, and the states of the first one."""
-
-_STATES = 2**28
-"""Most states of an ensemble: 4 GiB."""
+from montecarlo.tuning import TUNING
 
 
 class Run(NamedTuple):
@@ -53,8 +50,8 @@ class Batch(NamedTuple):
     impacts: ImpactRecord
 
 
-def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
-    """Return the `Run` of the given parameters, or raise TypeError or ValueError naming the one that is refused."""
+def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
+    """Return the `Run` of parameters, those of `montecarlo.simulate`; raise TypeError or ValueError for a wrong one."""
     checks.instance("scene", scene, Scene)
     limits.check(scene)
     checks.report(progress)
@@ -62,22 +59,22 @@ def checked(scene, cycles, realizations, seed, method, steps_per_cycle, progress
         scene,
         result_times(scene, cycles, times),
         checks.count("realizations", 1 if realizations is None and scene.deterministic else realizations),
-        _whole("seed", seed, 0, 2**64 - 1),
-        engine_of(scene, method).METHOD,
-        _whole("steps_per_cycle", steps_per_cycle, 8, 10**6),
+        _checked_integer("seed", seed, 0, 2**64 - 1),
+        engine_of(scene, method).method,
+        _checked_integer("steps_per_cycle", steps_per_cycle, 8, 10**6),
     )
 
 
 def refuse_large(run, per_cycle=1, instead=""):
     """Refuse a run whose states, `per_cycle` in a cycle, do not fit into 4 GiB; `instead` is what takes more."""
-    if run.realizations * (run.rows * per_cycle + 1) > _STATES:
+    if run.realizations * (run.rows * per_cycle + 1) > TUNING.most_states:
         rows = "times" if run.scene.period is None else "cycles"
         rows += "" if per_cycle == 1 else f" x {per_cycle}"
-        accepted = f"realizations x ({rows} + 1) <= {_STATES}, 4 GiB of states{instead}"
+        accepted = f"realizations x ({rows} + 1) <= {TUNING.most_states}, 4 GiB of states{instead}"
         raise ValueError(checks.refusal("realizations", run.realizations, accepted))
 
 
-def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
+def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     """Simulate the realizations of a run from `first` on, in parallel; those of a deterministic scene are one path.
 
     Parameters
@@ -103,40 +100,55 @@ def batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
     ahead.before(task_of(engine, run.scene))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
-    lap = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
-    problem, keys = engine.problem_of(run.scene, run.steps_per_cycle, lap), stream_keys(run.seed)
-    keys = keys_at(keys, cycle) if engine.RENEWS else keys
-    size = max(_SMALLEST_BATCH, _FIRST_STATES // run.rows)
+    outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
+    parameters, keys = engine.parameters_of(run.scene, run.steps_per_cycle, outputs), stream_keys(run.seed)
+    keys = keys_at(keys, cycle) if engine.renews else keys
+    size = max(TUNING.smallest_batch, TUNING.first_batch // run.rows)
     while first < run.realizations:
         began = time.perf_counter()
         count = run.realizations - first if alike else min(size, run.realizations - first)
-        batch = _room(0, 1, len(times), capacity) if alike else _room(first, count, len(times), capacity)
-        engine.realize(keys, batch.first, cycle, problem, *batch[1:])
+        batch = _empty_batch(0, 1, len(times), capacity) if alike else _empty_batch(first, count, len(times), capacity)
+        _fill(batch, lambda part: engine.simulate(keys, part.first, cycle, parameters, *part[1:]))
         if not run.scene.repeats:
-            _leave_out_later(batch, times[-1])
-        _refuse_broken(batch, run, times)
-        yield _copied(batch, first, count) if alike else batch
+            _drop_overturning_after(batch, times[-1])
+        _refuse_missing_states(batch, run, times)
+        yield _repeated(batch, first, count) if alike else batch
         first += count
         if progress is not None:
             progress(first, run.realizations)
         # Batches are short enough to be interrupted and long enough to keep all threads busy.
-        wanted = size * _BATCH_S / (time.perf_counter() - began)
-        size = max(_SMALLEST_BATCH, int(min(wanted, 4 * size)))
+        wanted = size * TUNING.batch_seconds / (time.perf_counter() - began)
+        size = max(TUNING.smallest_batch, int(min(wanted, 4 * size)))
 
 
-def _copied(batch, first, count):
+def _fill(batch, simulate):
+    """Simulate the realizations of a batch, in parts that as many threads as numba would use take in turn."""
+    count, threads = len(batch.angle), numba.get_num_threads()
+    size = -(-count // (4 * threads))
+    parts = [_part(batch, begin, begin + size) for begin in range(0, count, size)]
+    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+        list(pool.map(simulate, parts))
+
+
+def _part(batch, begin, end):
+    """Return realizations from one place of a `Batch` to another, as views."""
+    impacts = ImpactRecord(*(array[begin:end] for array in batch.impacts))
+    return Batch(batch.first + begin, *(array[begin:end] for array in batch[1:-1]), impacts)
+
+
+def _repeated(batch, first, count):
     """Return realizations `first`, ... of a deterministic scene, `count` of them, from a batch of one."""
     states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:-1], batch.impacts))
     return Batch(first, *states, ImpactRecord(*impacts))
 
 
-def _leave_out_later(batch, end):
-    """Take back what an engine saw of the interval in which the last time is, after it."""
+def _drop_overturning_after(batch, end):
+    """Delete the overturning of a batch that an engine met after the last time, in the interval in which that is."""
     later = batch.overturn_time > end
     batch.overturn_time[later], batch.overturn_side[later] = math.nan, 0
 
 
-def _refuse_broken(batch, run, times):
+def _refuse_missing_states(batch, run, times):
     """Raise where a state is missing or is no number: every one up to overturning, and none after it, has to be one."""
     standing, last = batch.overturn_side == 0, len(times) - 1.0
     ends = np.where(standing, last, np.interp(batch.overturn_time, times, np.arange(len(times))))
@@ -152,15 +164,16 @@ def _refuse_broken(batch, run, times):
         )
 
 
-def _room(first, count, rows, capacity):
-    """Return a `Batch` with nothing in it yet."""
+def _empty_batch(first, count, rows, capacity):
+    """Return a `Batch` to be filled: `count` realizations from `first` on, with space for `capacity` impacts each."""
     angle, velocity = np.full((2, count, rows), math.nan)
     time, speed = np.full((2, count, capacity), math.nan)
     hits = ImpactRecord(np.zeros(count, np.int64), time, speed)
     return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
 
 
-def _whole(name, value, low, high):
+def _checked_integer(name, value, low, high):
+    """Return a whole number between two, or raise TypeError or ValueError naming the parameter."""
     accepted = f"a whole number from {low} to {high}"
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(checks.refusal(name, value, accepted))

@@ -17,25 +17,15 @@ from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import running
+from montecarlo.engines.batches import checked_run
 from montecarlo.engines.random import stream_keys
-from montecarlo.engines.white import problem_of
-from montecarlo.rare import branching
-from montecarlo.rare.prospects import prospects_of
+from montecarlo.engines.walkers import score_table, simulate_splitting
+from montecarlo.engines.white import parameters_of
+from montecarlo.tuning import TUNING
 
-_FEWEST_WALKERS = 10
-_FEWEST_REPEATS = 2
 _USUAL_REPEATS = 20
 _SKEWED = 0.5
-"""Part of the repeats that have to be effective."""
-
-_STATES = 2**26
-_INTERVALS = 2000
-_UNBRANCHED = {
-    "band": "all of a path of band noise is drawn at τ = 0, so it cannot branch; scene.white_equivalent() replaces it",
-    "filtered": "the states of a filter are not branched; scene.white_equivalent() replaces the filtered noise",
-    "none": "without noise there is only one path",
-}
+"""Repeats for a standard error, and the part of them that has to be effective."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -263,26 +253,33 @@ def split(
     """
     started = time.perf_counter()
     checks.instance("scene", scene, Scene)
-    if scene.noise.kind in _UNBRANCHED:
-        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {_UNBRANCHED[scene.noise.kind]}"))
+    unbranched = {
+        "band": "all of a path of band noise is drawn at τ = 0 and cannot branch; scene.white_equivalent() replaces it",
+        "filtered": "the states of a filter are not branched; scene.white_equivalent() replaces the filtered noise",
+        "none": "without noise there is only one path",
+    }
+    if scene.noise.kind in unbranched:
+        raise ValueError(checks.refusal("noise.kind", scene.noise.kind, f"'white': {unbranched[scene.noise.kind]}"))
     refuse_transient(scene.forcing, "splitting")
     refuse_envelope(scene.noise, "splitting")
-    walkers = checks.count("walkers", walkers, at_least=_FEWEST_WALKERS)
-    repeats = checks.count("repeats", repeats, at_least=_FEWEST_REPEATS)
-    run = running.checked(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
-    problem, keys = problem_of(scene, run.steps_per_cycle), stream_keys(run.seed)
-    if problem.count > _INTERVALS:
-        accepted = f"a cycle of {_INTERVALS} intervals or fewer for `split`, {problem.spacing:.2g} each"
+    walkers = checks.count("walkers", walkers, at_least=10)
+    repeats = checks.count("repeats", repeats, at_least=2)
+    run = checked_run(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
+    parameters, keys = parameters_of(scene, run.steps_per_cycle), stream_keys(run.seed)
+    if parameters.count > TUNING.splitting_intervals:
+        accepted = (
+            f"a cycle of {TUNING.splitting_intervals} intervals or fewer for `split`, {parameters.spacing:.2g} each"
+        )
         raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
-    _refuse_large("walkers", walkers, run.rows * problem.count)
+    _refuse_large("walkers", walkers, run.rows * parameters.count)
     _refuse_large("repeats", repeats, run.rows)
-    prospects = prospects_of(scene, problem.count)
+    scores = score_table(scene, parameters.count)
     overturned = np.zeros((repeats, run.rows + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
     pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())
     try:
-        common = keys, walkers, problem, prospects
-        counts = pool.map(lambda r: branching.realize(r, *common, overturned[r]), range(repeats))
+        common = keys, walkers, parameters, scores
+        counts = pool.map(lambda r: simulate_splitting(r, *common, overturned[r]), range(repeats))
         for r, (levels[r], killed[r]) in enumerate(counts):
             if progress is not None:
                 progress(r + 1, repeats)
@@ -306,5 +303,7 @@ def split(
 
 def _refuse_large(name, number, each):
     """Refuse more states than 2.5 GiB hold, `each` of a number of walkers or repeats."""
-    if number * (each + 1) > _STATES:
-        raise ValueError(checks.refusal(name, number, f"at most {_STATES // (each + 1)} with {each} steps of a path"))
+    if number * (each + 1) > TUNING.splitting_states:
+        raise ValueError(
+            checks.refusal(name, number, f"at most {TUNING.splitting_states // (each + 1)} with {each} steps of a path")
+        )

@@ -10,9 +10,9 @@ and those have to be killed together (C.-E. Brehier, M. Gazeau, L. Goudenege, T.
 Probab. 26, 3559-3601, 2016; the algorithm: F. Cerou, A. Guyader, Stoch. Anal. Appl. 25, 417-443, 2007).
 
 Of a path only its records are kept, the states at which the score was higher than ever before: no other can be the
-first above a level. The chain is the caller's, who begins every path (`climb` to its state at step 0) and then in turn
-continues the paths of the walkers that are `unfinished` (`climb` to each state) and calls `raise_level`, until that
-returns False.
+first above a level. The chain is the caller's, who begins every path (`record_score` of its state at step 0) and then
+in turn continues the paths of the walkers that are `unfinished` (`record_score` of each state) and calls `raise_level`,
+until that returns False.
 """
 
 import math
@@ -43,8 +43,8 @@ class Population(NamedTuple):
 
 
 @kernel
-def populate(walkers, steps):
-    """Return a `Population` without a record; memory is touched only where records are put."""
+def allocate_population(walkers, steps):
+    """Return a `Population` of walkers without a record, for paths of so many steps; memory is touched as it fills."""
     return Population(
         np.empty((walkers, steps + 1)),
         np.empty((walkers, steps + 1), np.int64),
@@ -58,8 +58,8 @@ def populate(walkers, steps):
 
 
 @kernel
-def climb(population, i, score, step, a, b, c):
-    """Tell walker i that its path has reached the state (a, b, c) at a step: a record if its score is the highest."""
+def record_score(population, i, score, step, a, b, c):
+    """Record the state (a, b, c) of walker i at a step, if its score is the highest along its path so far."""
     k = population.records[i]
     if k == 0 or score > population.score[i, k - 1]:
         population.score[i, k], population.step[i, k] = score, step
@@ -69,7 +69,10 @@ def climb(population, i, score, step, a, b, c):
 
 @kernel
 def raise_level(population, stream):
-    """Kill all at the lowest score and branch the survivors; return False if nothing is left to do, or nobody."""
+    """Kill all walkers at the lowest score and branch survivors in their place.
+
+    Return False if every score is infinite, or no walker survives.
+    """
     walkers = population.records.size
     level = math.inf
     for i in range(walkers):
@@ -100,4 +103,4 @@ def _branch(population, i, parent, level):
         k += 1
     state = population.state[parent, k]
     population.records[i] = 0
-    climb(population, i, population.score[parent, k], population.step[parent, k], state[0], state[1], state[2])
+    record_score(population, i, population.score[parent, k], population.step[parent, k], state[0], state[1], state[2])

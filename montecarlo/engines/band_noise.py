@@ -1,0 +1,186 @@
+"""Band noise (a sum of harmonics) in engines: drawn, sampled in chunks as a realization goes on, and its envelope.
+
+All of a realization's noise is drawn with its start: frequencies and phases of the harmonics. What makes functions of
+time of them is `fpk_rocking.physics.noise.band`. The engine `exact` needs the noise over each interval of its grid: a
+polynomial, the product of `WIDTH` samples and the polynomials of an interpolant (`bandlimited`). It makes the samples
+of `CHUNK` intervals at once.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.noise import band
+from fpk_rocking.physics.noise.band import WIDTH, evaluate_compensation
+from montecarlo.engines.random import draw_start, uniform_pairs
+from montecarlo.tuning import TUNING
+
+HALF = 8
+"""Samples on each side of the centre of a chunk of noise."""
+
+CHUNK = 2 * HALF + 1
+
+
+class Band(NamedTuple):
+    """Lowest frequency and width of the band in turns per table period; amplitude and number of the harmonics."""
+
+    low_ratio: float
+    ratio_width: float
+    weight: float
+    harmonics: int
+
+
+def band_of_scene(scene, period):
+    """Return the `Band` of a scene for a table period; without noise it has no harmonics."""
+    if scene.noise.kind != "band":
+        return Band(0.0, 0.0, 0.0, 0)
+    low, high = (frequency * period / (2.0 * math.pi) for frequency in scene.noise.band)
+    weight = math.sqrt(2.0 * scene.noise.variance / scene.noise.harmonics)
+    return Band(low, high - low, weight, scene.noise.harmonics)
+
+
+@kernel
+def draw_start_and_noise(stream, parameters, harmonics):
+    """Draw the start and the harmonics of one realization, in this order; return angle and velocity at τ = 0.
+
+    Of the parameters `start` and what is in a `Band` are read. Of the harmonics `ratios`, `phases` and `weights` are
+    written.
+    """
+    angle, velocity = draw_start(stream, parameters.start)
+    uniform_pairs(stream, harmonics.ratios, harmonics.phases, parameters.harmonics)
+    for n in range(parameters.harmonics):
+        harmonics.ratios[n] = parameters.low_ratio + parameters.ratio_width * harmonics.ratios[n]
+        harmonics.weights[n] = parameters.weight
+    return angle, velocity
+
+
+class Samples(NamedTuple):
+    """Harmonics of the interpolant of a realization, and its last samples (WIDTH - 1 + CHUNK,), CHUNK of them new."""
+
+    harmonics: band.Realization
+    values: np.ndarray
+
+
+@kernel
+def allocate_samples(harmonics):
+    """Allocate `Samples` for a number of harmonics."""
+    return Samples(band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK))
+
+
+@kernel
+def divide_by_window(harmonics, parameters):
+    """Turn the harmonics of the noise into those of its interpolant; `compensation` and `ratio_scale` are read."""
+    for n in range(harmonics.ratios.size):
+        harmonics.weights[n] *= evaluate_compensation(
+            parameters.compensation, harmonics.ratios[n] * parameters.ratio_scale
+        )
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def write_first_samples(samples, cycle, parameters):
+    """Write the samples for the first CHUNK intervals from a cycle on."""
+    harmonics, spacing = samples.harmonics, parameters.spacing / (parameters.count * parameters.spacing)
+    band.write_sample_rotations(harmonics, HALF, spacing)
+    band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) / parameters.count)
+    _write_chunk(harmonics, samples.values)
+    band.rotate_centre(harmonics, harmonics.hop)
+    _write_chunk(harmonics, samples.values)
+
+
+@kernel(forceinline=True, borrows=True)
+def write_next_samples(samples, number, cycle, parameters):
+    """Write the samples for CHUNK intervals from a number on, if the last ones are used up; return whether so."""
+    used_up = number % CHUNK == 0 and number > 0
+    if used_up:
+        _write_further(samples.harmonics, samples.values, number, cycle, parameters.count)
+    return used_up
+
+
+@kernel(borrows=True)
+def _write_further(harmonics, values, number, cycle, intervals):
+    """Move the centre of the harmonics on by a chunk, or put it there anew now and then, and write its samples."""
+    if number // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
+        centre = number + WIDTH // 2 + HALF
+        band.set_centre(harmonics, cycle + centre // intervals, centre % intervals / intervals)
+    else:
+        band.rotate_centre(harmonics, harmonics.hop)
+    _write_chunk(harmonics, values)
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def _write_chunk(harmonics, values):
+    """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1."""
+    for k in range(WIDTH - 1):
+        values[k] = values[k + CHUNK]
+    values[WIDTH - 1 :] = 0.0
+    band.add_samples(harmonics, HALF, values[WIDTH - 1 :])
+
+
+# Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
+@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+def interpolate(out, base, s, g, k):
+    """Write `base` plus the samples `g` from number k on times the columns of `s` (WIDTH, n): the noise in an interval.
+
+    With the polynomials of the interpolant that is the noise as a polynomial, with their values its values.
+    """
+    a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+    k += 8
+    b0, b1, b2, b3, b4, b5, b6, b7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+    for n in range(out.size):
+        first = (a0 * s[0, n] + a1 * s[1, n]) + (a2 * s[2, n] + a3 * s[3, n])
+        second = (a4 * s[4, n] + a5 * s[5, n]) + (a6 * s[6, n] + a7 * s[7, n])
+        third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
+        fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
+        out[n] = base[n] + ((first + second) + (third + fourth))
+
+
+class EnvelopePieces(NamedTuple):
+    """The envelope g of the noise as polynomials, in pieces that end at its kinks; m intervals.
+
+    `first` (m + 1,): number of the first piece in each interval. `ends` (pieces,): their ends, times since the
+    interval's middle. `strength` (pieces, order): g in the time since the interval's middle.
+    """
+
+    first: np.ndarray
+    ends: np.ndarray
+    strength: np.ndarray
+
+
+def envelope_pieces(envelope, middles, half):
+    """Return the `EnvelopePieces` of an envelope, or of none, for intervals with these middles (m,) and half length."""
+    if envelope is None:
+        count = len(middles)
+        return EnvelopePieces(np.arange(count + 1), np.full(count, half), np.ones((count, 1)))
+    first, ends, centres, owners = [0], [], [], []
+    order = 2 if math.isinf(envelope.spacing) else TUNING.envelope_order
+    kinks = np.sort(envelope.kinks)
+    for middle in middles:
+        inside = kinks[np.abs(kinks - middle) < half * (1.0 - 1e-9)] - middle
+        stops = [*inside.tolist(), half]
+        for begin, end in zip([-half, *stops[:-1]], stops, strict=True):
+            ends.append(end)
+            centres.append(middle + 0.5 * (begin + end))
+            owners.append(middle)
+        first.append(len(ends))
+    # Linear pieces are moved to the interval's middle, and others begin there.
+    strength = envelope.series(np.array(centres), order)
+    if order == 2:
+        strength[:, 0] += strength[:, 1] * (np.array(owners) - np.array(centres))
+    return EnvelopePieces(np.array(first), np.array(ends), strength)
+
+
+def largest_envelope(envelope, grid):
+    """Return the largest value of an envelope in each interval (m,) of a `TimeGrid`; 1 without an envelope."""
+    if envelope is None:
+        return np.ones(grid.count)
+    edges = grid.spacing * np.arange(grid.count + 1)
+    values = envelope.value(edges)
+    largest = np.maximum(values[:-1], values[1:])
+    inside = envelope.kinks if len(envelope.kinks) else np.array([envelope.peak])
+    places = np.searchsorted(edges, inside) - 1
+    within = (places >= 0) & (places < grid.count)
+    np.maximum.at(largest, places[within], envelope.value(inside[within]))
+    return largest

@@ -1,0 +1,234 @@
+"""An engine of realizations, and the one loop over time of all engines.
+
+An engine knows how its noise is drawn and how a block moves over one interval of a time grid. `_simulate_path` carries
+a realization through the intervals, and `_simulate` does so for many realizations. In both, `engine` stands for the
+functions of the engine that they are compiled for.
+"""
+
+import dataclasses
+import functools
+import math
+import pathlib
+import types
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion.events import ImpactRecord
+from fpk_rocking.physics.motion.impact import side_of_start
+from montecarlo.engines.random import open_stream
+from montecarlo.tuning import TUNING
+
+
+@kernel(inline="always")
+def angle_and_velocity(state, side, number, j, parameters, workspace):  # noqa: ARG001
+    """Angle and velocity at the end of an interval, of an engine whose state they are."""
+    return state
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Engine:
+    """How the realizations of some scenes are simulated: functions in the order in which they are called.
+
+    In Python, once for a scene: `takes` and `parameters_of`. All others are compiled, and depend on nothing but their
+    arguments. Once for a thread: `workspace_of`. Once for a realization: `begin`. In each interval: `draw` and
+    `try_step`. Only where that cannot exclude an event, or where a state is wanted within the interval: `build_force`,
+    and then `step_with_events`, to the time of each such state and to the interval's end. At last, where a state is
+    wanted at the end of the interval: `state_at_end`. An engine whose paths cannot be looked at within a step has
+    `simulate_path` in place of all these from `begin` on.
+
+    `number` counts intervals from the begin of the run, and j from that of the table period, as the rows of the tables
+    do. A state is a tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest.
+
+    Attributes
+    ----------
+    method : str
+        Name by which a user asks for it.
+    task : str
+        Function of `montecarlo.ahead` that compiles it.
+    file : str
+        Source file of its functions.
+    takes : callable
+        ``(scene)``: whether it simulates a scene.
+    parameters_of : callable
+        ``(scene, steps_per_cycle, times)``: what the other functions need, as a tuple of numbers and arrays. It has at
+        least `cutoff` and the fields of a `TimeGrid`. The times (rows,) are those at which states are wanted, since the
+        begin of the table period.
+    workspace_of : callable
+        ``(parameters)``: arrays of a thread that the other functions write to, as a tuple.
+    begin : callable
+        ``(stream, cycle, parameters, workspace)``: draws the start, and the noise up to the cycle at which the run
+        begins; returns (angle, velocity) and the state.
+    draw : callable
+        ``(stream, number, j, cycle, parameters, workspace)``: draws, or computes, the noise in an interval.
+    try_step : callable
+        ``(state, side, number, j, parameters, workspace)``: whether an interval surely passes without an event, and the
+        state at its end if so.
+    build_force : callable
+        ``(number, j, parameters, workspace)``: writes the force in an interval as a polynomial.
+    step_with_events : callable
+        ``(state, end, side, number, j, share, cycle, parameters, workspace, impacts)``: carries a state through a share
+        of an interval, through impacts, rest, lift-off and overturning; `end` is what `try_step` has returned. Returns
+        state, side, and time of overturning, inf for none. With the impacts None the first two numbers of the state
+        that it returns are angle and velocity.
+    state_at_end : callable
+        ``(state, side, number, j, parameters, workspace)``: angle and velocity at the end of an interval.
+    simulate_path : callable, optional
+        ``(stream, cycle, parameters, workspace, angle, velocity, impacts)``: as `_simulate_path`.
+    renews : bool
+        Whether a run that begins at another cycle has noise of its own, and not the same function of time.
+    """
+
+    method: str
+    task: str
+    file: str
+    takes: Callable[..., bool]
+    parameters_of: Callable[..., Any]
+    workspace_of: Callable[..., Any]
+    begin: Callable[..., Any] | None = None
+    draw: Callable[..., Any] | None = None
+    try_step: Callable[..., Any] | None = None
+    build_force: Callable[..., Any] | None = None
+    step_with_events: Callable[..., Any] | None = None
+    state_at_end: Callable[..., Any] = angle_and_velocity
+    simulate_path: Callable[..., Any] | None = None
+    renews: bool = False
+
+    @functools.cached_property
+    def simulate(self):
+        """The kernel `_simulate` of this engine."""
+        path = self.simulate_path or self._compiled(_simulate_path, vars(self))
+        return self._compiled(_simulate, {**vars(self), "simulate_path": path}, nogil=True)
+
+    def _compiled(self, function, functions, **options):
+        """Return a function of this module as a kernel, in which `engine` has these functions."""
+        module = types.ModuleType(self.task)
+        vars(module).update(functions)
+        own = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{self.task}")
+        own.__qualname__ = own.__name__
+        return kernel(own, file=pathlib.Path(self.file), **options)
+
+
+engine = types.ModuleType("engine")
+
+
+def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
+    """Simulate realizations `first`, `first` + 1, ..., each from its own stream of random numbers.
+
+    Times count from τ = 0, also where the run begins later. A realization depends on its keys and its number alone.
+
+    Parameters
+    ----------
+    keys : ndarray of uint64, shape (4,)
+        From `montecarlo.engines.random.stream_keys`.
+    first : int
+        Number of the first realization.
+    cycle : int
+        Number of the table period at which the run begins, from the scene's start.
+    parameters : tuple
+        From `parameters_of`.
+    angle, velocity : ndarray, shape (count, periods * rows + 1)
+        Filled with the states at the begin and at the output times, up to overturning; nan before the call.
+    overturn_time, overturn_side : ndarray, shape (count,)
+        Filled with the time (nan: never) and the side (0: never).
+    impacts : Impacts of ndarray, shapes (count,), (count, capacity) and (count, capacity)
+        Filled with each realization's impacts; those beyond the capacity are counted and not kept.
+    """
+    workspace = engine.workspace_of(parameters)
+    for r in range(angle.shape[0]):
+        stream = open_stream(keys, first + r)
+        own = ImpactRecord(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+        overturn_time[r], overturn_side[r] = engine.simulate_path(
+            stream, cycle, parameters, workspace, angle[r], velocity[r], own
+        )
+
+
+def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts):
+    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
+    intervals, times, rows = parameters.count, parameters.output_times, parameters.output_times.size
+    (x, v), state = engine.begin(stream, cycle, parameters, workspace)
+    if abs(x) >= parameters.cutoff:
+        return cycle * (intervals * parameters.spacing), (1 if x > 0.0 else -1)
+    angle[0], velocity[0] = x, v
+    side = side_of_start(x, v)
+    row, j, wanted = 1, 0 * intervals, times[0]  # j is no literal, for which all of an engine would be compiled too
+    for number in range((angle.size - 1) // rows * intervals):
+        engine.draw(stream, number, j, cycle, parameters, workspace)
+        eventless, end = engine.try_step(state, side, number, j, parameters, workspace)
+        if not eventless or wanted < number + 1:
+            engine.build_force(number, j, parameters, workspace)
+            while wanted < number + 1:
+                share = wanted - number
+                within, _, time = engine.step_with_events(
+                    state, end, side, number, j, share, cycle, parameters, workspace, None
+                )
+                angle[row], velocity[row] = (within[0], within[1]) if time == math.inf else (math.nan, math.nan)
+                row += 1
+                wanted = times[(row - 1) % rows] + (row - 1) // rows * intervals
+        if eventless:
+            state = end
+        else:
+            state, side, time = engine.step_with_events(
+                state, end, side, number, j, 1.0, cycle, parameters, workspace, impacts
+            )
+            if time < math.inf:
+                return time, side
+        if wanted == number + 1:
+            angle[row], velocity[row] = engine.state_at_end(state, side, number, j, parameters, workspace)
+            row += 1
+            wanted = times[(row - 1) % rows] + (row - 1) // rows * intervals
+        if row == angle.size:
+            break
+        j = j + 1 if j + 1 < intervals else 0
+    return math.nan, 0
+
+
+class TimeGrid(NamedTuple):
+    """Equal intervals of the time that an engine's tables cover, the *table period*.
+
+    That is a cycle where the scene repeats, else the time up to the last output. `count`: intervals in it; `spacing`:
+    duration of one, nondimensional; `output_times` (rows,): times since its begin at which states are wanted, in
+    intervals, ascending, above 0 and at most `count`; one within rounding of a whole number is it.
+    """
+
+    count: int
+    spacing: float
+    output_times: np.ndarray
+
+    @property
+    def duration(self):
+        """Table period, nondimensional."""
+        return self.count * self.spacing
+
+
+def time_grid(scene, longest, times=None):
+    """Return the `TimeGrid` of a scene whose intervals are at most so long.
+
+    Parameters
+    ----------
+    scene : Scene
+    longest : float
+        Longest interval, nondimensional.
+    times : ndarray, shape (rows,), optional
+        Times since the begin of the table period at which states are wanted, by default that of its end. The last one
+        ends it where the scene does not repeat.
+
+    Raises
+    ------
+    ValueError
+        There would be more than 2^22 intervals.
+    """
+    rounding, most = 1e-9, TUNING.most_intervals
+    times = np.array([scene.period]) if times is None else times
+    spacing = scene.forcing.spacing(longest)
+    end = scene.period if scene.repeats else times[-1]
+    count = int(np.ceil(end / spacing - rounding))
+    if count > most:
+        accepted = f"at most {most} intervals of {spacing:.3g}, which this forcing and noise need"
+        raise ValueError(checks.refusal("scene" if scene.repeats else "times", f"a duration of {end:g}", accepted))
+    outputs = times / spacing
+    nearest = np.rint(outputs)
+    return TimeGrid(count, spacing, np.where(np.abs(outputs - nearest) < rounding, nearest, outputs))

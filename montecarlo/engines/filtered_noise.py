@@ -1,0 +1,244 @@
+"""Filtered noise over equal intervals of time: drawn exactly in law, and as a polynomial within an interval.
+
+Over an interval the filter and the flight of a slender block, which are one linear system, are drawn together from
+their exact Gaussian law: the filter's states z at the interval's end, and the angle and velocity that the noise adds to
+the flight. The noise within the interval is the polynomial of least degree that has the drawn states at both ends and
+moves a flight by what was drawn: the conditional mean of the noise given all that, but for terms of relative order
+(interval times the filter's rate).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.basis import bernstein_basis, gauss_legendre
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.particular import impulse_response
+from fpk_rocking.physics.noise.state_space import transition_and_factor
+from montecarlo.engines.random import normal
+
+
+class NoiseTables(NamedTuple):
+    """Law of filtered noise over an interval; n states, and a polynomial of degree d.
+
+    `stationary` (n, n): Cholesky factor of the states at τ = 0, of noise of variance 1. `move` (n + 2, n), `spread`
+    (n + 2, n + 2): mean and Cholesky factor of states, angle and velocity at an interval's end. `shape`
+    (d + 1, 2n + 2): Bernstein coefficients of the polynomial from the states at both ends and the flight; `powers`
+    (d + 1, d + 1): its coefficients in the time from them.
+    """
+
+    stationary: np.ndarray
+    move: np.ndarray
+    spread: np.ndarray
+    shape: np.ndarray
+    powers: np.ndarray
+
+
+def noise_tables(noise, span):
+    """Return the `NoiseTables` of filtered noise for intervals of a duration.
+
+    Time counts in intervals here, and the flight accordingly: every entry is then about 1 or less, and none lost in
+    the rounding of another.
+    """
+    space = noise.space
+    n = space.order
+    drift = np.zeros((n + 2, n + 2))
+    drift[:n, :n] = span * space.drift
+    drift[n, n + 1], drift[n + 1, n], drift[n + 1, :n] = 1.0, span * span, space.output
+    source = np.append(math.sqrt(span) * space.input, [0.0, 0.0])
+    phi, spread = transition_and_factor(drift, source, 1.0)
+    # Angle and velocity of the flight in their own units, and as strong as the noise.
+    sigma = math.sqrt(noise.variance)
+    sizes = np.append(np.ones(n), [sigma * span * span, sigma * span])[:, None]
+    shape, powers = _polynomial_tables(space, span, sigma)
+    return NoiseTables(np.linalg.cholesky(space.correlation), sizes * phi[:, :n], sizes * spread, shape, powers)
+
+
+def polynomial_degree(space):
+    """Degree of the polynomial: that of the flight and the noise at both ends, and its derivative where it has one."""
+    return 5 if space.smooth else 3
+
+
+def _polynomial_tables(space, span, sigma):
+    """Return `shape` and `powers` of `NoiseTables`."""
+    n, degree = space.order, polynomial_degree(space)
+    shape = np.zeros((degree + 1, 2 * n + 2))
+    shape[0, :n] = shape[degree, n : 2 * n] = sigma * space.output
+    if space.smooth:
+        slope = span * sigma * (space.output @ space.drift) / degree
+        shape[1, :n], shape[degree - 1, n : 2 * n] = sigma * space.output + slope, sigma * space.output - slope
+    middle = degree // 2
+    # What a polynomial adds to a flight, by its Bernstein coefficients.
+    moments = _response(degree, span, 0.0, span)[0]
+    right = -moments @ shape
+    right[:, 2 * n :] = np.eye(2)
+    shape[middle : middle + 2] = np.linalg.solve(moments[:, middle : middle + 2], right)
+    powers = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        for i in range(degree - k + 1):
+            powers[k + i, k] = math.comb(degree, k) * math.comb(degree - k, i) * (-1) ** i
+    return shape, powers / span ** np.arange(degree + 1)[:, None]
+
+
+def _response(degree, span, begin, end):
+    """Return angle and velocity (2, 2, degree + 1) that forces from a begin to an end add to a flight over an interval.
+
+    The forces are the Bernstein polynomials of the interval, and these times the time since the begin.
+    """
+    points, weights = gauss_legendre(20, -1.0, 1.0)
+    since = 0.5 * (end - begin) * (1.0 + points)
+    t = (begin + since) / span
+    weights = 0.5 * (end - begin) * weights * impulse_response(span * (1.0 - t))
+    return np.stack([weights @ bernstein_basis(t, degree).T, (weights * since) @ bernstein_basis(t, degree).T])
+
+
+class EnvelopeTables(NamedTuple):
+    """The envelope of the noise over m intervals, linear in pieces that end at its kinks; all empty without one.
+
+    `first` (m + 1,): number of the first piece in each interval. `begins`, `ends` (pieces,): times since the interval's
+    begin. `strength` (pieces, 2): the envelope at a piece's begin and its slope. `strongest` (m,): its largest value in
+    an interval. `response` (m, 2, d + 1): angle and velocity that the Bernstein polynomials of degree d, times the
+    envelope, add to a flight.
+    """
+
+    first: np.ndarray
+    begins: np.ndarray
+    ends: np.ndarray
+    strength: np.ndarray
+    strongest: np.ndarray
+    response: np.ndarray
+
+
+def envelope_tables(envelope, grid, degree):
+    """Return the `EnvelopeTables` of an envelope, or of none, on a `TimeGrid`, for noise polynomials of a degree."""
+    if envelope is None:
+        empty = np.empty(0)
+        return EnvelopeTables(np.zeros(0, int), empty, empty, np.empty((0, 2)), empty, np.empty((0, 2, degree + 1)))
+    span = grid.spacing
+    first, owner, begins, ends = _cut_at_kinks(np.sort(envelope.kinks) / span, grid.count)
+    strength = _linear_pieces(envelope, owner + begins, owner + ends, span)
+    begins, ends = span * begins, span * ends
+    strongest = np.zeros(grid.count)
+    np.maximum.at(strongest, owner, np.maximum(strength[:, 0], strength[:, 0] + strength[:, 1] * (ends - begins)))
+    moves = np.einsum("pn,ncd->pcd", strength[first[:-1]], _response(degree, span, 0.0, span))
+    for j in np.nonzero(np.diff(first) > 1)[0]:
+        parts = range(first[j], first[j + 1])
+        moves[j] = sum(np.tensordot(strength[p], _response(degree, span, begins[p], ends[p]), 1) for p in parts)
+    return EnvelopeTables(first, begins, ends, strength, strongest, moves)
+
+
+def _cut_at_kinks(kinks, count):
+    """Cut `count` intervals at the kinks inside; times are in intervals.
+
+    Return numbers of the first piece of each interval (count + 1,) and, for each piece, the number of its interval, and
+    its begin and end since that interval's begin.
+    """
+    inside = kinks[(np.abs(kinks - np.rint(kinks)) > 1e-9) & (kinks > 0.0) & (kinks < count)]
+    edges = np.sort(np.concatenate([np.arange(count), inside]))
+    owner = np.floor(edges).astype(int)
+    begins = edges - owner
+    ends = np.append(begins[1:], 0.0)
+    return np.searchsorted(owner, np.arange(count + 1)), owner, begins, np.where(ends == 0.0, 1.0, ends)
+
+
+def _linear_pieces(envelope, begins, ends, span):
+    """Return the envelope at the begins of pieces and its slopes there (pieces, 2); times are in intervals."""
+    if len(envelope.kinks) == 0:
+        values = envelope.value(span * begins)
+        return np.stack([values, (envelope.value(span * ends) - values) / (span * (ends - begins))], axis=-1)
+    strength = envelope.series(0.5 * span * (begins + ends), 2)
+    strength[:, 0] -= 0.5 * span * (ends - begins) * strength[:, 1]
+    return strength
+
+
+class NoiseWorkspace(NamedTuple):
+    """The noise in an interval, less its envelope, as far as a realization has come.
+
+    `drawn` (2n + 2,): the states at the begin and at the end of the interval, and the angle and velocity that the noise
+    adds to a flight over it. `normals` (n + 2,): scratch. `bernstein` (d + 1,): its Bernstein coefficients; `signal`
+    (TERMS,): its coefficients in the time since the interval's begin.
+    """
+
+    drawn: np.ndarray
+    normals: np.ndarray
+    bernstein: np.ndarray
+    signal: np.ndarray
+
+
+@kernel
+def allocate_noise(tables):
+    """Allocate a `NoiseWorkspace` for `NoiseTables`."""
+    n, terms = tables.stationary.shape[0], tables.powers.shape[0]
+    return NoiseWorkspace(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS))
+
+
+@kernel(borrows=True)
+def draw_first_states(stream, tables, noise):
+    """Draw the filter's states at τ = 0."""
+    drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
+    for i in range(n):
+        normals[i] = normal(stream)
+        drawn[n + i] = 0.0
+        for k in range(i + 1):
+            drawn[n + i] += tables.stationary[i, k] * normals[k]
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def draw_next_interval(stream, tables, noise):
+    """Draw the states at the end of the next interval, and what the noise adds to a flight over it."""
+    drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
+    for i in range(n):
+        drawn[i] = drawn[n + i]
+    for i in range(n + 2):
+        normals[i] = normal(stream)
+    for i in range(n + 2):
+        total = 0.0
+        for k in range(n):
+            total += tables.move[i, k] * drawn[k]
+        for k in range(i + 1):
+            total += tables.spread[i, k] * normals[k]
+        drawn[n + i] = total
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def bound_noise(j, tables, envelope, noise):
+    """Write the Bernstein coefficients of the noise in interval j, less its envelope; return bounds of it, with that.
+
+    The polynomial lies between its Bernstein coefficients.
+    """
+    low, high = math.inf, -math.inf
+    for i in range(noise.bernstein.size):
+        value = 0.0
+        for k in range(noise.drawn.size):
+            value += tables.shape[i, k] * noise.drawn[k]
+        noise.bernstein[i] = value
+        low, high = min(low, value), max(high, value)
+    if envelope.strongest.size > 0:
+        most = envelope.strongest[j]
+        return min(most * low, 0.0), max(most * high, 0.0)
+    return low, high
+
+
+@kernel(fastmath={"contract"}, borrows=True)
+def write_polynomial(tables, noise):
+    """Write the coefficients `signal` of the noise in an interval from its Bernstein coefficients."""
+    signal, bernstein = noise.signal, noise.bernstein
+    signal[:] = 0.0
+    for k in range(bernstein.size):
+        for i in range(k + 1):
+            signal[k] += tables.powers[k, i] * bernstein[i]
+
+
+@kernel(borrows=True)
+def response_to_noise(j, envelope, noise):
+    """Angle and velocity that the noise adds to a flight of a slender block over interval j."""
+    n = noise.drawn.size - 2
+    if envelope.response.size == 0:
+        return noise.drawn[n], noise.drawn[n + 1]
+    x, v = 0.0, 0.0
+    for i in range(noise.bernstein.size):
+        x += envelope.response[j, 0, i] * noise.bernstein[i]
+        v += envelope.response[j, 1, i] * noise.bernstein[i]
+    return x, v

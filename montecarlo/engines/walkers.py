@@ -1,0 +1,186 @@
+"""White-noise paths that branch, and their score: how near to the moving separatrix a block will come without noise.
+
+In the folded plane, u = s x >= 0 and w = s v, a flight has the separatrix z = 0, z = u + w - 1 - s (P + P')
+(docs/theory section 7): z grows as exp(t), away from 0, so only an impact can bring a block from z < 0 nearer to
+escape. The score of a state is the largest of its own z and of those right after the impacts of its motion without
+noise within the next 7 units of time. It does not depend on the noise and stays the same along a path without noise
+until its largest z has passed: only the noise raises it. It is tabulated over angle, velocity and phase; a rough score
+costs accuracy and never brings bias. The motion of an exact block is followed as it is, and z, to which its own
+separatrix tends near the saddle, is taken all the same. Everything is nondimensional.
+"""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.equation import block_of, block_of_scene
+from fpk_rocking.physics.motion.events import Event, next_event
+from fpk_rocking.physics.motion.flight import unstable_coordinate
+from fpk_rocking.physics.motion.impact import velocity_after_impact
+from fpk_rocking.physics.motion.segment import Segment, force_from_particular
+from montecarlo.engines.levels import allocate_population, raise_level, record_score
+from montecarlo.engines.random import draw_start, open_stream
+from montecarlo.engines.white import first_side, step_interval
+from montecarlo.tuning import TUNING
+
+
+class NoiselessForcing(NamedTuple):
+    """The forcing from each of m equally spaced times of a cycle on, over `stride` of the intervals between them.
+
+    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of `duration`; `count` of
+    them make up the time for which the motion without noise is followed.
+    """
+
+    particular: np.ndarray
+    force: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    curvature: np.ndarray
+    duration: float
+    stride: int
+    count: int
+    restitution: float
+    cutoff: float
+    critical_angle: float | None
+
+
+class ScoreTable(NamedTuple):
+    """`table` (m, 2, n_angle, n_velocity): the score at the m times of a cycle, side < 0 or > 0, at u and w.
+
+    u runs from 0 to the cut-off and w from -`fastest` to `fastest`; `per_angle`, `per_velocity`: cells per unit.
+    """
+
+    table: np.ndarray
+    fastest: float
+    per_angle: float
+    per_velocity: float
+
+
+@functools.lru_cache(maxsize=1)
+def score_table(scene, intervals):
+    """Return the `ScoreTable` of a scene with white noise, at the begins of equal intervals of a cycle."""
+    cutoff, span = scene.overturning.angle, scene.period / intervals
+    # No faster block falls back, nor comes in from a fall (docs/theory section 7).
+    fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
+    forcing = _noiseless_forcing(scene, intervals, span)
+    table = np.empty((intervals, 2, TUNING.score_angles, TUNING.score_velocities), np.float32)
+    _write_scores(table, forcing, fastest)
+    angles, velocities = table.shape[2:]
+    return ScoreTable(table, fastest, (angles - 1) / cutoff, (velocities - 1) / (2.0 * fastest))
+
+
+def _noiseless_forcing(scene, intervals, span):
+    """Return the `NoiselessForcing` of a scene, whose cycle has so many intervals of a duration `span`."""
+    # Segments as long as their polynomials are good.
+    stride = max(1, int(min(TUNING.score_segment, scene.forcing.longest_piece) / span))
+    duration = stride * span
+    particular, force = scene.forcing.pieces(np.arange(intervals) * span), np.empty((intervals, TERMS))
+    low, high, curvature = np.empty((3, intervals))
+    for j in range(intervals):
+        low[j], high[j], curvature[j] = force_from_particular(particular[j], duration, force[j])
+    ahead = (duration, stride, math.ceil(TUNING.foresight / duration), *block_of_scene(scene))
+    return NoiselessForcing(particular, force, low, high, curvature, *ahead)
+
+
+@kernel
+def _follow(u, w, side, j, forcing):
+    """Score of a state at time j of the cycle: its path without noise is followed until it escapes or comes to rest."""
+    best = unstable_coordinate(u, w, side, forcing.particular[j], 0.0)
+    x, v = side * u, side * w
+    for _ in range(forcing.count):
+        segment = Segment(
+            forcing.particular[j], forcing.force[j], forcing.low[j], forcing.high[j], forcing.curvature[j]
+        )
+        t = 0.0
+        while t < forcing.duration and best <= 0.0:
+            kind, t, x, v = next_event(x, v, side, segment, t, forcing.duration, block_of(forcing))
+            if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < TUNING.score_slowest):
+                return best
+            if kind == Event.IMPACT:
+                v, side = velocity_after_impact(v, forcing.restitution), -side
+                best = max(best, unstable_coordinate(0.0, side * v, side, forcing.particular[j], t))
+        j = (j + forcing.stride) % forcing.low.size
+    return best
+
+
+@kernel(parallel=True)
+def _write_scores(table, forcing, fastest):
+    """Write the `table` of a `ScoreTable`, for velocities from -`fastest` to `fastest`."""
+    times, sides, angles, velocities = table.shape
+    for row in prange(times * sides * angles):
+        j, k, a = row // (sides * angles), (row // angles) % sides, row % angles
+        u = forcing.cutoff * a / (angles - 1)
+        for b in range(velocities):
+            w = fastest * (2.0 * b / (velocities - 1) - 1.0)
+            table[j, k, a, b] = _follow(u, w, 2 * k - 1, j, forcing)
+
+
+@kernel
+def score_of_state(u, w, side, j, scores):
+    """Score of a state at time j of the cycle, bilinear between the table's nodes; beyond them, that at its edge."""
+    table = scores.table[j, (side + 1) // 2]
+    a = min(max(u * scores.per_angle, 0.0), table.shape[0] - 1.0)
+    b = min(max((w + scores.fastest) * scores.per_velocity, 0.0), table.shape[1] - 1.0)
+    i, k = min(int(a), table.shape[0] - 2), min(int(b), table.shape[1] - 2)
+    a, b = a - i, b - k
+    near = (1.0 - b) * table[i, k] + b * table[i, k + 1]
+    far = (1.0 - b) * table[i + 1, k] + b * table[i + 1, k + 1]
+    return (1.0 - a) * near + a * far
+
+
+@kernel
+def _begin_walker(stream, i, population, parameters, scores):
+    """Draw the start of walker i, its first record."""
+    x, v = draw_start(stream, parameters.start)
+    side = first_side(x, v, parameters)
+    score = math.inf if side * x >= parameters.cutoff else score_of_state(side * x, side * v, side, 0, scores)
+    record_score(population, i, score, 0, side * x, side * v, side)
+
+
+@kernel
+def _continue_walker(stream, i, population, steps, parameters, scores):
+    """Take walker i from its last record to overturning or to the last step."""
+    k = population.records[i] - 1
+    step, state = population.step[i, k], population.state[i, k]
+    u, w, side = state[0], state[1], int(state[2])
+    intervals = parameters.count
+    while step < steps and u < parameters.cutoff:
+        u, w, side, _ = step_interval(stream, u, w, side, step % intervals, parameters)
+        step += 1
+        score = math.inf if u >= parameters.cutoff else score_of_state(u, w, side, step % intervals, scores)
+        record_score(population, i, score, step, u, w, side)
+
+
+@kernel(nogil=True)
+def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
+    """Run one splitting, its random numbers a function of the keys, its number among the repeats and the walkers.
+
+    Adds its estimates to `overturned` (cycles + 1, 2) zeros; returns the numbers of levels and of killed walkers.
+    """
+    intervals = parameters.count
+    steps = (overturned.shape[0] - 1) * intervals
+    population = allocate_population(walkers, steps)
+    # No two paths share a stream, nor one with a realization of an ensemble: those have the numbers below 2^32.
+    name = (repeat + 1) << 32
+    chooser = open_stream(keys, name)
+    for i in range(walkers):
+        _begin_walker(chooser, i, population, parameters, scores)
+    while True:
+        for i in range(walkers):
+            if population.unfinished[i]:
+                name += 1
+                _continue_walker(open_stream(keys, name), i, population, steps, parameters, scores)
+        if not raise_level(population, chooser):
+            break
+    if population.weight[0] > 0.0:
+        for i in range(walkers):
+            k = population.records[i] - 1
+            side = int(population.state[i, k, 2])
+            for cycle in range(-(-population.step[i, k] // intervals), overturned.shape[0]):
+                overturned[cycle, (side + 1) // 2] += population.weight[0] / walkers
+    return population.levels[0], population.killed[0]

@@ -1,1 +1,0 @@
-"""Rare overturning by adaptive multilevel splitting: paths that come near it are branched."""
