@@ -49,7 +49,7 @@ MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), FilteredNoise("exponential
 EDGES = np.linspace(-1.6, 1.6, 9), np.linspace(-4.0, 4.0, 9)
 
 
-def time_grid(scene, number, nodes, steps, points=8):
+def grid_of(scene, number, nodes, steps, points=8):
     white, times = scene.white_equivalent(), scene.period * np.arange(5)
     plane = RESOLUTIONS[number].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, times))
     return NodeGrid(plane, nodes, points, even_marks(scene, steps))
@@ -126,7 +126,7 @@ def test_held_noise_has_the_melnikov_variance(noise):
 @KINDS
 def test_a_flight_has_the_covariance_of_its_noise(noise):
     scene, time = MAIN.varied(noise=noise), 0.7
-    run = FilteredRun(scene, time_grid(scene, 0, (3, 3), 8), 1e-9)
+    run = FilteredRun(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
     flight = Flight(scene, run.nodes, run.leg[0][0].characteristics.dynamics)
     _, found = flight.at(time)
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
@@ -150,7 +150,7 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
 def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     """One false alarm in a thousand or fewer: 3.5 standard errors at four cycles, and a tolerance of the mesh."""
     scene, paths, cycles = MAIN.varied(noise=noise), 40_000, 4
-    run = FilteredRun(scene, time_grid(scene, 1, nodes, 12), 1e-8)
+    run = FilteredRun(scene, grid_of(scene, 1, nodes, 12), 1e-8)
     found = run.evolve(scene.period * np.arange(cycles + 1))
     sample = simulate(scene, cycles=cycles, realizations=paths, seed=3)
     error = np.sqrt(sample.survival * (1.0 - sample.survival) / paths)
@@ -174,7 +174,7 @@ def test_fast_noise_is_white_noise():
         variance = 0.00628 * (1.0 + frequency) ** 2 / (2.0 + frequency)
         scene = MAIN.varied(noise=FilteredNoise("exponential", variance, frequency))
         assert scene.white_equivalent().noise.diffusion == pytest.approx(0.00628)
-        run = FilteredRun(scene, time_grid(scene, 2, (6,), 16), 1e-8)
+        run = FilteredRun(scene, grid_of(scene, 2, (6,), 16), 1e-8)
         differences.append(run.evolve(scene.period * np.arange(5)).inside[4] - wanted)
     assert abs(differences[2]) < 1.5e-3
     first, second = np.array(differences[:2]) - differences[2]
@@ -185,7 +185,7 @@ def test_slow_noise_is_a_mixture_over_constant_forces():
     """A noise that hardly changes: each node moves as under its own constant force."""
     start = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
     scene = MAIN.varied(noise=FilteredNoise("exponential", 0.04, 1e-3), start=start)
-    found = FilteredRun(scene, time_grid(scene, 1, (16,), 12), 1e-8).evolve(scene.period * np.arange(3)).inside[2]
+    found = FilteredRun(scene, grid_of(scene, 1, (16,), 12), 1e-8).evolve(scene.period * np.arange(3)).inside[2]
     sample = simulate(scene, cycles=2, realizations=20_000, seed=5).survival[2]
     assert found == pytest.approx(sample, abs=3.5 * math.sqrt(sample * (1.0 - sample) / 20_000) + 0.01)
 
@@ -281,7 +281,7 @@ LIFTED = Scene(Block(0.5), Harmonic(0.8, 1.5), FilteredNoise("exponential", 0.04
 
 def test_rest_and_motion_add_up_on_a_coarse_mesh():
     """Of 20,000 paths about as much rests: within .015, five of their standard errors."""
-    run = FilteredRun(LIFTED, node_grid(LIFTED, time_grid(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
+    run = FilteredRun(LIFTED, node_grid(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
     found = run.evolve(run.scene.period * np.arange(2))
     assert run.space.masses(found.coefficients[1]).sum() == pytest.approx(found.inside[1] - found.at_rest[1], abs=1e-9)
     assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
@@ -327,13 +327,13 @@ def test_steps_shorten_to_the_end_of_a_cycle_where_blocks_may_rest():
 
 def grid_with_rest(forcing):
     scene = MAIN.varied(forcing=forcing)
-    return node_grid(scene, time_grid(scene, 1, (1,), 4).plane, 2)
+    return node_grid(scene, grid_of(scene, 1, (1,), 4).plane, 2)
 
 
 def test_blocks_come_to_rest():
     """After a push under a constant force of next to nothing every block ends at rest."""
     scene = Scene(Block(0.3), Harmonic(0.2, 1.0), FilteredNoise("exponential", 1e-4, 1.0), Start(0.0, 0.5))
-    run = FilteredRun(scene, time_grid(scene, 1, (3,), 32), 1e-9)
+    run = FilteredRun(scene, grid_of(scene, 1, (3,), 32), 1e-9)
     found = run.evolve(run.scene.period * np.arange(2))
     assert found.at_rest[0] == 0.0
     assert found.at_rest[1] == pytest.approx(1.0, abs=1e-3)
@@ -352,7 +352,7 @@ def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
 
 def test_memory_is_known_before_the_work():
     scene = MAIN.varied(noise=NOISES[1])
-    grid = node_grid(scene, time_grid(scene, 1, (1,), 4).plane, 1)
+    grid = node_grid(scene, grid_of(scene, 1, (1,), 4).plane, 1)
     run = FilteredRun(scene, grid, 1e-8)
     run.evolve(run.scene.period * np.arange(2))
     assert 0.2 < run.memory / grid.memory < 1.1
