@@ -6,14 +6,9 @@ in its place or a name too long, which holds for the superuser too.
 
 import contextlib
 import json
-import pathlib
-import subprocess
-import sys
 import threading
 
 import fakes
-import fuzz
-import numpy as np
 import pytest
 import study_tasks
 from test_fuzz_files import ASKED, EDGES, content, evolution
@@ -22,7 +17,7 @@ from fpk_rocking import cli
 from fpk_rocking.output import curves, vtk
 from fpk_rocking.results import storage
 from fpk_rocking.studies import sweep
-from montecarlo import Ensemble, Tally, histories, simulate, tally
+from montecarlo import Ensemble, histories, simulate, tally
 
 resource = pytest.importorskip("resource", reason="limits of a process are those of Unix")
 WHITE = ASKED["scene"]
@@ -79,15 +74,6 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(name, every_writer, tm
         with disk_with(room), pytest.raises(OSError, match=r"File too large|No space"):
             write(path)
         assert state(tmp_path) == before
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_folder_that_takes_no_files_is_an_error(name, every_writer, tmp_path):
-    (tmp_path / "file").write_text("in the way\n")
-    for folder in (tmp_path / "file", tmp_path / ("x" * 300)):
-        with pytest.raises(OSError, match=r"file|File"):
-            every_writer[name](folder / "kept.npz")
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_tally_on_a_full_disk_keeps_the_last_checkpoint(tmp_path):
@@ -165,34 +151,3 @@ def test_a_reader_sees_whole_results_while_others_write(tmp_path):
         seen.append(known.index(content(Ensemble.load(path))))
     assert len(seen) > 5
     assert [file.name for file in tmp_path.iterdir()] == ["result.npz"]
-
-
-def test_two_runs_into_one_folder(tmp_path):
-    """Two processes at once: every file is whole and that of one of them."""
-    scene, out, white = tmp_path / "scene.toml", tmp_path / "out", fuzz.scene(noise=fuzz.WhiteNoise(0.006))
-    scene.write_text(white.to_toml(), encoding="utf-8")
-    command = [sys.executable, "-m", "fpk_rocking.cli", "mc", str(scene), "--cycles", "2", "--realizations", "3000"]
-    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    runs = [subprocess.Popen([*command, "--out", str(out), "--seed", seed], **pipes) for seed in "12"]
-    assert [(run.wait(120), run.stderr.read()) for run in runs] == [(0, b"")] * 2
-    assert {path.name for path in out.iterdir()} == {"result.npz", "summary.json"}
-    alone = {seed: simulate(white, cycles=2, realizations=3000, seed=seed) for seed in (1, 2)}
-    found = Ensemble.load(out / "result.npz")
-    assert found.angle.tobytes() == alone[found.seed].angle.tobytes()
-    told = json.loads(pathlib.Path(out / "summary.json").read_text(encoding="utf-8"))
-    assert np.array_equal(told["survival"], alone[told["seed"]].survival)
-
-
-def test_two_runs_on_one_checkpoint(tmp_path):
-    """Runs that overwrite each other's checkpoint leave a whole one, and both end with the right counts."""
-    path, asked = tmp_path / "state.npz", ASKED | EDGES | {"realizations": 3000}
-    found = []
-    runs = [threading.Thread(target=lambda: found.append(tally(**asked, checkpoint=path))) for _ in range(2)]
-    for run in runs:
-        run.start()
-    for run in runs:
-        run.join()
-    expected = [array.tobytes() for array in tally(**asked).counts]
-    for result in [*found, Tally.load(path)]:
-        assert [array.tobytes() for array in result.counts] == expected
-    assert [file.name for file in tmp_path.iterdir()] == ["state.npz"]

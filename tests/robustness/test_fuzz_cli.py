@@ -15,7 +15,6 @@ import fakes
 import fuzz
 import pytest
 from hypothesis import strategies as st
-from test_fuzz_scenes import spoiled_texts
 
 import fpk_rocking.density
 from fpk_rocking import cli
@@ -97,85 +96,6 @@ def test_any_arguments(examples, folder):
     small = pairs.filter(lambda pair: len(pair[1] or "") < 2 or not pair[1].isdigit() or len(pair[1]) > 30)
     fuzz.hold(examples, claim, command=st.sampled_from(["mc", "fpk"]), options=st.lists(small, max_size=3))
     assert not list(folder.rglob(".*"))
-
-
-LISTS = st.one_of(
-    st.sampled_from(
-        ["1,2", "0.5:2:3", "1", "2:1:3", "1:2", "1:2:0", "1:2:99999", "0:1:3", "1e-320:1e308:3", ",", "1,,2", ":"]
-    ),
-    st.sampled_from(
-        ["1,1", "-1", "nan", "inf:1:2", "1:inf:2", "1:2:3:4", "1;2", "1 2", "1e400", "0x1", "1_0,2_0", "٣"]
-    ),
-    st.lists(st.floats(), min_size=1, max_size=3).map(lambda values: ",".join(map(str, values))),
-    ODD,
-)
-NAMES = ["size", "scale", "width", "forcing.amplitude", "forcing.kind", "noise", "noise.", "noise.kind"]
-NAMES += ["start.covariance", "noise.harmonics", "noise.envelope", "noise.variance", "block.dimensions", ".", "", "σ"]
-OVER = st.tuples(st.sampled_from(NAMES), LISTS).map("=".join) | LISTS | st.sampled_from(NAMES)
-GIVEN = {
-    "--scales": LISTS,
-    "--levels": LISTS,
-    "--over": OVER,
-    "--engine": st.sampled_from(["exact", "rk4", "white", "filtered", "density", "Exact"]) | ODD,
-    "--cycles": ODD,
-    "--times": ODD,
-    "--seed": ODD,
-    "--tol": ODD,
-    "--workers": st.sampled_from(["0", "-1", "1", "1.0", "two", "1e400"]),
-    "--store": st.sampled_from(["", ".", "scene.toml", "no\nline", "a/b.jsonl", "/dev/full", "/proc/none"]),
-    "--keep-noise": st.none(),
-    "--out": st.sampled_from(["scene.toml", "out", "/proc/none", ""]),
-}
-"""Options of ``fragility`` with what is given for them."""
-
-
-@fuzz.sizes(100, 2000)
-def test_any_arguments_of_fragility(examples, folder):
-    """Of scenes whose forcing repeats and of a pulse."""
-    (folder / "pulse.toml").write_text(fuzz.scene(forcing=fuzz.made("pulse")).to_toml(), encoding="utf-8")
-    few = {"scene.toml": ["--cycles", "1"], "pulse.toml": []}
-
-    def claim(scene, options):
-        given = ["fragility", scene, "--scales", "0.5,2", "--realizations", "3", "--json", *few[scene]]
-        for name, value in options:
-            given += [name] + [value] * (value is not None)
-        check(*run(*given), as_json=True)
-
-    pairs = st.sampled_from(sorted(GIVEN)).flatmap(lambda name: st.tuples(st.just(name), GIVEN[name]))
-    small = pairs.filter(lambda pair: pair[0] != "--cycles" or not pair[1].isdigit() or len(pair[1]) > 30)
-    options = st.lists(small, min_size=1, max_size=3)
-    fuzz.hold(examples, claim, scene=st.sampled_from(sorted(few)), options=options)
-
-
-@fuzz.sizes(60, 1000)
-def test_any_times(examples, folder):
-    scenes = {"periodic.toml": fuzz.scene(), "pulse.toml": fuzz.scene(forcing=fuzz.made("pulse"))}
-    for name, scene in scenes.items():
-        (folder / name).write_text(scene.to_toml(), encoding="utf-8")
-
-    def claim(scene, times, more):
-        check(*run("mc", scene, "--realizations", "3", "--json", "--times", *times, *more), as_json=True)
-
-    times = st.lists(ODD | st.floats(0.0, 20.0).map(str), max_size=3) | st.sampled_from([["1", "1"], ["2", "1"], ["0"]])
-    more = st.sampled_from([[], [], ["--cycles", "2"]])
-    fuzz.hold(examples, claim, scene=st.sampled_from(sorted(scenes)), times=times, more=more)
-
-
-@fuzz.sizes(100, 3000)
-def test_any_scene_file(examples, folder):
-    path = folder / "any.toml"
-
-    def claim(text, command, as_json):
-        path.write_bytes(text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text)
-        lasting = ["--realizations", "3"] * (command == "mc") if b"pulse" in path.read_bytes() else FEW[command]
-        status, out, err = run(command, path, *lasting, *as_json)
-        check(status, out, err, as_json)
-        assert status == 0 or err.startswith(f"fpk-rocking {command}: ")
-
-    texts = spoiled_texts() | st.binary(max_size=60)
-    commands, json_or_not = st.sampled_from(["mc", "fpk"]), st.sampled_from([[], ["--json"]])
-    fuzz.hold(examples, claim, text=texts, command=commands, as_json=json_or_not)
-    assert {path.name for path in folder.iterdir()} == {"scene.toml", "any.toml"}
 
 
 @pytest.mark.parametrize("problem", [MemoryError(), FloatingPointError("angle: not finite"), OverflowError("large")])

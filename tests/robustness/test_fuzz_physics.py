@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fpk_rocking import solve_fpk
 from montecarlo import histories, simulate, split, tally
-from montecarlo.engines import batches, exact
+from montecarlo.engines import exact
 
 RANGE = ("forcing.", "noise.", "start.", "overturning.", "block.")
 FEW = {"cycles": 2, "realizations": 3}
@@ -55,30 +55,6 @@ def test_extreme_scenes_by_every_engine(examples, method):
     fuzz.hold(examples, claim, scene=METHODS[method], steps=st.sampled_from([8, 200]))
 
 
-@fuzz.sizes(6, 200)
-def test_extreme_scenes_tallied_and_in_histories(examples):
-    """Tallies count what ensembles hold, histories pass through the Poincaré points, splitting gives probabilities."""
-    scene = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
-    histories(scene, **FEW), tally(scene, **FEW), split(scene, cycles=1, walkers=10, repeats=2)
-
-    def claim(scene):
-        made = []
-        edges = {"angle_edges": [-1.0, 0.0, 1.0], "velocity_edges": [-1.0, 1.0]}
-        if fuzz.refused(lambda: made.append(tally(scene, **FEW, **edges)), *RANGE, "realizations"):
-            return
-        ensemble, run = simulate(scene, **FEW), histories(scene, **FEW, samples_per_cycle=1)
-        assert np.array_equal(made[0].survival, ensemble.survival)
-        assert np.array_equal(run.overturn_side, ensemble.overturn_side)
-        assert np.all(np.isfinite(run.impact_time))
-        assert np.all(np.isfinite(run.impact_velocity))
-        # Splitting looks ahead from every state at every time of a cycle: seconds where it is long or hardly damped.
-        if scene.noise.kind == "white" and scene.forcing.frequency > 3.0 and scene.block.restitution < 0.9:
-            rare = split(scene, cycles=1, walkers=10, repeats=2)
-            assert np.all((rare.repeat_overturned >= 0.0) & (rare.repeat_overturned <= 1.0 + 1e-12))
-
-    fuzz.hold(examples, claim, scene=QUIET | WHITE)
-
-
 def test_a_cycle_too_long_to_look_ahead_is_refused():
     scene = fuzz.scene(noise=fuzz.WhiteNoise(0.006), forcing=fuzz.Harmonic(4.6, 0.01))
     with pytest.raises(ValueError, match=r"forcing.frequency: got 0\.01, accepted: a cycle of 2000 intervals or fewer"):
@@ -99,18 +75,6 @@ def test_a_state_that_is_no_number_raises(monkeypatch):
     for call in (simulate, tally, histories):
         with pytest.raises(FloatingPointError, match=r"realization 1 of method 'exact', seed 1: \d+ finite states"):
             call(scene, **FEW)
-
-
-def test_an_overturning_that_leaves_states_behind_raises(monkeypatch):
-    def spoil(keys, first, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
-        computed(keys, first, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts)
-        if first <= 2 < first + len(velocity):
-            overturn_side[2 - first], overturn_time[2 - first] = 1, 0.5
-
-    computed, scene = exact.SLENDER.simulate, fuzz.scene(noise=fuzz.BandNoise(0.01, (0.0, 9.0), 10))
-    monkeypatch.setitem(vars(exact.SLENDER), "simulate", spoil)
-    with pytest.raises(FloatingPointError, match=r"realization 2 .*: 3 finite states, overturning at 0.5"):
-        next(batches.simulate_batches(batches.checked_run(scene, 2, 3, 1, None, 200)))
 
 
 @st.composite

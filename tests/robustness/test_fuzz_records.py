@@ -90,19 +90,6 @@ kind = "none"
 """
 
 
-@fuzz.sizes(60, 1000)
-def test_a_scene_with_any_record_file(examples, tmp_path):
-    """On the command line: a result, or one line that says what is wrong."""
-    scene, path = tmp_path / "scene.toml", tmp_path / "motion.AT2"
-    scene.write_text(SCENE.format(file=path.name), encoding="utf-8")
-
-    def claim(data):
-        path.write_bytes(data)
-        check(*run("mc", scene, "--json"), as_json=True)
-
-    fuzz.hold(examples, claim, data=spoiled(TEXTS["motion.AT2"][0]))
-
-
 @pytest.mark.parametrize("file", [".", "none.AT2", "", "/dev/zero", "a" * 5000, "\\u0000", "scene.toml"])
 def test_a_scene_with_what_is_no_record_file(file, tmp_path):
     scene = tmp_path / "scene.toml"

@@ -83,11 +83,6 @@ def test_spoiled_texts(examples):
     fuzz.hold(examples, claim_text, text=spoiled_texts())
 
 
-@fuzz.sizes(100, 4000)
-def test_any_text(examples):
-    fuzz.hold(examples, claim_text, text=st.text(max_size=200))
-
-
 @pytest.mark.parametrize("part", fuzz.PARTS)
 @fuzz.sizes(40, 1600)
 def test_parts_take_or_name_any_value(examples, part):
@@ -105,37 +100,6 @@ def test_parts_take_or_name_any_value(examples, part):
 
     one = st.sampled_from(sorted(strategies)).flatmap(lambda name: st.fixed_dictionaries({name: strategies[name]}))
     fuzz.hold(examples, claim, values=one | st.fixed_dictionaries(strategies))
-
-
-@fuzz.sizes(60, 2000)
-def test_a_block_in_metres_is_taken_or_named(examples):
-    names = ["width", "height", "peak_acceleration", "frequency_hz", "restitution", "phase", "noise_rms_acceleration"]
-    names += ["noise_band_hz", "harmonics", "gravity"]
-    good = {"width": 0.6, "height": 2.0, "peak_acceleration": 4.0, "frequency_hz": 1.5}
-    heads = [*names, "block", "block.restitution", "block.dimensions", "forcing.amplitude", "forcing.frequency"]
-    heads += [f"block.dimensions.{name}" for name in ("width", "height", "gravity")]
-    heads += ["forcing.phase", "noise.variance", "noise.band", "noise.harmonics"]
-
-    def claim(values):
-        fuzz.refused(lambda: Scene.from_block(**good | values), *heads)
-
-    one = st.sampled_from(names).flatmap(lambda name: st.fixed_dictionaries({name: fuzz.ANYTHING}))
-    noise = {"noise_rms_acceleration": fuzz.ANYTHING, "noise_band_hz": fuzz.ANYTHING, "harmonics": fuzz.ANYTHING}
-    fuzz.hold(examples, claim, values=one | st.fixed_dictionaries(noise))
-
-
-@fuzz.sizes(60, 2000)
-def test_a_varied_scene_is_taken_or_named(examples):
-    scene = fuzz.scene()
-    names = ["block", "forcing", "noise", "start", "overturning"]
-    keys = st.sampled_from(["restitution", "angle", "amplitude", "kind"])
-    given = st.one_of(fuzz.ANYTHING, st.dictionaries(keys, fuzz.ANYTHING))
-
-    def claim(name, value):
-        fields = [f"{name}.{key}" for key in value] if isinstance(value, dict) else []
-        fuzz.refused(lambda: scene.varied(**{name: value}), name, *fields, "start.angle", f"{name}.")
-
-    fuzz.hold(examples, claim, name=st.sampled_from([*names, "blok"]), value=given)
 
 
 def test_a_number_that_python_does_not_write_is_refused_by_name():

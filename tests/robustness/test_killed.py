@@ -10,19 +10,13 @@ import sys
 import time
 
 import pytest
-import study_tasks
 from killed import ASKED, SCENE
-from killed_sweep import SCENES
 
-from fpk_rocking.studies import sweep
-from fpk_rocking.studies.execution import seed_of
-from montecarlo import Tally, simulate, tally
+from montecarlo import Tally, tally
 
 HERE = pathlib.Path(__file__).parent
 COMMAND = [sys.executable, "-m", "fpk_rocking.cli"]
-RESUME = "; the same command goes on from the checkpoint"
 pytestmark = pytest.mark.usefixtures("interruptible")
-WORDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
 
 
 def counts(result):
@@ -58,35 +52,6 @@ def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
     unfinished = [file for file in tmp_path.iterdir() if file != path]
     assert all(file.name.startswith(".state-") for file in unfinished)
     assert kills < 10 or len(unfinished) > kills // 10, "hardly a run was killed while it saved"
-
-
-@pytest.mark.slow
-def test_killed_sweeps_lose_no_row_that_they_reported(tmp_path):
-    """One store through 100 sweeps, every fifth on two processes, each killed at any instant from its very start.
-
-    Every row that was reported is there, none is there twice, and all are those of a sweep that nothing disturbs.
-    """
-    store, instants, kept, begun = tmp_path / "rows.jsonl", random.Random(8), 0, 0
-    for kill in range(100):
-        workers = 2 if kill % 5 == 0 else 1
-        command = [sys.executable, str(HERE / "killed_sweep.py"), str(store), str(workers)]
-        path = {"PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])}
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | path) as run:
-            time.sleep(instants.uniform(0.0, 3.0 * workers))
-            run.send_signal(signal.SIGKILL)
-            lines = run.stdout.read().splitlines(keepends=True)
-        reported = max((int(line) for line in lines if line.endswith("\n")), default=kept)
-        begun += bool(lines)
-        *rows, _ = store.read_bytes().split(b"\n") if store.exists() else [b""]
-        cells = [json.loads(row)["cell"] for row in rows[1:]]
-        assert len(set(cells)) == len(cells) >= reported >= kept
-        kept = len(cells)
-    assert kept < len(SCENES), "ended before it was killed"
-    assert begun > 20, "hardly a sweep was killed while it ran"
-    found = sweep(SCENES, study_tasks.slow, store=store, seconds=0.01)
-    expected = [study_tasks.amplitude(scene, seed=seed_of(1, number)) for number, scene in enumerate(SCENES)]
-    assert [row["values"] for row in found.rows] == expected
-    assert store.read_bytes().count(b"\n") == 1 + len(SCENES)
 
 
 def start(*arguments, command=COMMAND, **environment):
@@ -133,16 +98,15 @@ def stopped(run, sign, ready, limit=200.0):
     return run.returncode, out, err
 
 
-@pytest.mark.parametrize("sign", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
-def test_a_stopped_tally_ends_plainly_and_goes_on(sign, tmp_path):
+def test_a_stopped_tally_ends_plainly_and_goes_on(tmp_path):
     scene, path, out = tmp_path / "scene.toml", tmp_path / "state.npz", tmp_path / "out"
     scene.write_text(SCENE.to_toml(), encoding="utf-8")
     asked = ["mc", scene, "--cycles", 2, "--tally", "--checkpoint", path, "--json"]
     run = start(*asked, "--realizations", 2**31 - 1, "--out", out)
-    status, printed, said = stopped(run, sign, path.exists)
-    word, code = WORDS[sign]
-    assert (status, printed) == (code, "")
-    assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole{RESUME}"
+    status, printed, said = stopped(run, signal.SIGTERM, path.exists)
+    assert (status, printed) == (143, "")
+    resume = "; the same command goes on from the checkpoint"
+    assert said.splitlines()[-1] == f"fpk-rocking: terminated; files written so far are whole{resume}"
     assert [file.name for file in tmp_path.iterdir() if file.is_dir() or file.name.startswith(".")] == []
     done = Tally.load(path).realizations
     again = [*COMMAND, *map(str, asked), "--realizations", str(done + 500)]
@@ -151,15 +115,10 @@ def test_a_stopped_tally_ends_plainly_and_goes_on(sign, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("command", "sign"),
-    [
-        ("mc", signal.SIGTERM),
-        ("fpk", signal.SIGINT),
-        pytest.param("mc", signal.SIGINT, marks=pytest.mark.slow),
-        pytest.param("fpk", signal.SIGTERM, marks=pytest.mark.slow),
-    ],
+    ("command", "sign", "word", "code"),
+    [("mc", signal.SIGTERM, "terminated", 143), ("fpk", signal.SIGINT, "interrupted", 130)],
 )
-def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, tmp_path):
+def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, word, code, tmp_path):
     """At any instant once Python runs the command: while it loads libraries, compiles kernels, or works."""
     scene, out, own = tmp_path / "scene.toml", tmp_path / "out", tmp_path / "own"
     own.mkdir()
@@ -169,7 +128,6 @@ def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, tmp_pa
     run = started(own, command, scene, "--cycles", 200, *size, "--out", out)
     instant = time.monotonic() + instants.uniform(0.0, 4.0)
     status, printed, said = stopped(run, sign, lambda: time.monotonic() > instant)
-    word, code = WORDS[sign]
     assert (status, printed) == (code, "")
     assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
     assert "Traceback" not in said
@@ -191,41 +149,3 @@ def test_an_interruption_of_code_that_is_run_from_text_has_its_exit_status(tmp_p
     command = [sys.executable, "-m", "stopped"]
     run = subprocess.run(command, env=os.environ | path, capture_output=True, text=True, check=False, timeout=60)
     assert (run.returncode, run.stderr) == (130, "fpk-rocking: interrupted; files written so far are whole\n")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", ["mc", "fpk"])
-def test_a_stopped_engine_that_still_compiles_ends_plainly(command, tmp_path):
-    """With an empty cache most signals come while LLVM makes machine code, to be handled in one of its callbacks."""
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.to_toml(), encoding="utf-8")
-    instants, size = random.Random(command), ["--realizations", 10**6] if command == "mc" else []
-    for k in range(8):
-        sign = (signal.SIGINT, signal.SIGTERM)[k % 2]
-        cold = {"NUMBA_CACHE_DIR": str(tmp_path / f"{k}")}
-        (own := tmp_path / f"own {k}").mkdir()
-        run = started(own, command, scene, "--cycles", 200, *size, "--out", tmp_path / "out", **cold)
-        instant = time.monotonic() + instants.uniform(0.0, 4.0)
-        status, printed, said = stopped(run, sign, lambda instant=instant: time.monotonic() > instant)
-        assert time.monotonic() < instant + 20.0
-        word, code = WORDS[sign]
-        assert (status, printed) == (code, "")
-        assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
-        assert len(said.splitlines()) <= 2
-        assert not (tmp_path / "out").exists()
-
-
-def test_a_signal_while_a_result_is_saved_leaves_the_old_one(tmp_path, monkeypatch):
-    """In the middle of the bytes: the file is the old one, and no other is left."""
-    path, results = tmp_path / "result.npz", [simulate(SCENE, cycles=1, realizations=9, seed=seed) for seed in (1, 2)]
-    results[0].save(path)
-    before = path.read_bytes()
-
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("numpy.lib.format.write_array", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        results[1].save(path)
-    assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["result.npz"]
