@@ -1,7 +1,7 @@
 """The command line: ``fpk-rocking fpk|mc|compare|fragility|risk|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
-what the machine refuses, 130 when interrupted, 143 when terminated. Files are whole or not there.
+what the machine refuses, 130 when interrupted, 143 when terminated. Files are complete or not there.
 """
 
 import argparse
@@ -340,7 +340,7 @@ def _fragility(options):
     if uncertain:
         if over is not None:
             raise ValueError(f"--uncertain: got {options.uncertain}, accepted: nothing beside --over")
-        draws = drawn(scenes, uncertain, **_given(options, "seed"), count=options.blocks or 20)
+        draws = drawn(scenes, uncertain, **_passed(options, "seed"), count=options.blocks or 20)
         scenes = draws.scenes
     with reporting("fragility") as progress:
         result = fragility(
@@ -351,15 +351,15 @@ def _fragility(options):
             over=over,
             scale_noise=not options.keep_noise,
             progress=progress,
-            **_given(options, "engine", "realizations", "tol", "seed", "workers", "store"),
+            **_passed(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
     values, beta = result.summary(), ()
     if draws is not None:
-        found = dispersions(result.scale, result.overturned, draws.values)
+        sources = dispersions(result.scale, result.overturned, draws.values)
         result = result.pooled
-        values = result.summary() | {"dispersion_of": plain(found)}
-        sources = ", ".join(f"{value:.3g} by {name}" for name, value in found.items())
-        beta = [f"Dispersion of the capacity, the scale that a block withstands: {sources}."]
+        values = result.summary() | {"dispersion_of": plain(sources)}
+        texts = ", ".join(f"{value:.3g} by {name}" for name, value in sources.items())
+        beta = [f"Dispersion of the capacity, the scale that a block withstands: {texts}."]
     if options.out:
         result.save(options.out / "result.npz")
         result.to_csv(options.out / "fragility.csv")
@@ -383,9 +383,9 @@ def _risk(options):
 
         if records:
             raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
-        records = synthetic_records(options.synthetic, **_given(options, "seed"))
+        records = synthetic_records(options.synthetic, **_passed(options, "seed"))
     with reporting("records") as progress:
-        found = study(
+        result = study(
             _scene(options, options.scene),
             records,
             _hazard(options.hazard),
@@ -393,17 +393,15 @@ def _risk(options):
             scale_noise=not options.keep_noise,
             uncertain=_uncertain(options),
             progress=progress,
-            **_given(options, "blocks", "measure", "units", "realizations", "seed", "name"),
+            **_passed(options, "blocks", "measure", "units", "realizations", "seed", "name"),
         )
     if options.out:
-        found.write(options.out)
-        if found.not_for_pelicun:
-            missing = f"{found.name}.csv and {found.name}.json for pelicun are not written"
-            sys.stderr.write(f"fpk-rocking risk: {missing}: {found.not_for_pelicun}\n")
-    if options.json:
-        sys.stdout.write(json.dumps(found.summary(), allow_nan=False, ensure_ascii=False) + "\n")
-    else:
-        sys.stdout.write(found.text() + "\n")
+        result.write(options.out)
+        if result.not_for_pelicun:
+            missing = f"{result.name}.csv and {result.name}.json for pelicun are not written"
+            sys.stderr.write(f"fpk-rocking risk: {missing}: {result.not_for_pelicun}\n")
+    text = json.dumps(result.summary(), allow_nan=False, ensure_ascii=False) if options.json else result.text()
+    sys.stdout.write(text + "\n")
 
 
 def _hazard(text):
@@ -421,15 +419,15 @@ def _hazard(text):
 
 def _uncertain(options):
     """Return the distributions of --uncertain by their names."""
-    found = {}
+    distributions = {}
     for text in options.uncertain or ():
         name, equals, distribution = text.partition("=")
         if not (equals and name):
             raise ValueError(f"--uncertain: got {text!r}, accepted: NAME=DIST, as in size_factor=lognormal:1:0.05")
-        found[name] = distribution
-    if options.blocks is not None and not found:
+        distributions[name] = distribution
+    if options.blocks is not None and not distributions:
         raise ValueError(f"--blocks: got {options.blocks}, accepted: together with --uncertain")
-    return found
+    return distributions
 
 
 def _numbers(name, text):
@@ -437,7 +435,7 @@ def _numbers(name, text):
     parts = text.split(":")
     try:
         if len(parts) == 1:
-            return [float(one) for one in text.split(",")]
+            return [float(number) for number in text.split(",")]
         low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
         if len(parts) == 3 and 0.0 < low < high < float("inf") and 2 <= count <= 10_000:
             return [low * (high / low) ** (k / (count - 1)) for k in range(count)]
@@ -483,7 +481,7 @@ def _solved(options, scene):
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import tasks
 
-    own = _rows(options, scene) | _given(options, "tol", "bins_tol", "noise_replacement")
+    own = _rows(options, scene) | _passed(options, "tol", "bins_tol", "noise_replacement")
     if not options.no_check:
         tasks.expect_check(scene)
     with reporting("density") as progress:
@@ -503,11 +501,11 @@ def _checked(options, density, beside=None):
 
 def _rows(options, scene):
     """Return the cycles or the times that are asked for; without either, the default ones."""
-    return _given(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
+    return _passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
 
 
-def _given(options, *names):
-    """Return those of some options that were given, by name."""
+def _passed(options, *names):
+    """Return the values of those of some options that were passed, by name."""
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
@@ -521,7 +519,7 @@ def _simulated(options, scene):
         scene = scene.filtered_equivalent()
     own = {} if scene.deterministic else {"realizations": 10_000}
     own |= _rows(options, scene)
-    own |= _given(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
+    own |= _passed(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
     with reporting("Monte Carlo") as progress:
         return (tally if options.tally else simulate)(scene, progress=progress, **own)
 
@@ -532,7 +530,7 @@ def _loaded(options) -> list:
     from montecarlo import Ensemble, Tally
 
     for flag in f"--set --cycles --times {_DENSITY} {_SAMPLE}".split():
-        if _given(options, flag.removeprefix("--").replace("-", "_")):
+        if _passed(options, flag.removeprefix("--").replace("-", "_")):
             raise ValueError(f"{flag}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}
     for path in options.inputs:

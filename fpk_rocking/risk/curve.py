@@ -16,11 +16,8 @@ from fpk_rocking.studies.lognormal import LognormalFit, dispersions, fit_lognorm
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import intensities, scaled
 
-_EQUAL = 1e-6
-"""Relative difference up to which records have the same intensity at scale 1."""
-
-FEWEST = 5
-"""Records of which a bootstrap says something."""
+FEWEST_RECORDS = 5
+"""Least number of records for a bootstrap over them."""
 
 
 class Measure(NamedTuple):
@@ -36,14 +33,14 @@ MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", 
 
 
 def measure_of(name: str) -> Measure:
-    """Return a measure by its name, or refuse it."""
+    """Return field, unit and factor of the intensity "PGA" or "PGV", or refuse another name."""
     if name not in MEASURES:
         raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
     return MEASURES[name]
 
 
 def intensity_of(scene: Scene, measure: str) -> float:
-    """Return the intensity of a scene's forcing.
+    """Return the peak ground acceleration or velocity of a scene's forcing.
 
     Parameters
     ----------
@@ -62,11 +59,11 @@ def intensity_of(scene: Scene, measure: str) -> float:
         The measure is unknown, the block has no dimensions, or the forcing is 0.
     """
     chosen = measure_of(measure)
-    found = getattr(intensities(scene), chosen.field) / chosen.si
-    if not found > 0.0:
+    peak = getattr(intensities(scene), chosen.field) / chosen.si
+    if not peak > 0.0:
         why = "a scene of a block with dimensions and a forcing that is not 0"
         raise ValueError(checks.refusal("scene", scene, why))
-    return found
+    return peak
 
 
 def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
@@ -170,9 +167,9 @@ class IntensityCurve:
 
     @property
     def sources(self) -> dict[str, float]:
-        """Dispersion of each source that is known, by name: noise, each uncertain value, records."""
-        found = {"noise": self.within, **self.blocks, "record to record": self.between}
-        return {name: value for name, value in found.items() if math.isfinite(value)}
+        """Dispersion that each source gives, by name: noise, each uncertain value, records; those that are not nan."""
+        sources = {"noise": self.within, **self.blocks, "record to record": self.between}
+        return {name: value for name, value in sources.items() if math.isfinite(value)}
 
     @property
     def unit(self) -> str:
@@ -181,7 +178,7 @@ class IntensityCurve:
 
     @property
     def fitted(self) -> bool:
-        """Whether the lognormal curve stands for the data: there is one, and it is not rejected."""
+        """Whether there is a lognormal fit that the data do not reject: it is then what a call evaluates."""
         return not (self.fit.reason or self.fit.rejected)
 
     def __call__(self, intensity: Number) -> Number:
@@ -205,7 +202,7 @@ class IntensityCurve:
         samples: int = 999,
         seed: int = 1,
     ) -> Self:
-        """Read the curve of a fragility: of its one scene, or the mean over its records.
+        """Return the curve of a fragility: of its scene, or the mean over its records.
 
         Parameters
         ----------
@@ -237,18 +234,17 @@ class IntensityCurve:
         if fragility.mixture or (several and fragility.axis != "scene"):
             accepted = "a fragility of one scene, or of a list of scenes before `pooled`"
             raise ValueError(checks.refusal("fragility", fragility.title, accepted))
-        found = np.array([intensity_of(scene, measure) for scene in fragility.scenes])
-        if np.ptp(found) > _EQUAL * found.max():
+        at_one = np.array([intensity_of(scene, measure) for scene in fragility.scenes])
+        if np.ptp(at_one) > 1e-6 * at_one.max():
             accepted = "equal ones: make each scene with `at_intensity`"
-            raise ValueError(
-                checks.refusal(f"{measure} of the scenes at scale 1", [f"{one:.4g}" for one in found], accepted)
-            )
+            texts = [f"{intensity:.4g}" for intensity in at_one]
+            raise ValueError(checks.refusal(f"{measure} of the scenes at scale 1", texts, accepted))
         shares = fragility.probability[:, which]
         if not np.isfinite(shares).all():
             raise ValueError(
-                f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: all known"
+                f"fragility: got no probability at {(~np.isfinite(shares)).sum()} points, accepted: one at each"
             )
-        intensity, rng = found[0] * fragility.scale, np.random.default_rng(seed)
+        intensity, rng = at_one[0] * fragility.scale, np.random.default_rng(seed)
         spreads = refitted(intensity, shares[~fragility.deterministic])[:, 1]
         within = math.sqrt(np.mean(spreads**2)) if spreads.size else math.nan
         common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
@@ -259,16 +255,17 @@ class IntensityCurve:
         return cls(**common, **_of_one(fragility, intensity, which, rng, samples))
 
 
-def _of_suite(intensity, shares, known, origin, rng, samples):
-    """Return what a curve has of the mean over records (r, n), with a bootstrap over them.
+def _of_suite(intensity, shares, sources, origin, rng, samples):
+    """Return fields of the curve of the mean over records (r, n), with a bootstrap over them.
 
-    Blocks that were drawn for one record stand and fall together; where all are of one, they are what is drawn again.
+    Blocks that were drawn for one record are drawn together again; where all are of one record, each by itself.
+    `sources` are the dispersion of the noise and those of the uncertain values.
     """
     records = np.unique(origin)
     if len(records) > 1:
-        shares = np.array([shares[np.asarray(origin) == one].mean(axis=0) for one in records])
-    if len(shares) < FEWEST:
-        raise ValueError(checks.refusal("records", len(shares), f"at least {FEWEST}, or one scene"))
+        shares = np.array([shares[np.asarray(origin) == record].mean(axis=0) for record in records])
+    if len(shares) < FEWEST_RECORDS:
+        raise ValueError(checks.refusal("records", len(shares), f"at least {FEWEST_RECORDS}, or one scene"))
     mean = shares.mean(axis=0)
     # A stripe says as much as its records do, however many paths each of them has.
     fit = fit_lognormal(intensity, mean, None)
@@ -281,7 +278,7 @@ def _of_suite(intensity, shares, known, origin, rng, samples):
         "fit": _with_intervals(fit, replicates),
         "replicates": replicates,
         "records": len(records),
-        "between": _left(fit.dispersion, *known) if len(records) > 1 else math.nan,
+        "between": _remaining(fit.dispersion, *sources) if len(records) > 1 else math.nan,
     }
 
 
@@ -292,16 +289,16 @@ def _limits(mean, drawn, count):
     return np.where(few[:, None], wilson_interval(mean * count, count), np.quantile(drawn, [0.025, 0.975], axis=0).T)
 
 
-def _left(dispersion, within, own):
-    """Return what the noise and the uncertain values of blocks leave of a dispersion."""
+def _remaining(dispersion, within, own):
+    """Return the part of a dispersion that is neither of the noise nor of the uncertain values of blocks."""
     sources = np.nan_to_num([within, *own.values()])
     return math.sqrt(max(dispersion**2 - float(sources @ sources), 0.0))
 
 
 def _of_one(fragility, intensity, which, rng, samples):
-    """Return what a curve has of one scene, with counts drawn from its lognormal curve."""
+    """Return fields of the curve of one scene, with counts drawn from its lognormal curve."""
     fit, trials = fragility.fits[0][which], fragility.realizations
-    found = fit._replace(median=fit.median * intensity[0] / fragility.scale[0])
+    by_intensity = fit._replace(median=fit.median * intensity[0] / fragility.scale[0])
     replicates = np.empty((0, 2))
     if trials and not fit.reason and not fragility.deterministic[0]:
         drawn = rng.binomial(trials, fit(fragility.scale), (samples, intensity.size)) / trials
@@ -309,7 +306,7 @@ def _of_one(fragility, intensity, which, rng, samples):
     return {
         "probability": fragility.probability[0, which],
         "interval": fragility.interval()[0, which],
-        "fit": _with_intervals(found, replicates),
+        "fit": _with_intervals(by_intensity, replicates),
         "replicates": replicates,
         "records": 1,
         "between": math.nan,

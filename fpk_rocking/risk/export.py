@@ -14,16 +14,6 @@ from fpk_rocking.base.types import File
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.risk.curve import IntensityCurve
 
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,75}")
-_CENTIMETRES = 100.0
-"""OpenQuake takes PGV in cm/s."""
-
-_RANGE = 4.9
-"""Dispersions to either side of the median that a continuous function spans: probabilities from 5e-7 to 1 - 5e-7."""
-
-_NRML = "http://openquake.org/xmlns/nrml/0.5"
-_DEMANDS = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}
-
 
 def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description: str = "") -> None:
     """Write curves as the limit states of one fragility function in OpenQuake's NRML 0.5.
@@ -59,11 +49,11 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     """
     curves = _same(curves)
     check_name(name)
-    measure, factor = curves[0].measure, _CENTIMETRES if curves[0].measure == "PGV" else 1.0
+    measure, factor = curves[0].measure, 100.0 if curves[0].measure == "PGV" else 1.0  # OpenQuake takes PGV in cm/s
     states = [_identifier(curve.name) for curve in curves]
-    root = ET.Element("nrml", xmlns=_NRML)
+    root = ET.Element("nrml", xmlns="http://openquake.org/xmlns/nrml/0.5")
     model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
-    ET.SubElement(model, "description").text = description or _told(curves)
+    ET.SubElement(model, "description").text = description or _description(curves)
     ET.SubElement(model, "limitStates").text = " ".join(states)
     fitted = all(curve.fitted for curve in curves)
     kind: dict[str, str] = {"format": "continuous", "shape": "logncdf"} if fitted else {"format": "discrete"}
@@ -71,9 +61,10 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     intensity = factor * curves[0].intensity
     imls = ET.SubElement(function, "imls", imt=measure, noDamageLimit=repr(1e-6 * float(intensity[0])))
     if fitted:
-        # OpenQuake looks at a few intensities of this range, and holds the probability beyond it.
-        low = min(curve.fit.median * math.exp(-_RANGE * curve.fit.dispersion) for curve in curves)
-        high = max(curve.fit.median * math.exp(_RANGE * curve.fit.dispersion) for curve in curves)
+        # OpenQuake samples a few intensities of this range, and takes the probability beyond it as constant: it spans
+        # probabilities from 5e-7 to 1 - 5e-7.
+        low = min(curve.fit.median * math.exp(-4.9 * curve.fit.dispersion) for curve in curves)
+        high = max(curve.fit.median * math.exp(4.9 * curve.fit.dispersion) for curve in curves)
         imls.set("minIML", repr(factor * low))
         imls.set("maxIML", repr(factor * high))
         imls.set("noDamageLimit", repr(factor * low))
@@ -124,7 +115,8 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     if refused := not_for_pelicun(curve):
         raise ValueError(refused)
     path = checks.path("path", path)
-    demand, unit = _DEMANDS[curve.measure]
+    demands = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}
+    demand, unit = demands[curve.measure]
     if curve.fitted:
         family, first, second = "lognormal", repr(curve.fit.median), repr(curve.fit.dispersion)
     else:
@@ -135,7 +127,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},"
     write_text(path, f"{header},LS1-DamageStateWeights\n{row}\n")
     about = {
-        "Description": description or _told([curve]),
+        "Description": description or _description([curve]),
         "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
     }
     write_text(pathlib.Path(path).with_suffix(".json"), json.dumps({name: about}, indent=2) + "\n")
@@ -161,7 +153,10 @@ def to_csv(path: File, curve: IntensityCurve) -> None:
     >>> to_csv("curve.csv", IntensityCurve.of(found, "PGV"))
     """
     unit = curve.unit.replace("/", "_per_")
-    lines = [f"# {_told([curve])}{_limits_told(curve)}", f"{curve.measure}_{unit},probability,low,high,lognormal"]
+    lines = [
+        f"# {_description([curve])}{_about_limits(curve)}",
+        f"{curve.measure}_{unit},probability,low,high,lognormal",
+    ]
     fit = np.broadcast_to(math.nan if curve.fit.reason else curve.fit(curve.intensity), curve.intensity.shape)
     for row in zip(curve.intensity, curve.probability, *curve.interval.T, fit, strict=True):
         lines.append(",".join(repr(float(value)) for value in row))
@@ -169,7 +164,7 @@ def to_csv(path: File, curve: IntensityCurve) -> None:
 
 
 def _same(curves):
-    """Return curves that one function can hold."""
+    """Return curves as a list, or refuse those of several measures or intensities."""
     curves = list(curves)
     if not curves:
         raise ValueError(checks.refusal("curves", curves, "at least one"))
@@ -184,8 +179,8 @@ def _distribution(curve):
     # Without shaking no block overturns.
     x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
     rises = np.diff(y) > 0.0
-    kept = np.append(False, rises) | (np.append(rises, False) & (y == 0.0))
-    return x[kept], y[kept]
+    needed = np.append(False, rises) | (np.append(rises, False) & (y == 0.0))
+    return x[needed], y[needed]
 
 
 def not_for_pelicun(curve: IntensityCurve) -> str:
@@ -219,7 +214,7 @@ def check_name(name: str) -> None:
     ValueError
         It is not up to 75 letters, digits, ``_`` and ``-``.
     """
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9_-]{1,75}", name):
         raise ValueError(checks.refusal("name", name, "up to 75 letters, digits, _ and -"))
 
 
@@ -229,11 +224,12 @@ def _identifier(name):
 
 
 def _numbers(values):
+    """Return numbers with all their digits, parted by blanks."""
     return " ".join(repr(float(value)) for value in values)
 
 
-def _limits_told(curve):
-    """Say what the limits of the points are."""
+def _about_limits(curve):
+    """Return what the limits of the points are, as sentences; empty for one scene."""
     if not len(curve.redrawn):
         return ""
     others = "records" if curve.records > 1 else "blocks"
@@ -243,8 +239,8 @@ def _limits_told(curve):
     )
 
 
-def _told(curves):
-    """Say what curves are, and how sure."""
+def _description(curves):
+    """Return limit state, measure, records and lognormal fit of the last of some curves as sentences."""
     curve = curves[-1]
     of = f"{curve.records} records" if curve.records > 1 else "one scene"
     text = f"Probability of '{curve.name}' of a rocking block against {curve.measure} ({curve.unit}), from {of}."

@@ -14,21 +14,8 @@ from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.curve import IntensityCurve
 
-_NODES = 12
-"""Gauss-Legendre nodes in a panel."""
-
-_PANEL, _TAIL = 0.25, 12.0
-"""Width of a panel in dispersions, and how many of them, or of units of 1/k, are looked at to either side."""
-
-_BINS, _LEFT_OUT = 24, 5e-4
-"""Bins of intensity of `Risk.contribution`, and the share of the frequency below and above them."""
-
-_DEVIATIONS = 1.96
-
-_AT_ONCE = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
-
-FOREIGN = 0.05
-"""Share of a rate from beyond the points of hazard or fragility above which `Risk.sentences` says so."""
+_TAIL = 12.0
+"""Dispersions, and units of 1/k, over which the frequency is integrated to either side: beyond lies less than 1e-30."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -160,7 +147,7 @@ class Risk:
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
         95 % limits from the sample of the fragility: its replicates, or, of points of one scene, all of their lower or
-        upper limits at once, which is wider. The hazard counts as known.
+        upper limits at once, which is wider. The hazard is taken as exact.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
@@ -215,28 +202,28 @@ class Risk:
 
     @property
     def doubts(self) -> list[Diagnostic]:
-        """What speaks against it: shares from beyond what is known."""
-        known = "its lognormal curve goes on" if self.curve.fitted else "the probability is 0 below, the last one above"
+        """What speaks against it: shares above .05 of the rate from beyond the points of hazard or fragility."""
+        lognormal, points = "its lognormal curve goes on", "the probability is 0 below, the last one above"
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
-            "the fragility": (self.beyond_curve, known),
+            "the fragility": (self.beyond_curve, lognormal if self.curve.fitted else points),
         }
         return [
             Diagnostic(
                 CAUTION,
-                f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where {done}: "
-                "give more of them.",
+                f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where "
+                f"{continued}: give more of them.",
                 what,
             )
-            for what, (share, done) in beyond.items()
-            if share > FOREIGN
+            for what, (share, continued) in beyond.items()
+            if share > 0.05
         ]
 
     @property
     def relative_error(self) -> float:
-        """Relative standard error of the frequency, from its interval; nan where that is not known."""
+        """Relative standard error of the frequency, from its interval; nan where it has none."""
         low, high = self.interval
-        return (high - low) / (2.0 * _DEVIATIONS * self.rate) if self.rate > 0.0 else math.nan
+        return (high - low) / (2.0 * 1.96 * self.rate) if self.rate > 0.0 else math.nan
 
     @property
     def sentences(self) -> list[str]:
@@ -245,7 +232,8 @@ class Risk:
             ["records"] * (self.curve.records > 1) + ["blocks"] * bool(self.curve.blocks) + ["noise"]
         )
         through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
-        wide = "" if self.curve.fitted or len(self.curve.redrawn) else _AT_ONCE
+        at_once = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
+        wide = "" if self.curve.fitted or len(self.curve.redrawn) else at_once
         text = (
             f"{self.headline}: return period {self.return_period:.4g} years, probability in 50 years "
             f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
@@ -257,13 +245,13 @@ class Risk:
     def headline(self) -> str:
         """The rate with its limits, as a line of text."""
         name = "overturning" if self.curve.name == "overturned" else self.curve.name
-        low, high = map(_told, self.interval)
+        low, high = map(_digits, self.interval)
         limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
-        return f"annual rate of {name} = {_told(self.rate)}{limits}"
+        return f"annual rate of {name} = {_digits(self.rate)}{limits}"
 
     def summary(self) -> dict[str, Any]:
         """Return the figures as plain values, for JSON."""
-        found = {
+        figures = {
             "rate": self.rate,
             "interval": list(self.interval),
             "return_period": self.return_period if self.rate > 0.0 else None,
@@ -278,7 +266,7 @@ class Risk:
             "dispersion": self.curve.fit.dispersion,
             "sentences": self.sentences,
         }
-        return {name: plain(value) for name, value in found.items()}
+        return {name: plain(value) for name, value in figures.items()}
 
 
 def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
@@ -326,7 +314,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     )
 
 
-def _told(rate):
+def _digits(rate):
     """Return a rate as a text of three digits."""
     return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
 
@@ -340,7 +328,7 @@ def _rule(curve, hazard):
         # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
         low = middle - steep * spread**2 - _TAIL * spread
         high = middle + _TAIL * spread + _TAIL * math.log(10.0) / gentle
-        width = _PANEL * spread
+        width = 0.25 * spread
     else:
         points = np.concatenate([points, np.log(curve.intensity)])
         low, high = math.log(curve.intensity[0]), math.log(curve.intensity[-1]) + _TAIL * math.log(10.0) / gentle
@@ -356,7 +344,7 @@ def _rule(curve, hazard):
 
 def _gauss(edges):
     """Nodes and weights of the Gauss-Legendre rules between edges."""
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
     half = 0.5 * np.diff(edges)[:, None]
     return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
 
@@ -377,22 +365,22 @@ def _limits(curve, y, density):
         return low, high
     if curve.fitted:
         return math.nan, math.nan
-    known, sides = np.log(curve.intensity), curve.redrawn if len(curve.redrawn) else curve.interval.T
-    rates = [density @ np.interp(y, known, np.maximum.accumulate(side), left=0.0) for side in sides]
+    points, sides = np.log(curve.intensity), curve.redrawn if len(curve.redrawn) else curve.interval.T
+    rates = [density @ np.interp(y, points, np.maximum.accumulate(side), left=0.0) for side in sides]
     low, high = np.quantile(rates, [0.025, 0.975]).tolist() if len(curve.redrawn) else rates
     return float(low), float(high)
 
 
 def _contributions(curve, hazard, y, share):
-    """Edges of bins of intensity, in which all but a thousandth of the frequency lies, and its shares there."""
+    """Edges of 24 bins of intensity, in which all but a thousandth of the frequency lies, and its shares there."""
     total = share.sum()
     if not total > 0.0:
         return np.exp(y[[0, -1]]), np.zeros(1)
     part = np.cumsum(share) / total
-    low, high = y[np.searchsorted(part, [_LEFT_OUT, 1.0 - _LEFT_OUT])].tolist()
-    edges = np.linspace(low, high, _BINS + 1)
+    low, high = y[np.searchsorted(part, [5e-4, 1.0 - 5e-4])].tolist()
+    edges = np.linspace(low, high, 25)
     nodes, weights = _gauss(edges)
-    return np.exp(edges), (weights * _density(curve, hazard, nodes)).reshape(_BINS, -1).sum(axis=1) / total
+    return np.exp(edges), (weights * _density(curve, hazard, nodes)).reshape(24, -1).sum(axis=1) / total
 
 
 def _beyond(y, share, points):

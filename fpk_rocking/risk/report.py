@@ -19,7 +19,6 @@ from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.picture import logarithmic
 from fpk_rocking.studies.scenes import intensities
 
-_DOTS = 150
 _MOST_DRAWN = 12
 _CITE = (
     "fpk-rocking, version {version}: densities and ensembles of rocking blocks under noisy periodic excitation. The "
@@ -34,7 +33,7 @@ _LEFT = (
 
 
 def write_risk_report(path: File, study: Any) -> int:
-    """Write the report of a study of risk, whole or not at all.
+    """Write the report of a study of risk as one HTML file, complete or not at all.
 
     Parameters
     ----------
@@ -90,7 +89,8 @@ def _scatters(draws):
 
 
 def _picture(panel, meaning):
-    return picture_html(figure_of(panel), meaning, dots=_DOTS)
+    """Return a picture in HTML, drawn by a function of figure and axes."""
+    return picture_html(figure_of(panel), meaning, dots=150)
 
 
 def _short(scene):
@@ -140,8 +140,9 @@ def _sketch(size):
 
 
 def _motions_text(study):
-    count, found = len(study.motions), study.fragility
-    shaken = "it is scaled with the motion" if found.noise_scaled else "it is not scaled with the motion"
+    """Return number of motions, noise, paths and seed of a study, as sentences in HTML."""
+    count, curves = len(study.motions), study.fragility
+    shaken = "it is scaled with the motion" if curves.noise_scaled else "it is not scaled with the motion"
     first = study.motions[0]
     text = f"{count} motion{'s' * (count > 1)}, each scaled to each intensity. "
     text += (
@@ -149,39 +150,39 @@ def _motions_text(study):
         if first.noise.kind != "none"
         else ""
     )
-    text += "" if first.noise.kind == "none" else f"{found.realizations:,} paths of each motion at each intensity, "
-    return html.escape(f"{text}seed {found.options['seed']}.")
+    text += "" if first.noise.kind == "none" else f"{curves.realizations:,} paths of each motion at each intensity, "
+    return html.escape(f"{text}seed {curves.options['seed']}.")
 
 
 def _noise(scene):
-    """Name a noise, that of a band in g and Hz."""
+    """Return the noise of a scene as a text, that of a band in g and Hz."""
     size, noise = scene.block.dimensions, scene.noise
     if noise.kind != "band":
         return f"{noise_text(noise)} (nondimensional)"
     rms = math.sqrt(noise.variance) * size.gravity * size.critical_angle / STANDARD_GRAVITY
-    low, high = (one / size.frequency(1.0) for one in noise.band)
+    low, high = (frequency / size.frequency(1.0) for frequency in noise.band)
     shape = "" if noise.envelope is None else f", envelope {noise.envelope} (nondimensional)"
     return f"band noise, rms {rms:.3g} g, {low:.3g} to {high:.3g} Hz, {noise.harmonics} harmonics{shape}"
 
 
 def _motions(study):
     """Table of the motions as they are at intensity 1."""
-    scenes, found = study.motions, [intensities(scene) for scene in study.motions]
+    scenes, measures = study.motions, [intensities(scene) for scene in study.motions]
     names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
     lasting = [scene.block.dimensions.seconds(scene.forcing.duration) for scene in scenes]
     return {
         "motion": np.arange(1, len(scenes) + 1),
         "source": np.array(names),
         "duration, s": _digits(lasting),
-        "PGA, g": _digits([one.pga / STANDARD_GRAVITY for one in found]),
-        "PGV, m/s": _digits([one.pgv for one in found]),
+        "PGA, g": _digits([measure.pga / STANDARD_GRAVITY for measure in measures]),
+        "PGV, m/s": _digits([measure.pgv for measure in measures]),
     }
 
 
 def _sources(curve):
     """Table of the dispersion of each source."""
-    found = curve.sources | {"all": curve.fit.dispersion}
-    return table_html({"source": np.array(list(found)), "dispersion": _digits(found.values())})
+    sources = curve.sources | {"all": curve.fit.dispersion}
+    return table_html({"source": np.array(list(sources)), "dispersion": _digits(sources.values())})
 
 
 def _points(curve):
@@ -249,27 +250,28 @@ def draw_contributions(axes: Any, risk: Risk) -> None:
     other = axes.twinx()
     span = np.geomspace(risk.edges[0], risk.edges[-1], 200)
     other.plot(span, risk.hazard(span), color="black")
-    known = (risk.hazard.intensity >= span[0]) & (risk.hazard.intensity <= span[-1])
-    other.plot(risk.hazard.intensity[known], risk.hazard.rate[known], "o", color="black", markersize=3.5)
+    inside = (risk.hazard.intensity >= span[0]) & (risk.hazard.intensity <= span[-1])
+    other.plot(risk.hazard.intensity[inside], risk.hazard.rate[inside], "o", color="black", markersize=3.5)
     other.set(yscale="log", ylabel="exceeded, 1/year (line)")
     other.grid(visible=False)
 
 
 def draw_motions(axes: Any, scenes: Sequence[Scene]) -> None:
     """Draw the acceleration of each motion against time, one above the other, all with the same unit."""
-    found = [(one, one.block.dimensions) for one in scenes if one.block.dimensions is not None]
-    peaks = [intensities(one).pga / STANDARD_GRAVITY for one, _ in found]
+    motions = [(scene.forcing, scene.block.dimensions) for scene in scenes if scene.block.dimensions is not None]
+    peaks = [intensities(scene).pga / STANDARD_GRAVITY for scene in scenes if scene.block.dimensions is not None]
     step = 1.6 * max(peaks, default=1.0)
-    for place, (one, size) in enumerate(found):
-        span = one.forcing.duration if np.isfinite(one.forcing.duration) else 5.0 * one.forcing.time_scale
+    for place, (motion, size) in enumerate(motions):
+        span = motion.duration if np.isfinite(motion.duration) else 5.0 * motion.time_scale
         times = np.linspace(0.0, span, 2000)
         unit = size.gravity * size.critical_angle / STANDARD_GRAVITY
-        force = unit * np.array([one.forcing.value(time) for time in times])
+        force = unit * np.array([motion.value(time) for time in times])
         axes.plot(size.seconds(times), force - step * place, color=style.COLOURS[0], linewidth=0.5)
-    axes.set(xlabel="time, s", yticks=[-step * place for place in range(len(found))])
-    axes.set_yticklabels([str(place + 1) for place in range(len(found))], fontsize=7)
-    axes.set(ylabel=f"motion; {step:.2g} g from line to line", ylim=(-step * (len(found) - 0.4), 0.6 * step))
+    axes.set(xlabel="time, s", yticks=[-step * place for place in range(len(motions))])
+    axes.set_yticklabels([str(place + 1) for place in range(len(motions))], fontsize=7)
+    axes.set(ylabel=f"motion; {step:.2g} g from line to line", ylim=(-step * (len(motions) - 0.4), 0.6 * step))
 
 
 def _name(risk):
+    """Return the label of an axis of intensities."""
     return f"{risk.curve.measure}, {risk.curve.unit}"

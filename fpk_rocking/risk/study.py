@@ -1,4 +1,4 @@
-"""A whole study of risk: records at equal intensities, their curve, the hazard, and the files to hand on."""
+"""A study of risk: records at equal intensities, their curve, the hazard, and the files to hand on."""
 
 import dataclasses
 import pathlib
@@ -12,7 +12,7 @@ from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
-from fpk_rocking.risk.curve import FEWEST, IntensityCurve, at_intensity
+from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.scene.scene import Scene
@@ -22,15 +22,10 @@ from fpk_rocking.studies.drawing import Draws, drawn
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
 
-_POINTS = "In its place stand the points, joined by lines"
-
-_MANY = 30
-"""Motions from which on bootstrap limits cover about what they say: measured 93 % of 95."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Study:
-    """What `study` found.
+    """Fragility and annual rate of a block under several motions, as `study` returns them.
 
     Parameters
     ----------
@@ -40,7 +35,7 @@ class Study:
     name : str
         Identifier of the block in exported files.
     scene : Scene
-        Block and noise as they were given.
+        Block and noise as passed to `study`.
     draws : Draws or None
         Blocks that were drawn.
 
@@ -69,7 +64,7 @@ class Study:
         scenes = self.fragility.scenes
         if self.draws is None:
             return list(scenes)
-        return [scenes[self.draws.origin.index(one)] for one in sorted(set(self.draws.origin))]
+        return [scenes[self.draws.origin.index(record)] for record in sorted(set(self.draws.origin))]
 
     @property
     def records(self) -> Array:
@@ -77,7 +72,7 @@ class Study:
         if self.draws is None:
             return self.fragility.overturned
         origin = np.array(self.draws.origin)
-        return np.array([self.fragility.overturned[origin == one].mean(axis=0) for one in np.unique(origin)])
+        return np.array([self.fragility.overturned[origin == record].mean(axis=0) for record in np.unique(origin)])
 
     @property
     def trust(self) -> Trust:
@@ -86,29 +81,31 @@ class Study:
         return verdict([*doubts, *assess({"relative_error": self.risk.relative_error})])
 
     def _of_records(self):
-        """Doubts about the motions: how many there are, and whether they differ."""
-        found, count, motions = [], self.risk.curve.records, [scene.forcing for scene in self.motions]
-        if 1 < count < _MANY:
+        """Return what speaks against the motions: that there are few, or that some are equal."""
+        against, count, motions = [], self.risk.curve.records, [scene.forcing for scene in self.motions]
+        # Of 30 motions on, 93 % of 95 % limits contained the true rate.
+        if 1 < count < 30:
             sentence = (
                 f"The limits rest on {count} motions, and over few they are too narrow: of 95 % limits of the "
                 "rate 75 % contained the true one over 5 motions, 86 % over 12, 90 % over 20."
             )
-            found.append(Diagnostic(CAUTION, sentence, "few records"))
+            against.append(Diagnostic(CAUTION, sentence, "few records"))
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
-            found.append(Diagnostic(CAUTION, sentence, "one record"))
+            against.append(Diagnostic(CAUTION, sentence, "one record"))
         same = len(motions) - len(dict.fromkeys(motions))
         if same:
             sentence = f"{same} of {len(motions)} motions are the same as another one."
-            found.append(Diagnostic(CAUTION, sentence, "equal records"))
-        return found
+            against.append(Diagnostic(CAUTION, sentence, "equal records"))
+        return against
 
     def text(self) -> str:
         """Return the rate, the verdict and the fit as lines of text."""
-        curve, told = self.risk.curve, [self.risk.sentences[0], str(self.trust)]
+        curve, lines = self.risk.curve, [self.risk.sentences[0], str(self.trust)]
+        points = "In its place stand the points, joined by lines"
         fit = curve.fit
         if fit.reason:
-            told.append(f"No lognormal fit: {fit.reason}. {_POINTS}.")
+            lines.append(f"No lognormal fit: {fit.reason}. {points}.")
         else:
             low, high = fit.median_interval
             text = (
@@ -118,17 +115,17 @@ class Study:
             sources = ", ".join(f"{name} {value:.3g}" for name, value in curve.sources.items())
             text += f", of which {sources}" * bool(sources)
             misfit = f"largest misfit of a probability {fit.misfit:.2g}"
-            misfit += f": the fit is rejected ({fit.rejected}). {_POINTS}" if fit.rejected else ", the fit is accepted"
-            told.append(f"{text}; {misfit}.")
-        told += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
-        return "\n".join([*told, *self._ordered()])
+            misfit += f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", the fit is accepted"
+            lines.append(f"{text}; {misfit}.")
+        lines += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
+        return "\n".join([*lines, *self._ordered()])
 
     def _ordered(self):
-        """Say which intensity measure orders the outcomes best, where motions differ."""
-        found = ranked(self.fragility)
-        if self.risk.curve.records == 1 or len(found) < 2:
+        """Return the deviances of intensity measures as a sentence in a list, empty for one motion."""
+        rankings = ranked(self.fragility)
+        if self.risk.curve.records == 1 or len(rankings) < 2:
             return []
-        texts = (f"{one.measure} {one.deviance:.4g}" for one in found)
+        texts = (f"{ranking.measure} {ranking.deviance:.4g}" for ranking in rankings)
         return [
             f"Deviance of the outcomes from a curve over each intensity measure, least is best: {'; '.join(texts)}."
         ]
@@ -144,7 +141,7 @@ class Study:
             "blocks": plain(curve.blocks),
         }
         more: dict[str, Any] = {"trust": self.trust.plain}
-        more |= {"ranking": [plain(one._asdict()) for one in ranked(self.fragility)]}
+        more |= {"ranking": [plain(ranking._asdict()) for ranking in ranked(self.fragility)]}
         more["draws"] = None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values}
         return {"risk": self.risk.summary(), "curve": points, **more, "fragility": self.fragility.summary()}
 
@@ -225,7 +222,7 @@ def study(
     name : str
         Identifier of the block in exported files.
     progress : callable, optional
-        Called with the number of points done and the whole.
+        Called with the number of points done and of all.
 
     Returns
     -------
@@ -250,17 +247,17 @@ def study(
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
-    known = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)
-    motions = [one if isinstance(one, Forcing) else Record.from_file(one, units=units) for one in records]
+    exceeded = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)
+    motions = [motion if isinstance(motion, Forcing) else Record.from_file(motion, units=units) for motion in records]
     scenes = [dataclasses.replace(scene, forcing=motion) for motion in motions] or [scene]
-    if 1 < len(scenes) < FEWEST:
-        raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST}"))
-    if uncertain and len(scenes) == 1 and checks.count("blocks", blocks) < FEWEST:
-        raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST} for one motion"))
-    at_one = [at_intensity(one, measure, noise=scale_noise) for one in scenes]
+    if 1 < len(scenes) < FEWEST_RECORDS:
+        raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
+    if uncertain and len(scenes) == 1 and checks.count("blocks", blocks) < FEWEST_RECORDS:
+        raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST_RECORDS} for one motion"))
+    at_one = [at_intensity(shaken, measure, noise=scale_noise) for shaken in scenes]
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
-    found = fragility(
+    curves = fragility(
         at_one if len(at_one) > 1 else at_one[0],
         scale=np.asarray(intensities, float),
         realizations=realizations,
@@ -268,5 +265,5 @@ def study(
         scale_noise=scale_noise,
         progress=progress,
     )
-    curve = IntensityCurve.of(found, measure, draws=draws)
-    return Study(found, annual_frequency(curve, known), name, scene, draws)
+    curve = IntensityCurve.of(curves, measure, draws=draws)
+    return Study(curves, annual_frequency(curve, exceeded), name, scene, draws)

@@ -18,13 +18,6 @@ from fpk_rocking.studies.sweeping import checked_scenes
 from fpk_rocking.studies.tasks import TASKS
 from montecarlo.engines import engine_of
 
-_ENGINES = ("exact", "rk4", "white", "filtered", "density")
-_MOST = 10_000
-_REPLACED = (
-    "At every scale {} noise of equal Melnikov variance replaces that of the scene: an approximation, which Monte "
-    "Carlo under the noise of the scene can check."
-)
-
 
 def fragility(
     scene: Scene | Sequence[Scene],
@@ -105,15 +98,15 @@ def fragility(
     """
     started = time.perf_counter()
     scenes, axis, places = _scenes(scene, over)
-    factors = tuple(sorted(checks.several("scale", scale, most=_MOST, above=0.0)))
+    factors = tuple(sorted(checks.several("scale", scale, most=10_000, above=0.0)))
     if len(set(factors)) != len(factors):
         raise ValueError(checks.refusal("scale", scale, "numbers that differ from each other"))
-    levels = () if isinstance(levels, tuple | list) and not levels else checks.several("levels", levels, most=_MOST)
+    levels = () if isinstance(levels, tuple | list) and not levels else checks.several("levels", levels, most=10_000)
     _check_levels(levels, scenes)
     seed = checks.count("seed", seed, at_least=0)
-    engine, shaken, noise_replacement = _engine(engine, scenes)
-    for one in shaken:
-        result_times(one, cycles, times)
+    engine, shaken = _engine(engine, scenes)
+    for scene_at_one in shaken:
+        result_times(scene_at_one, cycles, times)
     lasting: dict[str, Any] = {} if cycles is None else {"cycles": int(cycles)}
     lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
     options, realizations = _options(engine, shaken, lasting, realizations, tol)
@@ -128,21 +121,24 @@ def fragility(
     values = [row["values"] for row in rows]
     if not any(values):
         raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
-    if any(one.get("noise_replacement") for one in values):
-        noise_replacement = _REPLACED.format("white")
+    noise = "white" if any(row.get("noise_replacement") for row in values) else engine if shaken != scenes else ""
+    replaced = (
+        f"At every scale {noise} noise of equal Melnikov variance replaces that of the scene: an approximation, which "
+        "Monte Carlo under the noise of the scene can check."
+    )
     return Fragility(
         scenes=scenes,
         axis=axis,
         place=np.array(places, float),
         level=np.array(levels, float),
         scale=np.array(factors),
-        probability=np.array([_overturned(one) for one in values]).reshape(shape),
-        error_estimate=np.array([one.get("error_estimate", np.nan) for one in values]).reshape(shape),
+        probability=np.array([_overturned(row) for row in values]).reshape(shape),
+        error_estimate=np.array([row.get("error_estimate", np.nan) for row in values]).reshape(shape),
         engine=engine,
         realizations=realizations,
         noise_scaled=bool(scale_noise),
         options=options | {"seed": seed},
-        noise_replacement=noise_replacement,
+        noise_replacement=replaced * bool(noise),
         reasons={
             ",".join(map(str, np.unravel_index(row["cell"], shape))): row["reason"] for row in rows if row["reason"]
         },
@@ -155,11 +151,11 @@ def _scenes(scene, over):
     if over is None:
         scenes = (scene,) if isinstance(scene, Scene) else checked_scenes("scene", scene)
         return scenes, "scene", range(len(scenes))
-    made = grid(scene, over)
-    if len(made.axes) != 1 or "scale" in made.axes:
+    surface = grid(scene, over)
+    if len(surface.axes) != 1 or "scale" in surface.axes:
         raise ValueError(checks.refusal("over", over, 'one parameter other than the scale, {"size": [0.5, 1.0]}'))
-    ((axis, places),) = made.axes.items()
-    return made.scenes, axis, places
+    ((axis, places),) = surface.axes.items()
+    return surface.scenes, axis, places
 
 
 def _check_levels(levels, scenes):
@@ -173,21 +169,20 @@ def _check_levels(levels, scenes):
 
 
 def _engine(engine, scenes):
-    """Return the name of the engine, the scenes with the noise that it takes, and what was done to the noise."""
-    if engine is not None and engine not in _ENGINES:
-        accepted = ", ".join(map(repr, _ENGINES)) + " or None (the Monte Carlo method that fits the noise)"
+    """Return the name of the engine, and the scenes with the noise that it takes."""
+    engines = "exact", "rk4", "white", "filtered", "density"
+    if engine is not None and engine not in engines:
+        accepted = ", ".join(map(repr, engines)) + " or None (the Monte Carlo method that fits the noise)"
         raise ValueError(checks.refusal("engine", engine, accepted))
     if engine is None:
         kinds = {engine_of(scene).method for scene in scenes}
         if len(kinds) != 1:
             accepted = "scenes whose noise one method takes, or an `engine` that replaces it"
             raise ValueError(checks.refusal("scene", f"methods {sorted(kinds)}", accepted))
-        return kinds.pop(), scenes, ""
+        return kinds.pop(), scenes
     if engine in {"white", "filtered"}:
-        made = tuple(getattr(scene, f"{engine}_equivalent")() for scene in scenes)
-        replaced = made != tuple(scenes)
-        return engine, made, _REPLACED.format(engine) if replaced else ""
-    return engine, scenes, ""
+        return engine, tuple(getattr(scene, f"{engine}_equivalent")() for scene in scenes)
+    return engine, scenes
 
 
 def _options(engine, scenes, lasting, realizations, tol):
@@ -206,7 +201,7 @@ def _at(scene, factor, level, scale_noise):
 
 
 def _overturned(values):
-    """Probability of having overturned, of a row's values: as a share of whole numbers, where these are known."""
+    """Return the probability of overturning by the values of a row: a ratio of whole numbers for a sample."""
     if not values:
         return np.nan
     if "survivors" in values:

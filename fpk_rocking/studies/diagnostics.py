@@ -9,11 +9,6 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Diagnostic
 from montecarlo.results.ensemble import path_diagnostics
 
-__all__ = ["doubts_of", "model_doubts"]
-
-_SURE = 0.9999
-"""Confidence of the limits by which a probability is seen to fall: chance alone seldom makes it of any curve."""
-
 
 def doubts_of(result: Any) -> list[Diagnostic]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
@@ -30,6 +25,7 @@ def model_doubts(result: Any) -> list[Diagnostic]:
 
 
 def _unanswered(result):
+    """Probabilities without an answer of the engine."""
     if not result.reasons:
         return []
     count, first = result.probability.size, next(iter(result.reasons.values()))
@@ -38,17 +34,17 @@ def _unanswered(result):
 
 
 def _noise(result):
-    """Doubts about the model and the noise of all scenes: of each kind the weightiest, and how many scenes share it."""
+    """Return what speaks against model and noise of the scenes, the weightiest of each kind for all scenes."""
     kinds: dict[str, dict[Diagnostic, None]] = {}
     for scene in result.scenes:
         for doubt in scene_diagnostics(scene, result.noise_replacement, scales=(result.scale[0], result.scale[-1])):
             kinds.setdefault(doubt.kind, {})[doubt] = None
-    found = []
+    grouped = []
     for kind in kinds.values():
         first, *others = sorted(kind, key=lambda doubt: -doubt.severity)
         likewise = f" (Other scenes: {len(others)} likewise.)" * bool(others)
-        found.append(first._replace(message=first.message + likewise))
-    return found
+        grouped.append(first._replace(message=first.message + likewise))
+    return grouped
 
 
 def _rejected(result):
@@ -67,8 +63,9 @@ def _rejected(result):
 
 
 def _falling(result):
-    """Curves that fall where the shaking grows: nothing says then that less is safer."""
-    low, high = np.moveaxis(result.interval(_SURE), -1, 0)
+    """Curves that fall where the shaking grows, by more than their limits: weaker shaking is then not safer."""
+    # At this confidence chance alone seldom makes any curve fall.
+    low, high = np.moveaxis(result.interval(0.9999), -1, 0)
     most = np.fmax.accumulate(low, axis=-1)
     fall = np.nan_to_num(most - high, nan=-1.0)
     fall[result.deterministic & (not result.mixture)] = -1.0
@@ -86,7 +83,7 @@ def _falling(result):
 
 
 def _differing(result):
-    """Say what the scenes of a mean differ in: motions, blocks under one motion, or both."""
+    """Return what the scenes of a mean differ in: "motion", "block" under one motion, or "block-and-motion pair"."""
     if len({scene.block for scene in result.scenes}) == 1:
         return "motion"
     common = result.intensities[0]
@@ -95,10 +92,10 @@ def _differing(result):
 
 
 def _few_motions(result):
-    """How little some motions tell of others of their kind."""
+    """Few motions behind a mean: the sampling error of the mean over others of their kind."""
     count = len(result.scenes)
-    known = result.probability[np.isfinite(result.probability)]
-    half = 0.5 * float(np.diff(wilson_interval(known * count, count)).max(initial=0.0))
+    mean = result.probability[np.isfinite(result.probability)]
+    half = 0.5 * float(np.diff(wilson_interval(mean * count, count)).max(initial=0.0))
     if half <= UNASKED:
         return []
     what = _differing(result) + "s" * (count > 1)

@@ -13,27 +13,18 @@ from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.scenes import varied
 
-_FACTOR = "_factor"
-_MOST = 100_000
-_KINDS = {"uniform": "LOW:HIGH", "normal": "MEAN:DEVIATION", "lognormal": "MEDIAN:DISPERSION"}
-_STEEPEST = 1e3
-
-_FAR, _ENDS = 4.0, 1e-4
-"""Normal deviations from the middle of a distribution at which a scene's own value may lie, and the part of the span
-between these that is added at the ends."""
-
 
 class Draws(NamedTuple):
-    """Scenes with values that were drawn; made by `drawn`.
+    """Scenes with values drawn from distributions, as `drawn` returns them.
 
     Parameters
     ----------
     scenes : tuple of Scene, (n,)
-        Those of the first given scene first.
+        Those of the first scene first.
     values : dict of str to tuple of float, (n,)
         What was drawn, by the names of the parameters.
     origin : tuple of int, (n,)
-        Number of the given scene that each was made of.
+        For each, the number of the scene in which values were replaced, from 0.
 
     Examples
     --------
@@ -51,7 +42,7 @@ class Draws(NamedTuple):
 
 
 def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: int = 20, seed: int = 1) -> Draws:
-    """Draw blocks, or anything else of a scene, from distributions.
+    """Return copies of scenes with values of the block, or of anything else, drawn from distributions.
 
     Latin hypercube sampling: each parameter has one value in each of n equally probable ranges. Sweeps and fragility
     take the scenes.
@@ -59,7 +50,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     Parameters
     ----------
     scene : Scene, or sequence of Scene
-        Of each as many scenes are made.
+        Each is copied `count` times.
     uncertain : dict of str
         Distributions by the names of `fpk_rocking.studies.scenes.varied`, or such a name with "_factor" for a factor of
         the scene's own value: ``{"size_factor": "lognormal:1:0.05", "block.restitution_factor": "uniform:0.93:1"}``.
@@ -67,7 +58,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
         "lognormal:MEDIAN:DISPERSION", or an object with a method ``ppf``, as those of `scipy.stats`. Without "_factor"
         the scene's own value has to be within 4 normal deviations of its middle.
     count : int
-        Scenes of each.
+        Copies of each scene.
     seed : int
         Seed of the random numbers.
 
@@ -94,51 +85,51 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     scenes = (scene,) if isinstance(scene, Scene) else checks.sequence("scene", scene, "a scene or several")
     if not isinstance(uncertain, Mapping) or not uncertain:
         raise TypeError(checks.refusal("uncertain", uncertain, 'a dict such as {"size_factor": "lognormal:1:0.05"}'))
-    count, seed = checks.count("count", count, at_most=_MOST), checks.count("seed", seed, at_least=0)
+    count, seed = checks.count("count", count, at_most=100_000), checks.count("seed", seed, at_least=0)
     points = qmc.LatinHypercube(len(uncertain), seed=np.random.default_rng(seed)).random(count * len(scenes))
     values = {
-        name: tuple(np.asarray(_distribution(name, given).ppf(column), float).tolist())
-        for (name, given), column in zip(uncertain.items(), points.T, strict=True)
+        name: tuple(np.asarray(_distribution(name, law).ppf(column), float).tolist())
+        for (name, law), column in zip(uncertain.items(), points.T, strict=True)
     }
     origin = tuple(int(place) for place in np.repeat(np.arange(len(scenes)), count))
-    for name, given in uncertain.items():
-        _check_own(scenes, name, given)
-    made = []
+    for name, law in uncertain.items():
+        _refuse_far(scenes, name, law)
+    copies = []
     for number, place in enumerate(origin):
-        one = scenes[place]
+        copy = scenes[place]
         for name, column in values.items():
-            one = _set(one, name, column[number])
-        made.append(one)
-    return Draws(tuple(made), values, origin)
+            copy = _with_value(copy, name, column[number])
+        copies.append(copy)
+    return Draws(tuple(copies), values, origin)
 
 
-def _set(scene, name, value):
-    """Return a scene with one parameter at a value, or multiplied by a factor."""
-    if not name.endswith(_FACTOR):
+def _with_value(scene, name, value):
+    """Return a scene with one parameter set to a value, or multiplied by it where the name ends with "_factor"."""
+    if not name.endswith("_factor"):
         return varied(scene, name, value)
-    parameter = name.removesuffix(_FACTOR)
+    parameter = name.removesuffix("_factor")
     return varied(scene, parameter, value * checks.number(f"uncertain[{name!r}] of", _value(scene, parameter)))
 
 
-def _check_own(scenes, name, given):
-    """Refuse a distribution of a value far from that of a scene, such as one of factors."""
+def _refuse_far(scenes, name, law):
+    """Refuse a distribution that is 4 normal deviations from a scene's own value, as one of factors is."""
     from scipy import special
 
-    if name.endswith(_FACTOR) or name == "scale":
+    if name.endswith("_factor") or name == "scale":
         return
-    low, high = np.asarray(_distribution(name, given).ppf(special.ndtr([-_FAR, _FAR])), float)
+    low, high = np.asarray(_distribution(name, law).ppf(special.ndtr([-4.0, 4.0])), float)
     # A uniform distribution ends a little beyond.
-    room = _ENDS * (high - low)
+    room = 1e-4 * (high - low)
     for own in (_value(scene, name) for scene in scenes):
         if isinstance(own, int | float) and own != 0.0 and not low - room <= own <= high + room:
             accepted = (
-                f"a distribution around the scene's own value, {own:.4g}, or {name + _FACTOR!r} for multiples of it"
+                f"a distribution around the scene's own value, {own:.4g}, or {name + '_factor'!r} for multiples of it"
             )
-            raise ValueError(checks.refusal(f"uncertain[{name!r}]", given, accepted))
+            raise ValueError(checks.refusal(f"uncertain[{name!r}]", law, accepted))
 
 
 def _value(scene, name):
-    """Return the value of a parameter of a scene; None of what it does not have."""
+    """Return the value of a parameter of a scene, by the names of `varied`; None where the scene does not have it."""
     size, (part, _, field) = scene.block.dimensions, name.partition(".")
     if name == "scale":
         return 1.0
@@ -149,19 +140,17 @@ def _value(scene, name):
     return getattr(getattr(scene, part, None), field, None) if field else None
 
 
-def _distribution(name, given):
-    """Return a distribution, or refuse what is none."""
+def _distribution(name, law):
+    """Return the distribution that a text such as "normal:0:1" names; an object with `ppf` is returned as it is."""
     from scipy import stats
 
-    if hasattr(given, "ppf"):
-        return given
-    accepted = ", ".join(f"'{kind}:{form}'" for kind, form in _KINDS.items())
-    refusal = checks.refusal(
-        f"uncertain[{name!r}]", given, f"{accepted} with numbers, or a distribution of scipy.stats"
-    )
-    if not isinstance(given, str):
+    if hasattr(law, "ppf"):
+        return law
+    accepted = "'uniform:LOW:HIGH', 'normal:MEAN:DEVIATION', 'lognormal:MEDIAN:DISPERSION' with numbers"
+    refusal = checks.refusal(f"uncertain[{name!r}]", law, f"{accepted}, or a distribution of scipy.stats")
+    if not isinstance(law, str):
         raise TypeError(refusal)
-    kind, *numbers = given.split(":")
+    kind, *numbers = law.split(":")
     try:
         first, second = map(float, numbers)
     except ValueError:
@@ -188,7 +177,7 @@ def synthetic_records(
     rms: float = 1.0,
     seed: int = 1,
 ) -> tuple[Record, ...]:
-    """Make ground motions: nonstationary Kanai-Tajimi noise without its lowest frequencies (Clough-Penzien).
+    """Return synthetic motions: nonstationary Kanai-Tajimi noise without its lowest frequencies (Clough-Penzien).
 
     White noise is multiplied by the envelope and then passes the soil and a high-pass filter, so that the velocity of
     the ground ends at 0. The default frequencies and dampings are those of firm ground.
@@ -232,7 +221,7 @@ def synthetic_records(
     PGV 0.33 m/s
     PGV 0.23 m/s
     """
-    count, seed = checks.count("count", count, at_most=_MOST), checks.count("seed", seed, at_least=0)
+    count, seed = checks.count("count", count, at_most=10_000), checks.count("seed", seed, at_least=0)
     interval = checks.number("interval", interval, above=0.0)
     duration = checks.number("duration", duration, above=2.0 * interval)
     spread, rms = checks.number("spread", spread, at_least=0.0), checks.number("rms", rms, above=0.0)
@@ -244,19 +233,19 @@ def synthetic_records(
     envelope = envelope or Trapezoid(0.1 * duration, 0.3 * duration, 0.4 * duration)
     times = interval * np.arange(round(duration / interval) + 1)
     strength = checks.instance("envelope", envelope, Envelope).value(times[:-1] + 0.5 * interval)
-    made = []
+    records = []
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         own = 2.0 * math.pi * frequency * math.exp(spread * rng.standard_normal())
-        soil = rms * _filtered(FILTERS["kanai-tajimi"].space(own, damping), interval, strength, rng)
-        samples = _without_lowest(soil, interval, low, low_damping)
+        soil = rms * _filtered_noise(FILTERS["kanai-tajimi"].space(own, damping), interval, strength, rng)
+        samples = _high_passed(soil, interval, low, low_damping)
         source = f"synthetic motion {number + 1} of seed {seed}, {own / (2.0 * math.pi):.3g} Hz"
-        made.append(Record(interval, tuple(samples.tolist()), "m/s2", source=source))
-    return tuple(made)
+        records.append(Record(interval, tuple(samples.tolist()), "m/s2", source=source))
+    return tuple(records)
 
 
-def _filtered(space, interval, strength, rng):
-    """Return samples (n + 1,) of the output of a filter, at rest at first, for white noise of a strength (n,)."""
+def _filtered_noise(space, interval, strength, rng):
+    """Return samples (n + 1,) of the output of a filter that starts at rest, for white noise of a strength (n,)."""
     from scipy.linalg import expm
 
     move = expm(space.drift * interval)
@@ -266,14 +255,14 @@ def _filtered(space, interval, strength, rng):
     kicks = (rng.standard_normal((strength.size, space.order)) * strength[:, None]) @ (
         axes * np.sqrt(np.maximum(values, 0.0))
     ).T
-    states, found = np.zeros(space.order), np.zeros(strength.size + 1)
+    states, samples = np.zeros(space.order), np.zeros(strength.size + 1)
     for k, kick in enumerate(kicks):
         states = move @ states + kick
-        found[k + 1] = space.output @ states
-    return found
+        samples[k + 1] = space.output @ states
+    return samples
 
 
-def _without_lowest(samples, interval, frequency, damping):
+def _high_passed(samples, interval, frequency, damping):
     """Return y'' of y'' + 2 ζ ω y' + ω² y = u for samples (n,) between which u is linear, as a record is."""
     from scipy import signal
 

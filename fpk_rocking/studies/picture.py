@@ -23,12 +23,6 @@ NAMES = {
 }
 """What the parameters of a block are called on an axis."""
 
-_MARKERS = "osD^"
-_PANELS = 3
-_SIZE, _ROW = 8.5, 4.6
-_WIDE, _LINE = 5.2, 0.22
-_ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
-
 
 def curves_figure(path: File, results: Sequence[Any], title: str = "", which: int | None = 0) -> pathlib.Path:
     """Draw the fragility curves of one or two results, a panel for each scene; the first result has its fit drawn too.
@@ -64,17 +58,17 @@ def curves_figure(path: File, results: Sequence[Any], title: str = "", which: in
     count = len(first.place)
     columns = min(count, 3)
     rows = -(-count // columns)
-    shown = range(len(first.names)) if which is None else [which]
+    events = range(len(first.names)) if which is None else [which]
     notes = _notes(results)
-    size = (_WIDE * columns if columns > 1 else _SIZE, _ROW * rows + _LINE * len(notes) + 0.8)
+    size = (5.2 * columns if columns > 1 else 8.5, 4.6 * rows + 0.22 * len(notes) + 0.8)
     with style.page(path, size, title or message(first), notes) as figure:
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
         for panel in panels[count:]:
             panel.set_visible(False)
         for m, axes in enumerate(panels[:count]):
-            _curves(axes, first, m, shown)
+            _curves(axes, first, m, events)
             for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
-                _curve(axes, other, m, shown[0], colour, "x", fit=False)
+                _curve(axes, other, m, events[0], colour, "x", fit=False)
             axes.set_title(first.label(m) if count > 1 else "")
             if m % columns == 0:
                 axes.set_ylabel("probability" if which is None else _event(first, which))
@@ -109,7 +103,7 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
     sizes.png
     """
     notes = _notes([result])
-    with style.page(path, (_SIZE, 5.8 + _LINE * len(notes)), title or message(result), notes) as figure:
+    with style.page(path, (8.5, 5.8 + 0.22 * len(notes)), title or message(result), notes) as figure:
         _surface(figure, figure.subplots(), result, which)
     return pathlib.Path(path)
 
@@ -143,7 +137,7 @@ def message(result: Any) -> str:
     """
     if result.deterministic.all() and not result.mixture:
         return "Fragility"
-    halves = np.array([_half(result.scale, one) for one in result.overturned])
+    halves = np.array([_half(result.scale, curve) for curve in result.overturned])
     halves = halves[np.isfinite(halves)]
     if halves.size == 0:
         if np.isnan(result.overturned).all():
@@ -153,14 +147,14 @@ def message(result: Any) -> str:
     low, high = halves.min(), halves.max()
     if len(result.place) > 1:
         return f"Half of the blocks overturn at scales from {low:.3g} to {high:.3g}"
-    known = result.intensities[0].at(low)
-    return f"Half of the blocks overturn at scale {low:.3g}" + f": {known}" * bool(known)
+    measures = result.intensities[0].at(low)
+    return f"Half of the blocks overturn at scale {low:.3g}" + f": {measures}" * bool(measures)
 
 
 def _half(scale, probability):
-    """Return the first scale at which the probability rises to one half; nan where it is not seen to do so."""
-    known = np.isfinite(probability)
-    scale, probability = scale[known], probability[known]
+    """Return the first scale, interpolated in its logarithm, at which the probability rises to one half, or nan."""
+    finite = np.isfinite(probability)
+    scale, probability = scale[finite], probability[finite]
     above = np.flatnonzero(probability >= 0.5)
     if above.size == 0 or above[0] == 0:
         return np.nan
@@ -169,14 +163,14 @@ def _half(scale, probability):
 
 
 def small_figure(result: Any) -> Any:
-    """Return a figure of overturning over a parameter, or of the first curves, with the number of those not shown."""
+    """Return a figure of overturning over a parameter, or of the first curves, with the number of all."""
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
         return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
-    shown, count = range(len(result.names)), len(result.place)
-    panels = [lambda _, axes, m=m: _curves(axes, result, m, shown) for m in range(min(count, _PANELS))]
+    events, count = range(len(result.names)), len(result.place)
+    panels = [lambda _, axes, m=m: _curves(axes, result, m, events) for m in range(min(count, 3))]
     figure = figure_of(*panels)
     figure.axes[0].set_ylabel("probability")
-    figure.suptitle(f"The first {_PANELS} of {count} curves" if count > _PANELS else message(result), fontsize=8)
+    figure.suptitle(f"The first 3 of {count} curves" if count > 3 else message(result), fontsize=8)
     for m, axes in enumerate(figure.axes):
         axes.set_title(result.label(m) if count > 1 else "")
         axes.legend(loc="best", fontsize=7)
@@ -184,35 +178,39 @@ def small_figure(result: Any) -> Any:
 
 
 def _surface(figure, axes, result, which):
+    """Draw a surface with legend and colour bar."""
     filled = draw_surface(axes, result, which)
-    axes.legend(**_ABOVE)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
     figure.colorbar(filled, ax=axes, label=_event(result, which))
 
 
-def _curves(axes, result, m, shown):
-    for one in shown:
-        _curve(axes, result, m, one, style.COLOURS[one % 4], _MARKERS[one % 4], fit=True)
-    # Set, for there may be no answer at all, and nothing that a logarithmic axis could begin with.
-    known = result.intensities[m].at(1.0)
+def _curves(axes, result, m, events):
+    """Draw the probabilities of some events, by index, of scene m with their fits, over the scale."""
+    for which in events:
+        _curve(axes, result, m, which, style.COLOURS[which % 4], "osD^"[which % 4], fit=True)
+    # Limits are set, as there may be no answer at all, and then nothing that a logarithmic axis could begin with.
+    measures = result.intensities[m].at(1.0)
     axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03))
-    axes.set_xlabel("scale of the shaking" + f"\n(1: {known})" * bool(known))
+    axes.set_xlabel("scale of the shaking" + f"\n(1: {measures})" * bool(measures))
     logarithmic(axes.set_xscale, axes.xaxis)
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
-    known = np.isfinite(result.probability[m, which])
-    scale, values = result.scale[known], result.probability[m, which, known]
-    found, label = result.fits[m][which], f"{_made_by(result)}, {result.names_with_degrees[which]}"
-    if fit and not found.reason:
+    """Draw the probability of an event of scene m with its limits, and its lognormal fit."""
+    finite = np.isfinite(result.probability[m, which])
+    scale, values = result.scale[finite], result.probability[m, which, finite]
+    engine = "density solver" if result.engine == "density" else f"Monte Carlo {result.engine}"
+    lognormal, label = result.fits[m][which], f"{engine}, {result.names_with_degrees[which]}"
+    if fit and not lognormal.reason:
         fine = np.geomspace(result.scale[0], result.scale[-1], 200)
-        verdict = f" (rejected, off by up to {found.misfit:.2g})" if found.rejected else ""
-        look = {"color": colour, "linewidth": 1.0, "linestyle": "--" if found.rejected else "-"}
-        axes.plot(fine, found(fine), label=f"lognormal fit{verdict}", **look)
+        verdict = f" (rejected, off by up to {lognormal.misfit:.2g})" if lognormal.rejected else ""
+        look = {"color": colour, "linewidth": 1.0, "linestyle": "--" if lognormal.rejected else "-"}
+        axes.plot(fine, lognormal(fine), label=f"lognormal fit{verdict}", **look)
     if result.deterministic[m]:
         look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
         axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
         return
-    style.error_bars(axes, scale, values, result.interval()[m, which][known], color=colour, marker=marker, label=label)
+    style.error_bars(axes, scale, values, result.interval()[m, which][finite], color=colour, marker=marker, label=label)
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
@@ -227,25 +225,23 @@ def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def _made_by(result):
-    return "density solver" if result.engine == "density" else f"Monte Carlo {result.engine}"
-
-
 def _event(result, which):
+    """Return the label of a probability."""
     return "P(overturned)" if which == 0 else f"P(max {result.names[which]})"
 
 
 def _notes(results):
-    """Return what a point stands for, and what speaks against the results."""
+    """Return sample size, meaning of the scale and duration of the first result, and the verdicts that are not ok."""
     first = results[0]
-    sizes = (f"{one.engine}: {size_of(one)}" for one in results)
-    sampled = any(one.realizations and not one.deterministic.all() for one in results)
+    sizes = (f"{result.engine}: {size_of(result)}" for result in results)
+    sampled = any(result.realizations and not result.deterministic.all() for result in results)
     scaled = "forcing and noise" if first.noise_scaled else "the forcing alone"
     text = f"{'; '.join(sizes)}{', 95 % intervals' if sampled else ''}. Scale: of {scaled}. {_duration(first)}"
-    return [text, *dict.fromkeys(str(one.trust) for one in results if one.trust.verdict != "ok")]
+    return [text, *dict.fromkeys(str(result.trust) for result in results if result.trust.verdict != "ok")]
 
 
 def _duration(result):
+    """Return until when overturning counts, as a sentence."""
     if "cycles" in result.options:
         return f"Within {result.options['cycles']} forcing cycles."
     last, after = (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the motion")
@@ -286,14 +282,14 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     def rows(m, place):
         for n, scale in enumerate(result.scale):
             measures = result.intensities[m].columns(scale)
-            shown = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]
+            strengths = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]
             cells = [f"{place:g}"] * many + [f"{scale:.4g}"]
-            cells += [f"{value:.3f}" if np.isfinite(value) else "-" for value in shown]
+            cells += [f"{value:.3f}" if np.isfinite(value) else "-" for value in strengths]
             for which in range(len(result.names)):
                 value, (low, high) = result.probability[m, which, n], limits[m, which, n]
                 error = "exact" if still[m] else f"{low:.4f}–{high:.4f}"
-                shown = [f"{value:z.4f}", error] if np.isfinite(value) else ["-", "-"]
-                cells += shown[: 1 if still.all() else 2]
+                texts = [f"{value:z.4f}", error] if np.isfinite(value) else ["-", "-"]
+                cells += texts[: 1 if still.all() else 2]
             yield cells
 
     title = f"Fragility by {result.engine}, {size_of(result)}"

@@ -16,13 +16,9 @@ from fpk_rocking.scene.parts import Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 
-_PARTS = ("block", "forcing", "noise", "start", "overturning")
-SIZES = ("width", "height", "size", "slenderness")
-"""Names, beside the dotted ones of a scene file and "scale", that `varied` takes: of a block with dimensions."""
-
 
 class Grid(NamedTuple):
-    """Scenes of all combinations of some parameters; made by `grid`.
+    """Scenes of all combinations of some parameters, as `grid` returns them.
 
     Parameters
     ----------
@@ -65,7 +61,7 @@ class Grid(NamedTuple):
 
 
 def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
-    """Make the scenes of all combinations of some parameters.
+    """Return the scenes of all combinations of some parameters.
 
     Parameters
     ----------
@@ -97,7 +93,7 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     lists = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
     scenes = [scene]
     for name, values in lists.items():
-        scenes = [varied(one, name, value) for one in scenes for value in values]
+        scenes = [varied(changed, name, value) for changed in scenes for value in values]
     return Grid(tuple(scenes), lists)
 
 
@@ -135,7 +131,8 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
     part, _, field = str(name).partition(".")
     if name == "scale":
         return scaled(scene, value)
-    if name in SIZES:
+    sizes = "width", "height", "size", "slenderness"
+    if name in sizes:
         size = dimensions_of(scene, name)
         value = checks.number(name, value, above=0.0)
         if name in {"width", "height"}:
@@ -144,11 +141,11 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
         radius, slenderness = (value, slenderness) if name == "size" else (radius, value)
         width = 2.0 * radius / math.hypot(1.0, slenderness)
         return resized(scene, width=width, height=slenderness * width)
-    if part not in _PARTS or not field:
-        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {', '.join(map(repr, SIZES))}"
+    if part not in {"block", "forcing", "noise", "start", "overturning"} or not field:
+        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {', '.join(map(repr, sizes))}"
         raise ValueError(checks.refusal("parameter", name, accepted))
-    whole = isinstance(getattr(getattr(scene, part), field, None), int) and float(value).is_integer()
-    return scene.varied(**{part: {field: int(value) if whole else value}})
+    integer = isinstance(getattr(getattr(scene, part), field, None), int) and float(value).is_integer()
+    return scene.varied(**{part: {field: int(value) if integer else value}})
 
 
 def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
@@ -281,8 +278,8 @@ class Intensities(NamedTuple):
 
     def at(self, scale: float) -> str:
         """Return peak acceleration and velocity at a scale as a text; empty for a block without dimensions."""
-        found = {"PGA {:.4g} g": self.pga / STANDARD_GRAVITY, "PGV {:.4g} m/s": self.pgv}
-        return ", ".join(text.format(scale * value) for text, value in found.items() if math.isfinite(value))
+        peaks = {"PGA {:.4g} g": self.pga / STANDARD_GRAVITY, "PGV {:.4g} m/s": self.pgv}
+        return ", ".join(text.format(scale * value) for text, value in peaks.items() if math.isfinite(value))
 
 
 def intensities(scene: Scene) -> Intensities:

@@ -19,8 +19,6 @@ from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.scenes import Grid
 from fpk_rocking.studies.tasks import TASKS
 
-_LABELLED = 8
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Sweep(Result):
@@ -79,11 +77,13 @@ class Sweep(Result):
         ValueError
             No row has such a value.
         """
-        known = {key for row in self.rows for key in row["values"]}
-        if name not in known:
-            raise ValueError(checks.refusal("name", name, ", ".join(map(repr, sorted(known))) or "none: all failed"))
-        found = (row["values"].get(name, np.nan) for row in self.rows)
-        return np.array([one[-1] if isinstance(one, list) else one for one in found], float).reshape(self.shape)
+        names = {key for row in self.rows for key in row["values"]}
+        if name not in names:
+            raise ValueError(checks.refusal("name", name, ", ".join(map(repr, sorted(names))) or "none: all failed"))
+        values = (row["values"].get(name, np.nan) for row in self.rows)
+        return np.array([value[-1] if isinstance(value, list) else value for value in values], float).reshape(
+            self.shape
+        )
 
     def to_csv(self, path: File) -> None:
         """Write the rows as a CSV file: number, seed, parameters, values that are one number or text, reason.
@@ -194,7 +194,7 @@ class Sweep(Result):
                 label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
                 axes.plot(first[1], line, marker="o", markersize=4.0, label=label or None)
             axes.set(xlabel=first[0], ylabel=name)
-            if others and len(lines) <= _LABELLED:
+            if others and len(lines) <= 8:
                 axes.legend(fontsize=8)
 
         return figure_of(panel)

@@ -201,7 +201,7 @@ def test_peaks_in_g_take_the_place_of_scales(run):
 
 def test_workers_reach_the_sweep(monkeypatch, run):
     seen = []
-    monkeypatch.setattr(curves, "run", lambda *_, workers, **__: seen.append(workers) or 1 / 0)
+    monkeypatch.setattr(curves, "run_jobs", lambda *_, workers, **__: seen.append(workers) or 1 / 0)
     with pytest.raises(AssertionError, match="division by zero"):
         run("fragility", PERIODIC, **SCALED, workers=3)
     assert seen == [3]
