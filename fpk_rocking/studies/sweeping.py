@@ -116,9 +116,9 @@ class Sweep(Result):
         return {"scenes": len(self.rows), "failed": len(self.failed)} | self._verdicts() | {"wall_s": self.wall_s}
 
     def _verdicts(self):
-        """Number of scenes with each verdict."""
-        found = [row["values"].get("trust") for row in self.rows]
-        return {name: found.count(name) for name in VERDICTS if name in found}
+        """Return the number of scenes with each verdict that some have."""
+        verdicts = [row["values"].get("trust") for row in self.rows]
+        return {name: verdicts.count(name) for name in VERDICTS if name in verdicts}
 
     @property
     def diagnostics(self) -> list[Diagnostic]:

@@ -32,8 +32,8 @@ def evolution():
     coefficients = np.arange(48.0).reshape(3, 2, 2, 2, 2)
     check = Replacement(np.full((3, 3), 0.01), np.full((3, 3), 0.02), "exact", 100, 2, 0.1)
     return Evolution(
-        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, lines, lines, False,
-        check,
+        WHITE, 0.006, "", 1e-2, times, survival, gone, lost, at_rest, *figures, {"n": 1}, coefficients, lines, lines,
+        False, check,
     )  # fmt: skip
 
 
