@@ -228,7 +228,7 @@ class Fragility(Saved, Result):
         return tuple(dict.fromkeys((*filter(None, of), *(one.message for one in self.model_diagnostics()))))
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """What speaks against this result whatever its own errors, each kind once."""
+        """Return what speaks against this result whatever its own errors, each kind once."""
         return doubts_of(self)
 
     @property

@@ -257,11 +257,11 @@ def slenderness_cost(
         accepted = "an angle above 0, or block.dimensions, for the cost of slenderness"
         raise ValueError(checks.refusal("block.critical_angle", block.critical_angle, accepted))
     exact = scene.varied(block={"slender": False}) if block.slender else scene
-    fell = []
-    for one in (exact, scene.varied(block={"slender": True})):
-        ensemble = simulate(one, cycles=cycles, times=times, realizations=realizations, seed=seed, method=method)
-        fell.append(np.isfinite(ensemble.overturn_time))
-    both, count = fell[1].astype(int) - fell[0], fell[0].size
-    spread = max(np.count_nonzero(both), 1) / count - both.mean() ** 2
+    overturned = []
+    for equation in (exact, scene.varied(block={"slender": True})):
+        ensemble = simulate(equation, cycles=cycles, times=times, realizations=realizations, seed=seed, method=method)
+        overturned.append(np.isfinite(ensemble.overturn_time))
+    pairs, count = overturned[1].astype(int) - overturned[0], overturned[0].size
+    spread = max(int(np.count_nonzero(pairs)), 1) / count - pairs.mean() ** 2
     error = 0.0 if scene.deterministic else math.sqrt(spread / count)
-    return SlendernessCost(float(fell[0].mean()), float(fell[1].mean()), error, count)
+    return SlendernessCost(float(overturned[0].mean()), float(overturned[1].mean()), error, count)
