@@ -22,12 +22,12 @@ Files: ``bifurcation.png``, ``bifurcation.json``.
 
 import math
 
+import motion
 import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.output import motion
 from fpk_rocking.results import storage, style
 from montecarlo import simulate
 

@@ -22,12 +22,12 @@ Files: ``fig02.png``, ``fig02.json``.
 
 import math
 
+import motion
 import numpy as np
 from command import command
 from scipy.integrate import quad
 
 from fpk_rocking import melnikov
-from fpk_rocking.output import motion
 from fpk_rocking.results import storage, style
 
 CUTOFF = math.pi / 2

@@ -16,11 +16,11 @@ Run time: about ten seconds on 2 cores, once the kernels are compiled.
 Files: ``fig05.png``, ``fig05.json``.
 """
 
+import motion
 import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
-from fpk_rocking.output import motion
 from fpk_rocking.results import storage, style
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import histories, simulate

@@ -22,11 +22,11 @@ Run time: about ten seconds on 2 cores, once the kernels are compiled.
 Files: ``fig08.png``, ``fig08.json``.
 """
 
+import motion
 import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
-from fpk_rocking.output import motion
 from fpk_rocking.results import storage, style
 from montecarlo import correlation_dimension, mean_poincare_map, restarted_poincare_map, simulate
 

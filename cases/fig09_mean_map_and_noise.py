@@ -21,12 +21,12 @@ Run time: about two and a half minutes on 2 cores.
 Files: ``fig09.png``, ``fig09.json``.
 """
 
+import motion
 import numpy as np
 from command import command
 from fig08_mean_poincare import LENGTHS, SETTLED, attractor_of, dimensions_of
 
 from fpk_rocking import load_scene
-from fpk_rocking.output import motion
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results import storage, style
 from montecarlo import restarted_poincare_map

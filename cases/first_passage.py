@@ -20,11 +20,11 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
 Files: ``passage.png``, ``passage.json``.
 """
 
+import motion
 import numpy as np
 from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
-from fpk_rocking.output import motion
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results import storage, style
 from fpk_rocking.results.sampling import wilson_interval

@@ -18,12 +18,12 @@ Run time: about half a minute on 2 cores, once the kernels are compiled.
 Files: ``attractor.png``, ``attractor.vtu``, ``attractor.json``.
 """
 
+import motion
 import numpy as np
 from command import command
 from matplotlib.colors import PowerNorm
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
-from fpk_rocking.output import motion
 from fpk_rocking.output.vtk import write_function
 from fpk_rocking.results import storage, style
 from montecarlo import simulate

@@ -22,11 +22,11 @@ Files: ``basins.png``, ``basins.vtu`` (survival at the largest of the shown nois
 
 import math
 
+import motion
 import numpy as np
 from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, Start, load_scene
-from fpk_rocking.output import motion
 from fpk_rocking.output.vtk import write_function
 from fpk_rocking.results import storage, style
 from montecarlo import simulate

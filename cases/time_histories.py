@@ -21,11 +21,11 @@ Run time: about ten seconds on 2 cores, once the kernels are compiled.
 Files: ``histories.png``, ``histories.json``, ``histories.npz`` (read it with ``montecarlo.Histories.load``).
 """
 
+import motion
 import numpy as np
 from command import command
 
 from fpk_rocking import load_scene
-from fpk_rocking.output import motion
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.results import storage
 from montecarlo import (

@@ -19,12 +19,11 @@ from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.survival import SurvivalResult
-from fpk_rocking.results.times import when
+from fpk_rocking.results.times import shown_times, time_name, when
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
-_SHOWN_CYCLES = (1, 2, 4, 10, 20, 40, 60, 100, 200)
 _DEVIATIONS = 4.0
 _DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
 
@@ -137,7 +136,7 @@ class Comparison(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """What speaks against either result, a seed that both share, and a difference that their errors do not explain."""
+        """What speaks against either result, a seed that both share, a difference that their errors do not explain."""
         found = [
             Diagnostic(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
             for result in self.results
@@ -208,24 +207,17 @@ class Comparison(Result):
 
     def plot(self) -> Any:
         """Draw survival of both results, and their difference with 95 % intervals; returns a matplotlib figure."""
-        from fpk_rocking.results.pictures import figure_of
-        from fpk_rocking.results.style import COLOURS
+        from fpk_rocking.results.pictures import figure_of, survival_panel
+
+        times = shown_times(self.results[0])[: self.cycles.size]
 
         def survival(_, axes):
-            for which, name in enumerate(self.names):
-                error = self.error_estimate[which]
-                values = self.survival[:, which]
-                low, high = self.interval[:, which].T if np.isnan(error) else (values - error, values + error)
-                axes.fill_between(self.cycles, low, high, color=COLOURS[which], alpha=0.3, linewidth=0.0)
-                axes.plot(self.cycles, values, color=COLOURS[which], marker=".", label=name)
-            axes.set(xlabel="forcing cycles" if self.periodic else "number of the time")
-            axes.set(ylabel="P(not overturned)", ylim=(-0.03, 1.03))
-            axes.legend(fontsize=8)
+            survival_panel(axes, *self.results)
 
         def difference(_, axes):
             axes.axhline(0.0, color="black", linewidth=0.8)
-            axes.errorbar(self.cycles, self.difference, 1.96 * self.standard_error, marker="o", markersize=3.0)
-            axes.set(xlabel=axes.figure.axes[0].get_xlabel(), ylabel="first less second, 95 % interval")
+            axes.errorbar(times, self.difference, 1.96 * self.standard_error, marker="o", markersize=3.0)
+            axes.set(xlabel=time_name(self.results[0].scene), ylabel="first less second, 95 % interval")
 
         return figure_of(survival, difference)
 
@@ -311,7 +303,7 @@ def _count(result: SurvivalResult) -> int | None:
 
 def shown_cycles(cycles: int) -> list[int]:
     """Return the cycles up to a last one that tables and files show unless others are asked for."""
-    return sorted({*(cycle for cycle in _SHOWN_CYCLES if cycle <= cycles), cycles})
+    return sorted({*(cycle for cycle in (1, 2, 4, 10, 20, 40, 60, 100, 200) if cycle <= cycles), cycles})
 
 
 def _same_problem(first, second):

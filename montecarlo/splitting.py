@@ -145,7 +145,7 @@ class Splitting(Result):
         return super().metadata | {name: getattr(self, name) for name in ("repeats", "extinct", "skewed")}
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """What speaks against the model, and against the number of walkers and repeats."""
+        """Return what speaks against the model, and against the number of walkers and repeats."""
         found = super().model_diagnostics()
         if self.skewed:
             few = (

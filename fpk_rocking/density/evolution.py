@@ -199,7 +199,7 @@ class Evolution(Saved, SurvivalResult):
         return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """What speaks against this density whatever its own errors: the model, unchecked noise, what is not resolved."""
+        """Return what speaks against this density beside its error: model, unchecked noise, what is not resolved."""
         return scene_diagnostics(self.scene, "" if self.replacement else self.noise_replacement, self.unresolved)
 
     @property

@@ -17,10 +17,8 @@ from fpk_rocking.results.times import shown_times, time_name
 __all__ = ["survival_figure"]
 
 _MARKERS = "osD^"
-_SIZE = (10.5, 7.6)
 _LINE = 0.22
-_SMALL = 2.8
-_NOTE_WIDTH = 125
+"""Height of a line of text, inches."""
 
 
 def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = "") -> pathlib.Path:
@@ -54,9 +52,9 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
     survival.png
     """
     with style.drawing() as new_figure:
-        closures = (result.noise_replacement for result in results)
-        notes = textwrap.wrap(" ".join(dict.fromkeys((*filter(None, closures), *cautions(*results)))), _NOTE_WIDTH)
-        width, height = _SIZE[0], _SIZE[1] + _LINE * (len(results) + len(notes))
+        replaced = filter(None, (result.noise_replacement for result in results))
+        notes = textwrap.wrap(" ".join(dict.fromkeys((*replaced, *cautions(*results)))), 125)
+        width, height = 10.5, 7.6 + _LINE * (len(results) + len(notes))
         figure = new_figure(figsize=(width, height))
         compared = [compare(result, results[0], joint_cycles=()) for result in results[1:]]
         title = title or _message(results, compared)
@@ -102,7 +100,7 @@ def _survival(axes, result, label, colour, marker):
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
-    look = {"color": colour, "label": label, "marker": marker, "markersize": _SMALL}
+    look = {"color": colour, "label": label, "marker": marker, "markersize": 2.8}
     if result.deterministic:
         axes.plot(cycles, survival, **_points(marker) | look)
         return
@@ -119,7 +117,7 @@ def _difference(axes, comparison, times, place):
 def _leakage(axes, result, colour, marker):
     cycles = shown_times(result)[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
-    shape = _points(marker) | {"markersize": _SMALL} if result.realizations else {}
+    shape = _points(marker) | {"markersize": 2.8} if result.realizations else {}
     for values in (right, -left):
         axes.plot(cycles, values, color=colour, **shape)
 

@@ -20,19 +20,12 @@ from fpk_rocking.results.times import when
 __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 
 _FRAMES = 121
-_COLOURS = 256
-_CANVAS = 460, 360
-_HEADS = {"time": "time τ"}
-_ENDINGS = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
-"""Endings of the names of columns that say a unit, and how they are written."""
 
 _LEFT_OUT = (
     "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
     "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
     "bases and contents{scatter}. No error stated here contains these."
 )
-_SCATTER = ", and the scatter of restitution"
-_SLENDER = ", with the equation of motion of a slender one"
 _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
     "side, 1 at full height. The arrow keys move the slider, too."
@@ -112,7 +105,10 @@ def left_out(scenes, *, scatter=True):
     """Say what the model of some scenes leaves out, the scatter of restitution unless it was drawn."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
-    return _LEFT_OUT.format(slender=f"{_SLENDER}{which}" if any(slender) else "", scatter=_SCATTER * scatter)
+    return _LEFT_OUT.format(
+        slender=f", with the equation of motion of a slender one{which}" if any(slender) else "",
+        scatter=", and the scatter of restitution" * scatter,
+    )
 
 
 def table_html(columns):
@@ -126,9 +122,10 @@ def table_html(columns):
 
 def _head(name):
     """Return the name of a column as the head of a table, with its unit."""
-    ending = next((ending for ending in _ENDINGS if name.endswith(ending)), "")
-    words = _HEADS.get(name, name.removesuffix(ending).replace("_", " "))
-    return words + _ENDINGS.get(ending, "")
+    units = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
+    ending = next((ending for ending in units if name.endswith(ending)), "")
+    words = "time τ" if name == "time" else name.removesuffix(ending).replace("_", " ")
+    return words + units.get(ending, "")
 
 
 def _text(value):
@@ -160,7 +157,7 @@ def _film(results):
     most = densities.max(axis=(0, 2, 3))
     lists, scales = [], np.maximum(most, np.finfo(float).tiny)[:, None, None]
     for result, found in zip(results, densities, strict=True):
-        codes = np.round((_COLOURS - 1) * np.sqrt(found / scales)).astype(np.uint8)
+        codes = np.round(255 * np.sqrt(found / scales)).astype(np.uint8)
         lists.append(
             {
                 "name": result.label,
@@ -178,21 +175,20 @@ def _film(results):
         "names": units.names,
         "most": (most / (units.angle * units.velocity)).tolist(),
         "begin": int(max(standing, default=0)),
-        "colours": [mpl.colors.to_hex(colour) for colour in mpl.colormaps[SURFACE](np.linspace(0.0, 1.0, _COLOURS))],
+        "colours": [mpl.colors.to_hex(colour) for colour in mpl.colormaps[SURFACE](np.linspace(0.0, 1.0, 256))],
         "overturned": OVERTURNED,
         "films": lists,
     }
 
 
 def _film_html(film):
-    width, height = _CANVAS
     drawings = "".join(
         f"<figure><figcaption>{html.escape(one['name'])}</figcaption>"
-        f"<canvas id='film{n}' width='{width}' height='{height}' role='img' aria-label=''></canvas>"
+        f"<canvas id='film{n}' width='460' height='360' role='img' aria-label=''></canvas>"
         f"<p id='said{n}'></p></figure>"
         for n, one in enumerate(film["films"])
     )
-    shades = ",".join(film["colours"][:: _COLOURS // 8])
+    shades = ",".join(film["colours"][::32])
     return (
         "<h2>Density</h2>"
         f"<p>{_FILM}</p>"

@@ -12,10 +12,6 @@ from fpk_rocking.scene.scene import Scene
 
 __all__ = ["ascending_edges", "joint_edges", "shown_edges"]
 
-_BINS_PER_UNIT = 10
-_LEFT_OUT = 5e-4
-_MOST = 96
-
 
 def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
     """Return the edges of bins as floats.
@@ -104,15 +100,15 @@ def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> lis
 
 def _shown(edges, found, least):
     below = np.cumsum(found) / max(found.sum(), np.finfo(float).tiny)
-    first, last = np.searchsorted(below, _LEFT_OUT, "right"), np.searchsorted(below, 1.0 - _LEFT_OUT)
+    first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
     kept = edges[max(first - 1, 0) : min(last, found.size - 1) + 3]
     count = kept.size - 1
     if count < least:
         parts = -(-least // count)
         return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), kept)
-    return np.append(kept[: -1 : -(-count // _MOST)], kept[-1])
+    return np.append(kept[: -1 : -(-count // 96)], kept[-1])
 
 
 def _edges(bound) -> np.ndarray:
-    half = math.ceil(round(bound * _BINS_PER_UNIT, 9))
-    return np.arange(-half, half + 1) / _BINS_PER_UNIT
+    half = math.ceil(round(bound * 10, 9))
+    return np.arange(-half, half + 1) / 10

@@ -117,11 +117,12 @@ def plane_panel(
     values: Array,
     name: str,
     power: float = 0.5,
-    units: PlaneUnits = PlaneUnits(),
+    units: PlaneUnits | None = None,
 ) -> None:
     """Draw a density (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
     from matplotlib.colors import PowerNorm
 
+    units = units or PlaneUnits()
     values = values / (units.angle * units.velocity)
     scale = PowerNorm(power, 0.0, max(float(values.max()), np.finfo(float).tiny))
     mesh = axes.pcolormesh(edges[0] * units.angle, edges[1] * units.velocity, values.T, cmap=SURFACE, norm=scale)
@@ -137,7 +138,7 @@ def function_panel(
     edges: Sequence[Array],
     name: str,
     power: float = 0.5,
-    units: PlaneUnits = PlaneUnits(),
+    units: PlaneUnits | None = None,
 ) -> None:
     """Draw a function of angle and velocity on a lattice between the outer edges."""
     fine = [np.linspace(line[0], line[-1], 161) for line in edges]

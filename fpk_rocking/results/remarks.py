@@ -114,7 +114,7 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
 
 def scene_remarks(result: Any) -> tuple[str, ...]:
-    """Sentences about the scene of a result: its noise, when its block slides, which noise replaced that of the scene."""
+    """Sentences about the scene of a result: on its noise, when its block slides, which noise replaced that noise."""
     scene = result.scene
     return tuple(filter(None, (scene.noise.remark, _sliding(scene.block), getattr(result, "noise_replacement", ""))))
 
@@ -122,7 +122,7 @@ def scene_remarks(result: Any) -> tuple[str, ...]:
 def scene_diagnostics(
     scene: Scene, noise_replacement: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
 ) -> list[Diagnostic]:
-    """What speaks against any result for a scene, whatever its own errors.
+    """Return what speaks against any result for a scene, whatever its own errors.
 
     Parameters
     ----------

@@ -111,7 +111,7 @@ def measured(density: Any, paths: Any) -> Replacement:
 
 
 def check_remarks(density: Any) -> Iterator[str]:
-    """Sentences about a measured replacement: how it was measured and, where its total error is large, why and what helps.
+    """Sentences about a measured replacement: how it was measured and, where its error is large, why and what helps.
 
     Parameters
     ----------

@@ -1,21 +1,78 @@
 """What every result has, of whichever engine or study: verdict, card, dataset, files, frames, summary."""
 
-import dataclasses
 import functools
 import html
+import importlib
+import itertools
 import textwrap
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.types import Array, File
-from fpk_rocking.results.dataset import Dataset, optional
 from fpk_rocking.results.remarks import scene_diagnostics, scene_remarks
 from fpk_rocking.results.storage import plain, write_csv
 from fpk_rocking.results.trust import DIAGNOSTICS, Diagnostic, Trust, assess, verdict
-from fpk_rocking.scene.scene import Scene
 
 __all__ = ["Dataset", "Result"]
+
+
+class Dataset(NamedTuple):
+    """The arrays of a result.
+
+    Parameters
+    ----------
+    variables : dict of str to (dimensions, values)
+        As in ``{"overturned": (("time", "side"), overturned)}``. The dimensions are a name or a tuple of names; the
+        values an array, or a function without parameters that computes it, for arrays that take long.
+    coordinates : dict
+        Values along each dimension by its name, as in ``{"side": ["left", "right"]}``; by other names (dimensions,
+        values) as of a variable.
+    rows : tuple of str
+        Dimensions that the rows of the table stand for, the last one running fastest; each has a coordinate.
+    """
+
+    variables: dict[str, Any]
+    coordinates: dict[str, Any]
+    rows: tuple[str, ...]
+
+    def in_rows(self) -> Iterator[tuple[str, tuple[str, ...], Array]]:
+        """Yield name, dimensions and values of the variables in the table.
+
+        These have at least one dimension of the rows, and no others but such as have texts for coordinates.
+        """
+        for name, variable in self.variables.items():
+            dims, values = _pair(name, variable)
+            others = [dim for dim in dims if dim not in self.rows]
+            if len(others) < len(dims) and all(self._labels(dim) for dim in others):
+                yield name, dims, _computed(values)
+
+    def table(self) -> dict[str, Array]:
+        """Columns (rows,) by name: coordinates, then variables.
+
+        Of a variable with a dimension beside the rows each label has a column, as "overturned_left"; that of an
+        "x_interval" is "x_low".
+        """
+        places = [(name, *_pair(name, values)) for name, values in self.coordinates.items()]
+        sizes = [len(self.coordinates[dim]) for dim in self.rows]
+        columns = {}
+        for name, dims, values in [*(one for one in places if set(one[1]) <= set(self.rows)), *self.in_rows()]:
+            ordered = sorted(dims, key=lambda dim: self.rows.index(dim) if dim in self.rows else len(self.rows))
+            array = np.transpose(np.asarray(values), [dims.index(dim) for dim in ordered])
+            labels = [self._labels(dim) for dim in ordered if dim not in self.rows]
+            array = array.reshape(
+                [size if dim in dims else 1 for dim, size in zip(self.rows, sizes, strict=True)] + [-1]
+            )
+            array = np.broadcast_to(array, [*sizes, array.shape[-1]])
+            for place, texts in enumerate(itertools.product(*labels)):
+                columns["_".join([name.removesuffix("_interval"), *texts])] = array[..., place].ravel()
+        return columns
+
+    def _labels(self, dim):
+        """Coordinates of a dimension where these are texts."""
+        labels = list(self.coordinates.get(dim, ()))
+        return labels if all(isinstance(label, str) for label in labels) else []
 
 
 class Result:
@@ -58,30 +115,19 @@ class Result:
     ['day', 'rate_left', 'rate_right'] [[0.1, 0.2], [0.3, 0.4]]
     """
 
-    if TYPE_CHECKING:  # here alone, as a property would be the default value of a field of its name
+    if TYPE_CHECKING:  # a property of the base would be the default value of a field of its name
 
-        @property
-        def scene(self) -> Scene:
-            """The scene that was given; a result of several overrides what reads it."""
-
-        @property
-        def title(self) -> str:
-            """The most important figures, as a line of text."""
-
-        def dataset(self) -> Dataset:
-            """Named arrays, of which tables, files and frames are made."""
-
-        def plot(self) -> Any:
-            """Draw the result; returns a matplotlib figure."""
+        def __getattr__(self, name: str) -> Any:
+            """Return what a subclass has: scene, title, dataset, plot."""
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """All by which this result is judged: what is known about the model, and its error figures with their limits."""
+        """All by which this result is judged: what is known about the model, and error figures with their limits."""
         asked = {name: getattr(self, name) for name in ("tol", "bins_tol") if hasattr(self, name)}
         return [*self.model_diagnostics(), *assess(self.error_figures, **asked)]
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """What is known about the model that speaks for or against this result, whatever its own errors."""
+        """Return what is known about the model that speaks against this result, whatever its own errors."""
         return scene_diagnostics(self.scene, getattr(self, "noise_replacement", ""))
 
     @property
@@ -103,8 +149,7 @@ class Result:
     @property
     def metadata(self) -> dict[str, Any]:
         """Settings, sizes and error figures: plain values by name."""
-        names = [field.name for field in dataclasses.fields(self)] if dataclasses.is_dataclass(self) else []
-        own = {name: getattr(self, name) for name in names}
+        own = {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
         found = {name: value for name, value in own.items() if isinstance(value, str | int | float)}
         return found | {one.name: one.value for one in self.diagnostics if one.value is not None}
 
@@ -131,13 +176,10 @@ class Result:
     def _repr_html_(self) -> str:
         from fpk_rocking.results.pictures import picture_html
 
-        shown = {
-            name: value for name, value in self.metadata.items() if isinstance(value, str | int | float | np.integer)
-        }
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th>"
             f"<td>{html.escape(f'{value:.4g}' if isinstance(value, float) else str(value))}</td></tr>"
-            for name, value in shown.items()
+            for name, value in self._figures().items()
         )
         return (
             f"<div><p><strong>{html.escape(self.heading)}</strong></p>"
@@ -162,13 +204,40 @@ class Result:
 
     def to_dataframe(self) -> Any:
         """Return the `table` as a `pandas.DataFrame`; needs ``pip install 'fpk-rocking[frames]'``."""
-        return optional("pandas").DataFrame({name: np.array(values) for name, values in self.table().items()})
+        return _optional("pandas").DataFrame({name: np.array(values) for name, values in self.table().items()})
 
     def to_xarray(self) -> Any:
         """Return the arrays of `dataset` as an `xarray.Dataset`; needs ``pip install 'fpk-rocking[frames]'``.
 
         Single numbers and texts of `metadata`, the verdict "trust" and its "reasons" are attributes of the dataset.
         """
-        told = {name: value for name, value in self.metadata.items() if isinstance(value, str | int | float)}
-        about = told | {"trust": self.trust.verdict, "reasons": " ".join(self.trust.reasons)}
-        return self.dataset().to_xarray(about)
+        about = self._figures() | {"trust": self.trust.verdict, "reasons": " ".join(self.trust.reasons)}
+        pairs = [{name: _pair(name, one) for name, one in group.items()} for group in self.dataset()[:2]]
+        copies = [{name: (dims, np.array(_computed(values))) for name, (dims, values) in one.items()} for one in pairs]
+        return _optional("xarray").Dataset(*copies, about)
+
+    def _figures(self):
+        """Return the single numbers and texts of the metadata."""
+        return {name: value for name, value in self.metadata.items() if isinstance(value, str | int | float)}
+
+
+def _optional(name):
+    """Import pandas or xarray, or say how to install it."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        needed = f"{name} is not installed: pip install 'fpk-rocking[frames]' installs it"
+        raise ModuleNotFoundError(needed, name=name) from None
+
+
+def _pair(name, variable):
+    """Return dimensions and values of a variable, or of the coordinate of a dimension of that name."""
+    dims, values = variable if isinstance(variable, tuple) else (name, variable)
+    return ((dims,) if isinstance(dims, str) else dims), values
+
+
+def _computed(values):
+    """Return an array, or what the function that stands for it computes."""
+    return values() if callable(values) else values

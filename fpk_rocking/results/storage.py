@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import File, known
+from fpk_rocking.base.types import File
 from fpk_rocking.scene.scene import Scene
 
 _FORMAT = 7
@@ -137,7 +137,7 @@ class Saved:
         }
         text = json.dumps(header)
         with replaced_atomically(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **{_HEADER: np.array(text)}, **arrays)
+            np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
 
     @classmethod
     def load(cls, path: File) -> Self:
@@ -165,14 +165,14 @@ class Saved:
                 raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {cls.kind!r}")
             names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
             arrays = {name: _array(path, archive, name) for name in sorted(names)}
+        parts = arrays | header["attributes"]
         try:
-            attributes = header["attributes"]
-            _check(cls, arrays, attributes)
-            if Scene in dict(_fields(cls)).values() and len(header["scenes"]) != 1:
-                raise ValueError(f"scenes: got {len(header['scenes'])}, accepted: 1")
-            return _put_together(cls, "", arrays, attributes, [Scene.from_toml(text) for text in header["scenes"]])
+            result = _build(cls, "", parts, [Scene.from_toml(text) for text in header["scenes"]], {})
+            if parts:
+                raise ValueError(f"got {', '.join(sorted(parts))}, which it does not have")
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+        return result
 
 
 def result_kind(path: File) -> str:
@@ -194,7 +194,7 @@ def _form(annotation):
 
 
 def _nested(annotation):
-    """The class, and whether it may be absent, of a field that has fields of its own; else None."""
+    """Return the class, and whether it may be absent, of a field that has fields of its own; else None."""
     options = [one for one in typing.get_args(annotation) if one is not type(None)]
     cls = options[0] if len(options) == 1 else annotation
     return (cls, cls is not annotation) if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls) else None
@@ -214,61 +214,46 @@ def _take_apart(result, prefix, arrays, attributes, scenes):
             _take_apart(value, f"{prefix}{name}.", arrays, attributes, scenes)
 
 
-def _put_together(cls, prefix, arrays, attributes, scenes):
-    """Make an object of the class from what `_take_apart` collected."""
+def _build(cls, prefix, parts, scenes, lengths):
+    """Make an object of a class from what `_take_apart` collected, which is taken out of `parts`."""
     values = {}
     for name, annotation in _fields(cls):
-        key = prefix + name
+        key, nested = prefix + name, _nested(annotation)
+        if annotation is Scene and len(scenes) != 1:
+            raise ValueError(f"scenes: got {len(scenes)}, accepted: 1")
         if annotation in (Scene, tuple[Scene, ...]):
             values[name] = scenes[0] if annotation is Scene else tuple(scenes)
-        elif nested := _nested(annotation):
-            there = any(one.startswith(f"{key}.") for one in arrays)
-            values[name] = _put_together(nested[0], f"{key}.", arrays, attributes, scenes) if there else None
+        elif nested:
+            absent = nested[1] and not any(part.startswith(f"{key}.") for part in parts)
+            values[name] = None if absent else _build(nested[0], f"{key}.", parts, scenes, lengths)
+        elif key not in parts:
+            raise ValueError(f"{key} is missing")
         else:
-            values[name] = (arrays if _form(annotation) else attributes)[key]
+            values[name] = parts.pop(key)
+            _check(key, values[name], annotation, lengths)
     return cls(**values)
 
 
-def _layout(cls, present, prefix=""):
-    """Forms of the arrays and types of the attributes that a file of a class has; optional parts where `present`."""
-    forms, types = {}, {}
-    for name, annotation in _fields(cls):
-        key = prefix + name
-        if form := _form(annotation):
-            forms[key] = form
-        elif nested := _nested(annotation):
-            if annotation is not Scene and (not nested[1] or any(one.startswith(f"{key}.") for one in present)):
-                inner = _layout(nested[0], present, f"{key}.")
-                forms, types = forms | inner[0], types | inner[1]
-        elif annotation != tuple[Scene, ...]:
-            types[key] = typing.get_origin(annotation) or annotation
-    return forms, types
-
-
-def _check(cls, arrays, attributes):
-    """Raise ValueError where arrays and attributes are not those of a class, or of another form."""
-    forms, types = _layout(cls, arrays)
-    for what, found, wanted in (("arrays", arrays, forms), ("attributes", attributes, types)):
-        if found.keys() != wanted.keys():
-            raise ValueError(f"{what}: got {', '.join(sorted(found))}, accepted: {', '.join(sorted(wanted))}")
-    for name, kind in types.items():
-        value = attributes[name]
+def _check(name, value, annotation, lengths):
+    """Raise ValueError where an array or an attribute is not as its annotation says; `lengths` are those of letters."""
+    form = _form(annotation)
+    if form is None:
+        kind = typing.get_origin(annotation) or annotation
         if isinstance(value, bool) != (kind is bool) or not isinstance(value, (int, float) if kind is float else kind):
             raise ValueError(f"{name}: got {value!r}, accepted: {kind.__name__}")
-    lengths: dict[str, int] = {}
-    for name, form in forms.items():
-        code, *dims = form.split()
-        values = arrays[name]
-        fits = values.dtype == np.dtype(code) and values.ndim == len(dims)
-        if not fits or not all(_fits(*pair, lengths) for pair in zip(values.shape, dims, strict=True)):
-            others = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
-            raise ValueError(f"{name}: got {values.dtype} of shape {values.shape}, accepted: {form!r} with {others}")
+        return
+    code, *dims = form.split()
+    fits = isinstance(value, np.ndarray) and value.dtype == np.dtype(code) and value.ndim == len(dims)
+    if not fits or not all(_fits(*pair, lengths) for pair in zip(value.shape, dims, strict=True)):
+        known = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
+        got = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else repr(value)
+        raise ValueError(f"{name}: got {got}, accepted: {form!r} with {known}")
 
 
 def _fits(length, dim, lengths):
     """Whether an array's length is as stated, such as "2", "n" or "20k+1"; a letter's first length is kept."""
-    factor, letter, one = known(re.fullmatch(r"(\d*)([a-z]?)(\+1)?", dim)).groups()
-    length, factor = length - bool(one), int(factor or 1)
+    factor, letter, added = re.fullmatch(r"(\d*)([a-z]?)(\+1)?", dim).groups()
+    length, factor = length - bool(added), int(factor or 1)
     if not letter:
         return length == factor
     return length % factor == 0 and length >= 0 and lengths.setdefault(letter, length // factor) == length // factor

@@ -40,7 +40,7 @@ def drawing():
         FigureCanvasAgg(made)
         return made
 
-    with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):
+    with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):  # type: ignore[dict-item]
         yield figure
 
 

@@ -1,11 +1,11 @@
 """Results that say how many blocks still stand, row by row, whichever engine they come from."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Dataset, Result
@@ -43,6 +43,17 @@ class SurvivalResult(Result):
     shown_bins : int
         Least number of bins along an axis in pictures; 0 where only some bins are known.
 
+    Notes
+    -----
+    A subclass has these methods besides:
+
+    * ``survival_interval(level=0.95)``: confidence limits of survival (cycles + 1, 2); None for a density, which is no
+      sample.
+    * ``bin_probabilities(cycle, angle_edges, velocity_edges)``: probability of standing, with angle and velocity in
+      each of some bins, (angle bins, velocity bins).
+    * ``at(cycle)``: the density as a function on a mesh; None for a sample, which is known in bins only.
+    * ``overturning_text()``: the last probability of overturning with its error, as in "P(overturned) = 0.5 ± 0.02".
+
     Examples
     --------
     >>> from fpk_rocking import load_scene, solve_fpk
@@ -53,38 +64,6 @@ class SurvivalResult(Result):
     Fokker-Planck density 0.86
     Monte Carlo exact 0.86
     """
-
-    if TYPE_CHECKING:  # here alone, as a property would be the default value of a field of its name
-        shown_bins: int
-
-        @property
-        def times(self) -> Array: ...
-        @property
-        def survival(self) -> Array: ...
-        @property
-        def overturned(self) -> Array: ...
-        @property
-        def wall_s(self) -> float: ...
-        @property
-        def engine(self) -> str: ...
-        @property
-        def realizations(self) -> int | None: ...
-        @property
-        def deterministic(self) -> bool: ...
-        @property
-        def noise_replacement(self) -> str: ...
-
-        def survival_interval(self, level: float = 0.95) -> Array | None:
-            """Confidence limits of survival (cycles + 1, 2); None for a density, which is no sample."""
-
-        def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-            """Probability of standing, with angle and velocity in each of some bins: (angle bins, velocity bins)."""
-
-        def at(self, cycle: int) -> Any:
-            """Density of a row as a function on a mesh; None for a sample, which is known in bins only."""
-
-        def overturning_text(self) -> str:
-            """Probability of having overturned at the last time with its error, as in "P(overturned) = 0.5 ± 0.02"."""
 
     @property
     def cycles(self) -> int | None:

@@ -18,8 +18,6 @@ over the plane a part exp(-10) has not.
 PARTS = 20
 """Parts of a motion's duration after each of which a result is for, unless `times` tell otherwise."""
 
-_MOST, _MOST_CYCLES = 100_000, 2**24
-
 
 def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | None = None) -> Array:
     """Return the times (n + 1,) of a result, the first 0.
@@ -46,7 +44,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
         if times is not None:
             accepted = "nothing, as this forcing repeats; use cycles"
             raise ValueError(checks.refusal("times", times, accepted))
-        return scene.period * np.arange(checks.count("cycles", cycles, at_most=_MOST_CYCLES) + 1)
+        return scene.period * np.arange(checks.count("cycles", cycles, at_most=2**24) + 1)
     if cycles is not None:
         raise ValueError(
             checks.refusal("cycles", cycles, f"nothing, as a {scene.forcing.kind} has no cycles; use times")
@@ -54,9 +52,9 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
     duration = scene.forcing.duration
     if times is None:
         return np.append(duration * np.arange(PARTS + 1) / PARTS, duration + SETTLING)
-    accepted = f"1 to {_MOST} finite numbers from 0 on, ascending, the last above 0"
+    accepted = "1 to 100000 finite numbers from 0 on, ascending, the last above 0"
     found = checks.array("times", times, accepted)
-    rising = found.ndim == 1 and 1 <= found.size <= _MOST and (found[1:] > found[:-1]).all()
+    rising = found.ndim == 1 and 1 <= found.size <= 100_000 and (found[1:] > found[:-1]).all()
     if not rising or not found[0] >= 0.0 or not 0.0 < found[-1] < np.inf:
         raise ValueError(checks.refusal("times", times, accepted))
     return found if found[0] == 0.0 else np.append(0.0, found)

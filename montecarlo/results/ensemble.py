@@ -1,8 +1,8 @@
-"""Samples of realizations: what an ensemble and a tally have in common, and the ensemble, which keeps every realization."""
+"""Samples of realizations: what an ensemble and a tally have in common, and the ensemble, which keeps all of them."""
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 
 
 def path_diagnostics(method: str) -> list[Diagnostic]:
-    """What speaks against the one path of a deterministic scene, where only a method's own error is left."""
+    """Return what speaks against the one path of a deterministic scene, which has only the error of its method."""
     if method == "exact":
         return []
     sentence = (
@@ -34,25 +34,13 @@ def path_diagnostics(method: str) -> list[Diagnostic]:
 class Sample(SurvivalResult):
     """What an ensemble and a tally have in common: survival from counts, with its sampling error.
 
-    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle`, `wall_s` and what follows here for
-    the type checker.
+    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle` and `wall_s`. It has besides
+
+    * ``realizations``: their number;
+    * ``overturned_counts``: how many have overturned to the left and to the right, (cycles + 1, 2);
+    * ``first_overturning``: earliest and latest time of overturning of the first realization, and the side; None if it
+      stands.
     """
-
-    if TYPE_CHECKING:  # properties here would be the default values of fields of these names
-        method: str
-        seed: int
-        steps_per_cycle: int
-
-        @property
-        def realizations(self) -> int: ...
-
-        @property
-        def overturned_counts(self) -> Array:
-            """Number of realizations that have overturned to the left and to the right, shape (cycles + 1, 2)."""
-
-        @property
-        def first_overturning(self) -> tuple[float, float, int] | None:
-            """Earliest and latest time of overturning of the first realization, and the side; None if it stands."""
 
     noise_replacement = ""
     shown_bins = 24
@@ -83,7 +71,7 @@ class Sample(SurvivalResult):
         return found | ({"outcome": self._outcome()} if self.deterministic else {})
 
     def _outcome(self):
-        """What the one path of a deterministic scene does, as a text."""
+        """Return what the one path of a deterministic scene does, as a text."""
         if self.first_overturning is None:
             return f"deterministic: stands until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning
@@ -96,7 +84,7 @@ class Sample(SurvivalResult):
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """What speaks against this sample whatever its sampling error: the model, and the steps of a single path."""
+        """Return what speaks against this sample beside its sampling error: model, and steps of a single path."""
         return super().model_diagnostics() + (path_diagnostics(self.method) if self.deterministic else [])
 
     @property

@@ -1,6 +1,7 @@
 """Statistics of samples with their sampling errors: first-passage times, impact speeds, the rate of overturning.
 
-Intervals of densities are Wilson's. The bins of one histogram are not independent of each other: each interval has its level alone.
+Intervals of densities are Wilson's. The bins of one histogram are not independent of each other: each interval has its
+level alone.
 """
 
 import numbers

@@ -1,4 +1,4 @@
-"""Tallies: survival, histograms and moments of an ensemble whose realizations are not kept, and files to resume from."""
+"""Tallies: survival, histograms and moments of an ensemble whose realizations are not kept; files to resume from."""
 
 import dataclasses
 import functools

@@ -17,7 +17,7 @@ import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, maps, progress, report, surfaces, tables
+from fpk_rocking.output import curves, densities, progress, report, tables
 from fpk_rocking.results import storage, style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.pictures import edges_of
@@ -42,7 +42,7 @@ def drawn(monkeypatch):
 
 
 def test_surfaces_of_both_engines(tmp_path, drawn):
-    path = surfaces.surface_figure(tmp_path / "fig06.png", [DENSITY, ENSEMBLE], [0, 2, 4, 10], "Both engines")
+    path = densities.surface_figure(tmp_path / "fig06.png", [DENSITY, ENSEMBLE], [0, 2, 4, 10], "Both engines")
     pixels = matplotlib.image.imread(path)
     assert pixels.shape[0] > 800
     (figure,) = drawn
@@ -63,16 +63,16 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     assert [one.endswith("noise replaced") for one in told[1:5]] == [True, False, True, False]
     assert any("Replaced, not checked" in one for one in told)
     width, height = figure.get_size_inches()
-    assert width == pytest.approx(3 * surfaces._PANEL[0], abs=0.5)
+    assert width == pytest.approx(3 * 3.6, abs=0.5)
     for axes in panels:
-        assert axes.get_position().height * height == pytest.approx(surfaces._PANEL[1], rel=0.05)
+        assert axes.get_position().height * height == pytest.approx(3.05, rel=0.05)
     middles = {round(axes.get_position().intervaly.mean(), 6) for axes in panels}
     names = [text.get_position()[1] for text in figure.texts if text.get_position()[0] == 0.025]
     assert sorted(names) == pytest.approx(sorted(middles), abs=1e-5)
 
 
 def test_surface_is_the_mean_over_a_bin():
-    angle, velocity, heights = surfaces._surface(DENSITY, 4)
+    angle, velocity, heights = densities._surface(DENSITY, 4)
     place = np.argmin(np.hypot(angle - 0.2, velocity - 0.3))
     x, v = angle.flat[place], velocity.flat[place]
     inside = DENSITY.bin_probabilities(4, [x - 0.05, x + 0.05], [v - 0.05, v + 0.05])[0, 0]
@@ -80,7 +80,7 @@ def test_surface_is_the_mean_over_a_bin():
 
 
 def test_maps_of_both_engines(tmp_path, drawn):
-    maps.density_maps(tmp_path / "maps.png", [DENSITY, ENSEMBLE], [2, 4, 10], "Both engines")
+    densities.density_maps(tmp_path / "maps.png", [DENSITY, ENSEMBLE], [2, 4, 10], "Both engines")
     (figure,) = drawn
     panels, bars = figure.axes[:6], figure.axes[6:]
     assert len(bars) == 3

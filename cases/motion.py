@@ -42,18 +42,6 @@ def motion_figure(
     -------
     pathlib.Path
         The file written.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.output.motion import motion_figure
-    >>> from montecarlo import first_passage, histories, impact_speeds, mean_poincare_map, simulate
-    >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
-    >>> paths = histories(load_scene("main"), cycles=4, realizations=3)
-    >>> passage, speeds = first_passage(ensemble, [0.0, 4.0, 8.0]), impact_speeds(paths, [0.0, 1.0, 2.0])
-    >>> maps = {"ensemble": mean_poincare_map(ensemble)}
-    >>> print(motion_figure("motion.png", paths, ensemble, maps, passage, speeds, title="Main scene"))
-    motion.png
     """
     scene = ensemble.scene
     notes = [f"{ensemble.label}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *cautions(ensemble)]

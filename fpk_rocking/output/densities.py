@@ -1,4 +1,4 @@
-"""Pictures of joint densities as surfaces, one panel a cycle, results above one another (paper Fig. 6)."""
+"""Pictures of joint densities: as surfaces (paper Fig. 6), and as colour maps of the phase plane."""
 
 import pathlib
 import textwrap
@@ -14,13 +14,10 @@ from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import cautions, scene_text
 from fpk_rocking.results.survival import SurvivalResult
 
-__all__ = ["row_name", "surface_figure"]
+__all__ = ["density_maps", "surface_figure"]
 
-_COLUMNS = 3
-_PANEL = (3.6, 3.05)
-_ROW_NAME = {"rotation": 90, "va": "center", "ha": "center", "weight": "bold", "linespacing": 1.4}
-_VIEW = {"elev": 32, "azim": -62}
-_PARTS = 4  # points a bin
+_PIECES = 4
+"""Points of a surface in the width of a bin."""
 
 
 def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> pathlib.Path:
@@ -49,15 +46,15 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
     Examples
     --------
     >>> from fpk_rocking import load_scene, solve_fpk
-    >>> from fpk_rocking.output.surfaces import surface_figure
+    >>> from fpk_rocking.output.densities import surface_figure
     >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
     >>> print(surface_figure("surface.png", [density], cycles=[4], title="After 4 cycles"))
     surface.png
     """
-    blocks = [cycles[first : first + _COLUMNS] for first in range(0, len(cycles), _COLUMNS)]
-    columns, rows = min(_COLUMNS, len(cycles)), len(blocks) * len(results)
-    notes = _notes(results, columns)
-    width, height = columns * _PANEL[0] + 0.35, rows * _PANEL[1] + 0.6 + 0.2 * len(notes)
+    blocks = [cycles[first : first + 3] for first in range(0, len(cycles), 3)]
+    columns, rows = min(3, len(cycles)), len(blocks) * len(results)
+    notes = _surface_notes(results, columns)
+    width, height = columns * 3.6 + 0.35, rows * 3.05 + 0.6 + 0.2 * len(notes)
     bottom, top = (0.3 + 0.2 * len(notes)) / height, 1.0 - 0.45 / height
     with style.drawing() as new_figure:
         figure = new_figure(figsize=(width, height))
@@ -70,29 +67,40 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
                 highest = max(values.max() for *_, values in surfaces)
                 for row, (result, surface) in enumerate(zip(results, surfaces, strict=True)):
                     cell = cells[block * len(results) + row, column]
-                    _panel(figure.add_subplot(cell, projection="3d", **_VIEW), result, cycle, surface, highest)
+                    _panel(
+                        figure.add_subplot(cell, projection="3d", elev=32, azim=-62), result, cycle, surface, highest
+                    )
             for row, result in enumerate(results):
                 low, high = cells[block * len(results) + row, 0].get_position(figure).intervaly
-                figure.text(0.025, 0.5 * (low + high), row_name(result), **_ROW_NAME)
+                figure.text(
+                    0.025,
+                    0.5 * (low + high),
+                    _row_name(result),
+                    rotation=90,
+                    va="center",
+                    ha="center",
+                    weight="bold",
+                    linespacing=1.4,
+                )
         for line, note in enumerate(reversed(notes)):
             figure.text(0.02, (0.12 + 0.2 * line) / height, note, color="#333333")
         return style.save(figure, path)
 
 
-def row_name(result: SurvivalResult) -> str:
+def _row_name(result: SurvivalResult) -> str:
     """Return the name of a row of panels: the engine, its size, and whether it has the noise of the scene."""
     return result.label.replace(", ", "\n") + "\nnoise replaced" * bool(result.noise_replacement)
 
 
 def _surface(result, cycle):
     """Angles, velocities and, around each point, the mean density in a bin; the points are a quarter of a bin apart."""
-    fine = [np.linspace(edges[0], edges[-1], _PARTS * (edges.size - 1) + 1) for edges in joint_edges(result.scene)]
+    fine = [np.linspace(edges[0], edges[-1], _PIECES * (edges.size - 1) + 1) for edges in joint_edges(result.scene)]
     within = np.cumsum(np.cumsum(result.bin_probabilities(cycle, *fine), axis=0), axis=1)
     within = np.pad(within, ((1, 0), (1, 0)))
-    below, left = within[:-_PARTS, _PARTS:], within[_PARTS:, :-_PARTS]
-    bins = within[_PARTS:, _PARTS:] - below - left + within[:-_PARTS, :-_PARTS]
-    area = np.multiply.outer(*(edges[_PARTS:] - edges[:-_PARTS] for edges in fine))
-    middles = (0.5 * (edges[_PARTS:] + edges[:-_PARTS]) for edges in fine)
+    below, left = within[:-_PIECES, _PIECES:], within[_PIECES:, :-_PIECES]
+    bins = within[_PIECES:, _PIECES:] - below - left + within[:-_PIECES, :-_PIECES]
+    area = np.multiply.outer(*(edges[_PIECES:] - edges[:-_PIECES] for edges in fine))
+    middles = (0.5 * (edges[_PIECES:] + edges[:-_PIECES]) for edges in fine)
     return *np.meshgrid(*middles, indexing="ij"), bins / area
 
 
@@ -140,7 +148,78 @@ def _needle(axes, start, highest):
     axes.set_zticks([])
 
 
-def _notes(results, columns):
+def _surface_notes(results, columns):
     drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
     text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
     return textwrap.wrap(text, 50 * columns)
+
+
+def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> None:
+    """Draw joint densities as colour maps of the phase plane, with one colour scale for each cycle.
+
+    A map shows the probability in each bin divided by the area of the bin, for all engines alike. The velocities shown
+    hold all but 1e-4 of the probability.
+
+    Parameters
+    ----------
+    path : path
+        File to write; the suffix chooses the format.
+    results : sequence of SurvivalResult
+        Results whose scenes differ in the noise alone, drawn from top to bottom.
+    cycles : sequence of int
+        Cycles, each at least 1, drawn from left to right.
+    title : str
+        Title of the figure.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.densities import density_maps
+    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
+    >>> density_maps("maps.png", [density], cycles=[1, 4], title="The first cycles")
+    """
+    scene, edges = results[0].scene, joint_edges(results[0].scene)
+    area = np.multiply.outer(*map(np.diff, edges))
+    maps = [[np.asarray(result.bin_probabilities(cycle, *edges)) for cycle in cycles] for result in results]
+    shown = _shown_velocities(edges[1], sum(np.abs(bins) for row in maps for bins in row).sum(axis=0))
+    size = 2.75 * max(len(cycles), 2) + 0.9, 2.7 * len(results) + 1.9
+    with style.page(path, size, title, _map_notes(results)) as figure:
+        panels = figure.subplots(len(results), len(cycles), sharex=True, sharey=True, squeeze=False)
+        for column, cycle in enumerate(cycles):
+            highest = max((row[column] / area).max() for row in maps)
+            norm = PowerNorm(0.5, 0.0, highest, clip=True)
+            for axes, result, row in zip(panels[:, column], results, maps, strict=True):
+                image = axes.pcolormesh(*edges, (row[column] / area).T, norm=norm, cmap="magma_r", rasterized=True)
+                axes.grid(visible=False)
+                axes.set_title(_heading(result, cycle), fontsize=10)
+            bar = {"location": "bottom", "shrink": 0.9, "aspect": 22, "label": "density"}
+            figure.colorbar(
+                image, ax=panels[:, column], ticks=highest * np.array([0.0, 0.1, 0.4, 1.0]), format="%.2g", **bar
+            )
+        for axes in panels[-1]:
+            axes.set_xlabel("angle Θ")
+            axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+        for axes, result in zip(panels[:, 0], results, strict=True):
+            axes.set_ylabel(f"{_row_name(result)}\n\nvelocity dΘ/dτ")
+            axes.set(xlim=np.array([-1.0, 1.0]) * scene.overturning.angle, ylim=shown)
+
+
+def _shown_velocities(edges, masses):
+    """Velocities between which all but a ten-thousandth of the masses of bins lies."""
+    beyond = 0.5e-4 * masses.sum()
+    low, high = np.searchsorted(np.cumsum(masses), beyond), np.searchsorted(np.cumsum(masses[::-1]), beyond)
+    return edges[low], edges[-1 - high]
+
+
+def _heading(result, cycle):
+    left, right = np.asarray(result.overturned)[cycle]
+    when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
+    return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
+
+
+def _map_notes(results):
+    drawn = (
+        "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
+        "right the panels end at the cut-off."
+    )
+    return (" ".join((scene_text(results[0].scene), drawn, *cautions(*results))),)
