@@ -252,7 +252,7 @@ def _check(name, value, annotation, lengths):
 
 def _fits(length, dim, lengths):
     """Whether an array's length is as stated, such as "2", "n" or "20k+1"; a letter's first length is kept."""
-    factor, letter, added = re.fullmatch(r"(\d*)([a-z]?)(\+1)?", dim).groups()
+    ((factor, letter, added),) = re.findall(r"^(\d*)([a-z]?)(\+1)?$", dim)
     length, factor = length - bool(added), int(factor or 1)
     if not letter:
         return length == factor

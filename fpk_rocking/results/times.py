@@ -52,7 +52,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
     duration = scene.forcing.duration
     if times is None:
         return np.append(duration * np.arange(PARTS + 1) / PARTS, duration + SETTLING)
-    accepted = "1 to 100000 finite numbers from 0 on, ascending, the last above 0"
+    accepted = "1 to 100,000 finite numbers from 0 on, ascending, the last above 0"
     found = checks.array("times", times, accepted)
     rising = found.ndim == 1 and 1 <= found.size <= 100_000 and (found[1:] > found[:-1]).all()
     if not rising or not found[0] >= 0.0 or not 0.0 < found[-1] < np.inf:
