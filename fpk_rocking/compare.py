@@ -19,7 +19,6 @@ from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.survival import SurvivalResult
-from fpk_rocking.results.times import shown_times, time_name, when
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
@@ -128,27 +127,27 @@ class Comparison(Result):
     @property
     def metadata(self) -> dict[str, Any]:
         """Largest differences and sizes, as plain values by name."""
-        found = {"largest difference of survival": float(np.abs(self.difference).max())}
+        figures = {"largest difference of survival": float(np.abs(self.difference).max())}
         if self.joint_cycles.size:
-            found["largest l1"] = float(np.nanmax(self.l1))
+            figures["largest l1"] = float(np.nanmax(self.l1))
         sizes = zip(("first", "second"), self.realizations, strict=True)
-        return found | {f"realizations of the {name}": size for name, size in sizes if size}
+        return figures | {f"realizations of the {name}": size for name, size in sizes if size}
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """What speaks against either result, a seed that both share, a difference that their errors do not explain."""
-        found = [
+        diagnostics = [
             Diagnostic(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
             for result in self.results
             for reason in result.trust.reasons
             if result.trust.verdict != VERDICTS[0]
         ]
-        found += [Diagnostic(CAUTION, sentence, "shared seed") for sentence in _shared_seed(self.results)]
+        diagnostics += [Diagnostic(CAUTION, sentence, "shared seed") for sentence in _shared_seed(self.results)]
         beyond, sentence, rule = self._difference()
         if beyond > 0.0:
             text = f"{sentence}, more than the {rule}."
-            found.append(Diagnostic(CAUTION if beyond <= USELESS else UNUSABLE, text, "difference"))
-        return found
+            diagnostics.append(Diagnostic(CAUTION if beyond <= USELESS else UNUSABLE, text, "difference"))
+        return diagnostics
 
     @property
     def reason_if_ok(self) -> str:
@@ -164,7 +163,7 @@ class Comparison(Result):
         what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(self.standard_error.any())
         what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
         rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
-        at = f"{'' if self.periodic else 'at '}{when(self.results[0], row)}"
+        at = f"{'' if self.periodic else 'at '}{self.results[0].when(row)}"
         sentence = f"Survival differs by {apart[row]:.2g} {at}"
         if self.standard_error[row] > 0.0:
             sentence += f" ({apart[row] / self.standard_error[row]:.1f} standard errors)"
@@ -209,7 +208,7 @@ class Comparison(Result):
         """Draw survival of both results, and their difference with 95 % intervals; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of, survival_panel
 
-        times = shown_times(self.results[0])[: self.cycles.size]
+        times = self.results[0].row_values[: self.cycles.size]
 
         def survival(_, axes):
             survival_panel(axes, *self.results)
@@ -217,7 +216,7 @@ class Comparison(Result):
         def difference(_, axes):
             axes.axhline(0.0, color="black", linewidth=0.8)
             axes.errorbar(times, self.difference, 1.96 * self.standard_error, marker="o", markersize=3.0)
-            axes.set(xlabel=time_name(self.results[0].scene), ylabel="first less second, 95 % interval")
+            axes.set(xlabel=self.results[0].row_label, ylabel="first less second, 95 % interval")
 
         return figure_of(survival, difference)
 
@@ -260,28 +259,28 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     0.001 ± 0.011
     """
     both, cycles = (first, second), min(len(first.times), len(second.times)) - 1
-    kept = slice(0, cycles + 1)
+    common_rows = slice(0, cycles + 1)
     _same_problem(first.scene, second.scene)
     # Of whole cycles the fewer are a part of the more.
-    if not np.allclose(first.times[kept], second.times[kept], rtol=1e-12, atol=0.0):
+    if not np.allclose(first.times[common_rows], second.times[common_rows], rtol=1e-12, atol=0.0):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
     joint_cycles = _joint_cycles(joint_cycles, cycles)
     sizes = [float(_count(result) or math.inf) for result in both]
-    survival = np.stack([np.asarray(result.survival)[kept] for result in both], axis=-1)
+    survival = np.stack([np.asarray(result.survival)[common_rows] for result in both], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
     standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
-    leakage = np.stack([np.diff(np.asarray(result.overturned)[kept], axis=0) for result in both], axis=1)
+    leakage = np.stack([np.diff(np.asarray(result.overturned)[common_rows], axis=0) for result in both], axis=1)
     edges = joint_edges(first.scene)
     joint = [_joint(both, sizes, cycle, edges) for cycle in joint_cycles]
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
         results=both,
         cycles=np.arange(cycles + 1),
-        times=np.asarray(first.times)[kept],
+        times=np.asarray(first.times)[common_rows],
         periodic=first.cycles is not None,
         survival=survival,
-        interval=np.stack([_interval(result)[kept] for result in both], axis=1),
+        interval=np.stack([_interval(result)[common_rows] for result in both], axis=1),
         error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in both]),
         difference=difference,
         standard_error=standard_error,
@@ -316,10 +315,10 @@ def _same_problem(first, second):
             )
 
 
-def _joint_cycles(asked: Sequence[int] | None, cycles: int) -> list[int]:
-    if asked is None:
+def _joint_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int]:
+    if cycles_asked is None:
         return shown_cycles(cycles)
-    return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in asked]
+    return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in cycles_asked]
 
 
 def _joint(both, sizes, cycle, edges):

@@ -19,7 +19,6 @@ from fpk_rocking.results.replacement import Replacement, check_remarks, measured
 from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import SurvivalResult
-from fpk_rocking.results.times import when
 from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
@@ -184,7 +183,7 @@ class Evolution(Saved, SurvivalResult):
         """The engine, and the last probability with its error, as a line of text."""
         if not self.noise_replacement:
             return super().title
-        until = when(self, len(self.times) - 1).removeprefix("after ")
+        until = self.when(len(self.times) - 1).removeprefix("after ")
         return f"{self.engine}, {self.overturning_text()}, after {until}"
 
     def overturning_text(self) -> str:
@@ -247,10 +246,10 @@ class Evolution(Saved, SurvivalResult):
         The density is too narrow for the mesh while a start or a release is followed beside it, and once the noise has
         faded; ``settings["unresolved"]`` has the rows.
         """
-        rows, whole = len(self.settings.get("unresolved", ())), len(self.times) - 1
+        rows, count = len(self.settings.get("unresolved", ())), len(self.times) - 1
         if not rows or math.isinf(self.bins_tol):
             return ""
-        where = "every time" if rows == whole else f"{rows} of {whole} times"
+        where = "every time" if rows == count else f"{rows} of {count} times"
         return (
             f"The density of angle and velocity is too narrow for the mesh at {where}: only survival is judged there."
         )
@@ -267,13 +266,13 @@ class Evolution(Saved, SurvivalResult):
         Where the replacement of the noise was checked: also what it changes in survival, the sampling error of that,
         and the total error of survival.
         """
-        found = super().dataset()
-        found.variables.update(lost=("time", self.lost), at_rest=("time", self.at_rest))
+        dataset = super().dataset()
+        dataset.variables.update(lost=("time", self.lost), at_rest=("time", self.at_rest))
         if (check := self.replacement) is not None:
             added = check.difference, check.sampling_error, known(self.total_error)
             names = "survival_replacement", "survival_replacement_error", "survival_total_error"
-            found.variables.update({name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)})
-        return found
+            dataset.variables.update({name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)})
+        return dataset
 
     def at(self, cycle: int) -> Density:
         """Return the density after a number of cycles.
@@ -322,12 +321,12 @@ class Evolution(Saved, SurvivalResult):
         """
         self._check(cycle)
         named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
-        edges = [ascending_edges(*given, finite=False) for given in named]
+        edges = [ascending_edges(name, values, finite=False) for name, values in named]
         start = self.scene.start
         if cycle == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        found = self.space.bin_integrals(self.coefficients[cycle], *edges)
-        return found + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else found
+        moving = self.space.bin_integrals(self.coefficients[cycle], *edges)
+        return moving + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else moving
 
     def _check(self, cycle):
         if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
@@ -336,7 +335,7 @@ class Evolution(Saved, SurvivalResult):
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
     """Mass (cycles + 1,) within `REST`, of the densities after every cycle; of a point start 0 or 1 at first."""
-    found = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
+    masses = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
     if start.covariance is None:
-        found[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
-    return found
+        masses[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
+    return masses

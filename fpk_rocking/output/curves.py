@@ -12,7 +12,6 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results import style
 from fpk_rocking.results.remarks import cautions, noise_text
 from fpk_rocking.results.survival import SurvivalResult
-from fpk_rocking.results.times import shown_times, time_name
 
 __all__ = ["survival_figure"]
 
@@ -69,8 +68,8 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
             _survival(panels["tail"], result, label, colour, marker)
             _leakage(panels["leakage"], result, colour, marker)
         for place, (result, comparison) in enumerate(zip(results[1:], compared, strict=True), start=1):
-            _difference(panels["difference"], comparison, shown_times(result), place)
-        _label(panels, results[0].engine, time_name(results[0].scene))
+            _difference(panels["difference"], comparison, result.row_values, place)
+        _label(panels, results[0].engine, results[0].row_label)
         handles, names = panels["survival"].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
         figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
@@ -96,7 +95,7 @@ def _points(marker) -> dict:
 
 
 def _survival(axes, result, label, colour, marker):
-    cycles, survival = shown_times(result), np.asarray(result.survival)
+    cycles, survival = result.row_values, np.asarray(result.survival)
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
@@ -115,7 +114,7 @@ def _difference(axes, comparison, times, place):
 
 
 def _leakage(axes, result, colour, marker):
-    cycles = shown_times(result)[1:]
+    cycles = result.row_values[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
     shape = _points(marker) | {"markersize": 2.8} if result.realizations else {}
     for values in (right, -left):

@@ -61,8 +61,8 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
         figure.suptitle(title, fontsize=style.title_size(title, width), y=1.0 - 0.12 / height, va="top")
         around = {"left": 0.04, "right": 0.965, "bottom": bottom, "top": top}
         cells = figure.add_gridspec(rows, columns, **around, wspace=0.0, hspace=0.0)
-        for block, shown in enumerate(blocks):
-            for column, cycle in enumerate(shown):
+        for block, in_row in enumerate(blocks):
+            for column, cycle in enumerate(in_row):
                 surfaces = [_surface(result, cycle) for result in results]
                 highest = max(values.max() for *_, values in surfaces)
                 for row, (result, surface) in enumerate(zip(results, surfaces, strict=True)):
@@ -181,7 +181,7 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
     scene, edges = results[0].scene, joint_edges(results[0].scene)
     area = np.multiply.outer(*map(np.diff, edges))
     maps = [[np.asarray(result.bin_probabilities(cycle, *edges)) for cycle in cycles] for result in results]
-    shown = _shown_velocities(edges[1], sum(np.abs(bins) for row in maps for bins in row).sum(axis=0))
+    velocities = _inner_velocities(edges[1], sum(np.abs(bins) for row in maps for bins in row).sum(axis=0))
     size = 2.75 * max(len(cycles), 2) + 0.9, 2.7 * len(results) + 1.9
     with style.page(path, size, title, _map_notes(results)) as figure:
         panels = figure.subplots(len(results), len(cycles), sharex=True, sharey=True, squeeze=False)
@@ -201,10 +201,10 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
             axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         for axes, result in zip(panels[:, 0], results, strict=True):
             axes.set_ylabel(f"{_row_name(result)}\n\nvelocity dΘ/dτ")
-            axes.set(xlim=np.array([-1.0, 1.0]) * scene.overturning.angle, ylim=shown)
+            axes.set(xlim=np.array([-1.0, 1.0]) * scene.overturning.angle, ylim=velocities)
 
 
-def _shown_velocities(edges, masses):
+def _inner_velocities(edges, masses):
     """Velocities between which all but a ten-thousandth of the masses of bins lies."""
     beyond = 0.5e-4 * masses.sum()
     low, high = np.searchsorted(np.cumsum(masses), beyond), np.searchsorted(np.cumsum(masses[::-1]), beyond)

@@ -15,7 +15,6 @@ import numpy as np
 from fpk_rocking.results.pictures import edges_of, picture_html, plane_units
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.style import OVERTURNED, SURFACE
-from fpk_rocking.results.times import when
 
 __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 
@@ -33,14 +32,14 @@ _FILM = (
 _HERE = pathlib.Path(__file__).parent
 
 
-def write_report(path, shown, values, sentences=(), films=(), scenes=()):
+def write_report(path, result, values, sentences=(), films=(), scenes=()):
     """Write a report, whole or not at all.
 
     Parameters
     ----------
     path : path
         By custom with the suffix .html.
-    shown : Result
+    result : Result
         What it is about: its title, verdict, picture and table stand there.
     values : dict
         Plain values, kept in the file as JSON under the id "summary".
@@ -56,23 +55,23 @@ def write_report(path, shown, values, sentences=(), films=(), scenes=()):
     int
         Size of the file in bytes.
     """
-    made = _film(films) if films else None
+    film = _film(films) if films else None
     script = (_HERE / "report.js").read_text(encoding="utf-8")
     parts = [
-        shown.trust.html,
-        picture_html(shown.plot(), shown.title),
-        _film_html(made) if made else "",
+        result.trust.html,
+        picture_html(result.plot(), result.title),
+        _film_html(film) if film else "",
         "<h2>Numbers</h2>",
-        table_html(shown.table()),
-        *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(shown.trust)),
+        table_html(result.table()),
+        *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(result.trust)),
         "<h2>Scene</h2>" * bool(scenes),
         *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
         f"<p>{left_out(scenes)}</p>",
         f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_units(scenes)}</p>",
         json_html("summary", values),
-        f"{json_html('film', made)}<script>{script}</script>" if made else "",
+        f"{json_html('film', film)}<script>{script}</script>" if film else "",
     ]
-    return write_page(path, shown.heading, parts)
+    return write_page(path, result.heading, parts)
 
 
 def write_page(path, title, parts):
@@ -93,12 +92,12 @@ def write_page(path, title, parts):
 
 def _units(scenes):
     """Say in which units what has no others stands."""
-    told = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
+    units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
     sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
     if len(sizes) != 1:
-        return told
+        return units
     angle, second = math.degrees(sizes[0].critical_angle), sizes[0].seconds(1.0)
-    return f"{told} Here the critical angle is {angle:.4g}°, and τ = 1 is {second:.4g} s."
+    return f"{units} Here the critical angle is {angle:.4g}°, and τ = 1 is {second:.4g} s."
 
 
 def left_out(scenes, *, scatter=True):
@@ -156,8 +155,8 @@ def _film(results):
     units = plane_units(results[0].scene)
     most = densities.max(axis=(0, 2, 3))
     lists, scales = [], np.maximum(most, np.finfo(float).tiny)[:, None, None]
-    for result, found in zip(results, densities, strict=True):
-        codes = np.round(255 * np.sqrt(found / scales)).astype(np.uint8)
+    for result, frames in zip(results, densities, strict=True):
+        codes = np.round(255 * np.sqrt(frames / scales)).astype(np.uint8)
         lists.append(
             {
                 "name": result.label,
@@ -169,7 +168,7 @@ def _film(results):
     first = results[0]
     standing = np.flatnonzero(np.asarray(first.survival)[rows] > 1e-3)
     return {
-        "when": [when(first, row) for row in rows],
+        "when": [first.when(row) for row in rows],
         "angle": (edges[0] * units.angle).tolist(),
         "velocity": (edges[1] * units.velocity).tolist(),
         "names": units.names,

@@ -9,19 +9,15 @@ from rich.console import Console
 from rich.table import Table
 
 from fpk_rocking.results.remarks import noise_text
-from fpk_rocking.results.times import seconds_of, shown_times, time_name, when
 
 __all__ = ["comparison_table", "result_table", "show", "text_table", "verdict_first"]
-
-_NARROWEST = 100
-_SIDES = {"result": "left", "95 % interval": "center", "95 %": "center", "± estimate": "center"}
 
 
 def show(title, table, sentences):
     """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide."""
     console = Console(highlight=False)
     if not console.is_terminal:
-        console = Console(highlight=False, width=_NARROWEST)
+        console = Console(highlight=False, width=100)
     console.print(title, markup=False, style="bold")
     console.print(table)
     for sentence in sentences:
@@ -30,24 +26,22 @@ def show(title, table, sentences):
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     """Return title, table and closing sentences for survival and overturned probability after each cycle or time."""
-    left, right = np.transpose(result.overturned)
-    sized = result.scene.block.dimensions is not None
-    columns = {time_name(result.scene).removeprefix("forcing "): [f"{time:.6g}" for time in shown_times(result)]}
-    if sized and result.cycles is not None:
-        columns["time, s"] = [f"{time:.4g}" for time in seconds_of(result)]
+    columns = {result.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in result.row_values]}
+    seconds = result.seconds if result.cycles is not None else None
+    if seconds is not None:
+        columns["time, s"] = [f"{time:.4g}" for time in seconds]
     columns["survival"] = [f"{value:.5f}" for value in result.survival]
     if result.interval is not None:
         columns["95 % interval"] = [_limits(limits, 5) for limits in result.interval]
     if getattr(result, "replacement", None) is not None:
         columns["total ±"] = [f"{error:.5f}" for error in result.total_error[:, 0]]
-    columns["overturned left"] = [f"{value:z.5f}" for value in left]
-    columns["overturned right"] = [f"{value:z.5f}" for value in right]
+    for name, values in zip(("overturned left", "overturned right"), np.transpose(result.overturned), strict=True):
+        columns[name] = [f"{value:z.5f}" for value in values]
     last, outcome = len(result.times) - 1, result.metadata.get("outcome", "")
-    seconds = f" ({seconds_of(result)[last]:.4g} s)" if sized and result.cycles is not None else ""
-    answer = f"{result.overturning_text()}, {when(result, last)}{seconds}"
+    at = result.when(last) if seconds is None else f"{result.when(last)} ({seconds[last]:.4g} s)"
     made_by = f"{result.label}: {noise_text(result.scene.noise)}{', ' * bool(outcome)}{outcome}"
     return (
-        f"{answer}\n{made_by}",
+        f"{result.overturning_text()}, {at}\n{made_by}",
         text_table(columns, zip(*columns.values(), strict=True)),
         verdict_first(result.trust, *_account(result), *result.remarks),
     )
@@ -87,12 +81,12 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
         "z: difference of survival over its standard error. L1, Hellinger: distances of the joint densities. Floor: "
         "the distance that sampling noise alone gives."
     )
-    said = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
+    closing = (*_sizes(comparisons), note, *filter(None, [_melnikov(comparisons)]), *sentences)
     for compared in reversed(comparisons):
-        verdict, *said = verdict_first(compared.trust, *said)
+        verdict, *closing = verdict_first(compared.trust, *closing)
         label = f"{compared.names[0]} against {compared.names[1]}, " if len(comparisons) > 1 else ""
-        said = f"{label}{verdict}", *said
-    return title, table, said
+        closing = f"{label}{verdict}", *closing
+    return title, table, closing
 
 
 def _compared(comparisons, place, cycle):
@@ -119,8 +113,9 @@ def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
     Numbers stand to the right, their intervals in the middle, names of results to the left.
     """
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    sides = {"result": "left", "95 % interval": "center", "95 %": "center", "± estimate": "center"}
     for name in names:
-        table.add_column(name, justify=_SIDES.get(name, "right"))
+        table.add_column(name, justify=sides.get(name, "right"))
     for rows in groups:
         for row in rows:
             table.add_row(*row)

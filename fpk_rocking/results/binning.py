@@ -94,21 +94,23 @@ def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> lis
         The edges around all but 1e-3 of the probability on each axis, a bin more on either side; cut into equal parts
         where these are fewer than `least`, merged where they are more than 96.
     """
-    found = np.maximum(probabilities, 0.0)
-    return [_shown(edges[axis], found.sum(axis=1 - axis), least) for axis in (0, 1)]
+    masses = np.maximum(probabilities, 0.0)
+    return [_cut_or_merged(edges[axis], masses.sum(axis=1 - axis), least) for axis in (0, 1)]
 
 
-def _shown(edges, found, least):
-    below = np.cumsum(found) / max(found.sum(), np.finfo(float).tiny)
+def _cut_or_merged(edges, masses, least):
+    """Edges around most of the masses (bins,), cut into at least `least` bins or merged into at most 96."""
+    below = np.cumsum(masses) / max(masses.sum(), np.finfo(float).tiny)
     first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
-    kept = edges[max(first - 1, 0) : min(last, found.size - 1) + 3]
-    count = kept.size - 1
+    inner = edges[max(first - 1, 0) : min(last, masses.size - 1) + 3]
+    count = inner.size - 1
     if count < least:
         parts = -(-least // count)
-        return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), kept)
-    return np.append(kept[: -1 : -(-count // 96)], kept[-1])
+        return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), inner)
+    return np.append(inner[: -1 : -(-count // 96)], inner[-1])
 
 
 def _edges(bound) -> np.ndarray:
+    """Edges of bins of width 0.1 from -bound to bound, which is rounded up."""
     half = math.ceil(round(bound * 10, 9))
     return np.arange(-half, half + 1) / 10

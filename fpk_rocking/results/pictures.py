@@ -12,7 +12,6 @@ import numpy as np
 from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import shown_edges
 from fpk_rocking.results.style import COLOURS, SURFACE, drawing
-from fpk_rocking.results.times import shown_times, time_name, when
 from fpk_rocking.scene.scene import Scene
 
 __all__ = [
@@ -90,8 +89,8 @@ def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
     """Return the edges of the bins in which results are shown after some cycles; see `shown_edges`."""
     coarsest = min(results, key=lambda result: result.shown_bins)
     edges = coarsest.bin_edges
-    found = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
-    return shown_edges(edges, np.asarray(found), coarsest.shown_bins)
+    probabilities = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
+    return shown_edges(edges, np.asarray(probabilities), coarsest.shown_bins)
 
 
 def survival_panel(axes: Any, *results: Any) -> None:
@@ -104,9 +103,9 @@ def survival_panel(axes: Any, *results: Any) -> None:
             if result.replacement is not None:
                 error, label = result.total_error[:, 0], "total error"
             interval = np.stack([survival - error, survival + error], -1)
-        axes.fill_between(shown_times(result), *np.asarray(interval).T, color=colour, alpha=0.3, linewidth=0.0)
-        axes.plot(shown_times(result), survival, color=colour, marker=".", label=f"{result.engine}, {label}")
-    axes.set(xlabel=time_name(results[0].scene), ylabel="P(not overturned)", ylim=(-0.03, 1.03))
+        axes.fill_between(result.row_values, *np.asarray(interval).T, color=colour, alpha=0.3, linewidth=0.0)
+        axes.plot(result.row_values, survival, color=colour, marker=".", label=f"{result.engine}, {label}")
+    axes.set(xlabel=results[0].row_label, ylabel="P(not overturned)", ylim=(-0.03, 1.03))
     axes.legend(loc="best", fontsize=8)
 
 
@@ -147,7 +146,7 @@ def function_panel(
 
 
 def _title(result, cycle):
-    return f"{when(result, cycle)}, survival {result.survival[cycle]:.4f}"
+    return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
 
 
 def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:

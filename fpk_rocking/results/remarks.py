@@ -138,11 +138,11 @@ def scene_diagnostics(
     -------
     list of Diagnostic
     """
-    found = _slender(scene.block)
-    strange = implausible(scene, *scales)
-    found += [Diagnostic(CAUTION, " ".join(strange), "implausible")] * bool(strange)
-    found += [Diagnostic(CAUTION, unresolved, "unresolved")] * bool(unresolved)
-    return found + [Diagnostic(CAUTION, UNCHECKED, "unchecked")] * bool(noise_replacement)
+    diagnostics = _slender(scene.block)
+    implausibilities = implausible(scene, *scales)
+    diagnostics += [Diagnostic(CAUTION, " ".join(implausibilities), "implausible")] * bool(implausibilities)
+    diagnostics += [Diagnostic(CAUTION, unresolved, "unresolved")] * bool(unresolved)
+    return diagnostics + [Diagnostic(CAUTION, UNCHECKED, "unchecked")] * bool(noise_replacement)
 
 
 def _sliding(block):

@@ -123,8 +123,8 @@ class Result:
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """All by which this result is judged: what is known about the model, and error figures with their limits."""
-        asked = {name: getattr(self, name) for name in ("tol", "bins_tol") if hasattr(self, name)}
-        return [*self.model_diagnostics(), *assess(self.error_figures, **asked)]
+        tolerances = {name: getattr(self, name) for name in ("tol", "bins_tol") if hasattr(self, name)}
+        return [*self.model_diagnostics(), *assess(self.error_figures, **tolerances)]
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return what is known about the model that speaks against this result, whatever its own errors."""
@@ -149,15 +149,15 @@ class Result:
     @property
     def metadata(self) -> dict[str, Any]:
         """Settings, sizes and error figures: plain values by name."""
-        own = {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
-        found = {name: value for name, value in own.items() if isinstance(value, str | int | float)}
-        return found | {one.name: one.value for one in self.diagnostics if one.value is not None}
+        fields = {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
+        plain_fields = {name: value for name, value in fields.items() if isinstance(value, str | int | float)}
+        return plain_fields | {one.name: one.value for one in self.diagnostics if one.value is not None}
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences that a reader of this result needs: about the scene, its noise, and what is not to be trusted."""
-        known = (one.message for one in self.diagnostics if one.value is None)
-        return tuple(dict.fromkeys((*scene_remarks(self), *known)))
+        observations = (one.message for one in self.diagnostics if one.value is None)
+        return tuple(dict.fromkeys((*scene_remarks(self), *observations)))
 
     def summary(self) -> dict[str, Any]:
         """Metadata, arrays of the table by name, verdict and remarks as plain values, for JSON."""

@@ -245,9 +245,9 @@ def _check(name, value, annotation, lengths):
     code, *dims = form.split()
     fits = isinstance(value, np.ndarray) and value.dtype == np.dtype(code) and value.ndim == len(dims)
     if not fits or not all(_fits(*pair, lengths) for pair in zip(value.shape, dims, strict=True)):
-        known = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
+        others = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
         got = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else repr(value)
-        raise ValueError(f"{name}: got {got}, accepted: {form!r} with {known}")
+        raise ValueError(f"{name}: got {got}, accepted: {form!r} with {others}")
 
 
 def _fits(length, dim, lengths):
@@ -295,9 +295,9 @@ def _damaged(path, error):
 
 def _header(path, archive):
     """Read and check the header of a result file."""
-    strange = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
+    refusal = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
     if f"{_HEADER}.npy" not in archive.namelist():
-        raise ValueError(strange)
+        raise ValueError(refusal)
     text = str(_array(path, archive, _HEADER))
     try:
         header = json.loads(text)
@@ -306,12 +306,12 @@ def _header(path, archive):
         valid = all(isinstance(*pair) for pair in zip(parts, (str, list, dict), strict=True))
         valid = valid and all(isinstance(scene, str) for scene in header["scenes"])
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
-        raise ValueError(strange) from None
+        raise ValueError(refusal) from None
     if number != _FORMAT:
         version = header.get("versions")
         version = version.get("fpk-rocking") if isinstance(version, dict) else None
         by = f"version {version}, which reads it" if version else "another version"
         raise ValueError(f"{path}: got format {number!r}, accepted: {_FORMAT} (saved by {by})")
     if not valid:
-        raise ValueError(strange)
+        raise ValueError(refusal)
     return header

@@ -36,9 +36,9 @@ def drawing():
     from matplotlib.figure import Figure
 
     def figure(**options):
-        made = Figure(**options)
-        FigureCanvasAgg(made)
-        return made
+        canvas_figure = Figure(**options)
+        FigureCanvasAgg(canvas_figure)
+        return canvas_figure
 
     with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):  # type: ignore[dict-item]
         yield figure

@@ -9,7 +9,6 @@ from fpk_rocking.base.types import Array
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Dataset, Result
-from fpk_rocking.results.times import cycles_of, seconds_of, when
 
 __all__ = ["SurvivalResult"]
 
@@ -68,7 +67,31 @@ class SurvivalResult(Result):
     @property
     def cycles(self) -> int | None:
         """Number of forcing cycles; None where the forcing does not repeat."""
-        return cycles_of(self)
+        return None if self.scene.period is None else len(self.times) - 1
+
+    @property
+    def seconds(self) -> Array | None:
+        """Times of the rows in seconds; None where the size of the block is unknown."""
+        size = self.scene.block.dimensions
+        return None if size is None else size.seconds(np.asarray(self.times))
+
+    @property
+    def row_label(self) -> str:
+        """What the rows are counted in, for axes and tables."""
+        return "forcing cycles" if self.cycles is not None else "time τ" if self.seconds is None else "time, s"
+
+    @property
+    def row_values(self) -> Array:
+        """Rows as `row_label` counts them: whole cycles; else times in seconds, without a size of the block in τ."""
+        if self.cycles is not None:
+            return np.arange(len(self.times))
+        return np.asarray(self.times) if self.seconds is None else self.seconds
+
+    def when(self, row: int) -> str:
+        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5"."""
+        if self.cycles is not None:
+            return f"after {row} cycle{'s' * (row != 1)}"
+        return f"τ = {self.times[row]:.4g}" if self.seconds is None else f"after {self.seconds[row]:.4g} s"
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:
@@ -90,7 +113,7 @@ class SurvivalResult(Result):
     @property
     def title(self) -> str:
         """The engine, and the last survival with its error, as a line of text."""
-        survival, until = float(self.survival[-1]), when(self, len(self.times) - 1).removeprefix("after ")
+        survival, until = float(self.survival[-1]), self.when(len(self.times) - 1).removeprefix("after ")
         if self.interval is None:
             error = f"{survival:.4f} ± {self.metadata['error_estimate']:.1g}"
         else:
@@ -120,7 +143,7 @@ class SurvivalResult(Result):
             {
                 **({} if self.cycles is None else {"cycle": ("time", np.arange(rows))}),
                 "time": self.times,
-                **({} if self.scene.block.dimensions is None else {"time_s": ("time", seconds_of(self))}),
+                **({} if self.seconds is None else {"time_s": ("time", self.seconds)}),
                 "side": ["left", "right"],
                 **({} if self.interval is None else {"limit": ["low", "high"]}),
                 "bin_angle": angle,

@@ -1,7 +1,5 @@
 """The times that results are for: whole forcing cycles, or times of their own where the forcing does not repeat."""
 
-from typing import Any
-
 import numpy as np
 
 from fpk_rocking.base import checks
@@ -53,39 +51,8 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
     if times is None:
         return np.append(duration * np.arange(PARTS + 1) / PARTS, duration + SETTLING)
     accepted = "1 to 100,000 finite numbers from 0 on, ascending, the last above 0"
-    found = checks.array("times", times, accepted)
-    rising = found.ndim == 1 and 1 <= found.size <= 100_000 and (found[1:] > found[:-1]).all()
-    if not rising or not found[0] >= 0.0 or not 0.0 < found[-1] < np.inf:
+    rows = checks.array("times", times, accepted)
+    rising = rows.ndim == 1 and 1 <= rows.size <= 100_000 and (rows[1:] > rows[:-1]).all()
+    if not rising or not rows[0] >= 0.0 or not 0.0 < rows[-1] < np.inf:
         raise ValueError(checks.refusal("times", times, accepted))
-    return found if found[0] == 0.0 else np.append(0.0, found)
-
-
-def cycles_of(result: Any) -> int | None:
-    """Return the number of forcing cycles of a result with ``scene`` and ``times``; None where there are none."""
-    return None if result.scene.period is None else len(result.times) - 1
-
-
-def time_name(scene: Scene) -> str:
-    """Return what the rows of a result are counted in, for axes and tables."""
-    return "forcing cycles" if scene.period is not None else "time τ" if scene.block.dimensions is None else "time, s"
-
-
-def shown_times(result: Any) -> Array:
-    """Return the rows as a reader counts them: whole cycles, or times in seconds, without a size of the block τ."""
-    if result.scene.period is not None:
-        return np.arange(len(result.times))
-    return np.asarray(result.times) if result.scene.block.dimensions is None else seconds_of(result)
-
-
-def seconds_of(result: Any) -> Array:
-    """Return the times of the rows in seconds; the block has dimensions."""
-    return result.scene.block.dimensions.seconds(np.asarray(result.times))
-
-
-def when(result: Any, row: int) -> str:
-    """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5"."""
-    if result.cycles is not None:
-        return f"after {row} cycle{'s' * (row != 1)}"
-    if result.scene.block.dimensions is not None:
-        return f"after {seconds_of(result)[row]:.4g} s"
-    return f"τ = {result.times[row]:.4g}"
+    return rows if rows[0] == 0.0 else np.append(0.0, rows)

@@ -140,21 +140,21 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
     list of Diagnostic
         In the order of `DIAGNOSTICS`.
     """
-    found = []
+    diagnostics = []
     for name, (what, caution, unusable) in _limits(tol, bins_tol, values).items():
         if np.size(values.get(name, ())) == 0:
             continue
         value = float(np.max(values[name]))
         if math.isinf(caution):
-            found.append(Diagnostic(0, "", name, value))
+            diagnostics.append(Diagnostic(0, "", name, value))
         elif value <= caution:  # written so that nan is not within a limit
             text = f"The {what} is {_beside(value, caution)}, within {caution:.2g}."
-            found.append(Diagnostic(0, text, name, value))
+            diagnostics.append(Diagnostic(0, text, name, value))
         else:
             severity, limit = (CAUTION, caution) if value <= unusable else (UNUSABLE, unusable)
             text = f"The {what} is {_beside(value, limit)}, above {limit:.2g}."
-            found.append(Diagnostic(severity, text, name, value))
-    return found
+            diagnostics.append(Diagnostic(severity, text, name, value))
+    return diagnostics
 
 
 def _beside(value, limit):

@@ -67,8 +67,8 @@ class Sample(SurvivalResult):
         The outcome is as in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``, with seconds where the
         size of the block is known.
         """
-        found = super().metadata | {"realizations": int(self.realizations)}
-        return found | ({"outcome": self._outcome()} if self.deterministic else {})
+        settings = super().metadata | {"realizations": int(self.realizations)}
+        return settings | ({"outcome": self._outcome()} if self.deterministic else {})
 
     def _outcome(self):
         """Return what the one path of a deterministic scene does, as a text."""
@@ -107,9 +107,9 @@ class Sample(SurvivalResult):
 
     def summary(self) -> dict[str, Any]:
         """Noise, rows, metadata, survival, "interval" (95 %), overturned, verdict and remarks, for JSON."""
-        found = super().summary()
-        interval = found.pop("survival_interval", None)
-        return found if interval is None else found | {"interval": interval}
+        values = super().summary()
+        interval = values.pop("survival_interval", None)
+        return values if interval is None else values | {"interval": interval}
 
     def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
         """Return None: a sample has no density. Use `bin_probabilities`.
@@ -253,18 +253,18 @@ class Ensemble(Saved, Sample):
         """
         cycle = self._checked_cycle(cycle)
         named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
-        edges = [ascending_edges(*given, finite=False) for given in named]
+        edges = [ascending_edges(name, values, finite=False) for name, values in named]
         standing = np.isfinite(self.angle[:, cycle])
         points = self.angle[standing, cycle], self.velocity[standing, cycle]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
     def dataset(self) -> Dataset:
         """All of a sample, and the states and overturnings of every realization."""
-        found = super().dataset()
-        found.variables.update(
+        dataset = super().dataset()
+        dataset.variables.update(
             angle=(("realization", "time"), self.angle),
             velocity=(("realization", "time"), self.velocity),
             overturn_time=("realization", self.overturn_time),
             overturn_side=("realization", self.overturn_side),
         )
-        return found
+        return dataset

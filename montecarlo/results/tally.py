@@ -73,8 +73,8 @@ class Tally(Saved, Sample):
     @property
     def bin_edges(self) -> tuple[Array, Array]:
         """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
-        usual, kept = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
-        return usual if all(np.isin(*pair).all() for pair in zip(usual, kept, strict=True)) else kept
+        usual, counted = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
+        return usual if all(np.isin(*pair).all() for pair in zip(usual, counted, strict=True)) else counted
 
     @functools.cached_property
     def overturned_counts(self) -> Array:
@@ -153,18 +153,18 @@ class Tally(Saved, Sample):
         return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
 
 
-def _places(name, edges, kept):
-    """Return the numbers of the kept edges that the given ones are."""
+def _places(name, edges, counted):
+    """Return the numbers of the counted edges that the given ones are."""
     accepted = (
-        f"two or more of the {kept.size} edges kept, ascending from {kept[0]:g} to {kept[-1]:g} "
-        f"with the least distance {np.diff(kept).min():g}; others: tally with {name} of your own"
+        f"two or more of the {counted.size} edges kept, ascending from {counted[0]:g} to {counted[-1]:g} "
+        f"with the least distance {np.diff(counted).min():g}; others: tally with {name} of your own"
     )
     edges = ascending_edges(name, edges, finite=True)
-    middles = 0.5 * (kept[1:] + kept[:-1])
+    middles = 0.5 * (counted[1:] + counted[:-1])
     places = np.searchsorted(middles, edges)
-    strange = ~(np.abs(kept[places] - edges) <= 1e-6 * np.diff(kept).min())
-    if strange.any():
-        raise ValueError(checks.refusal(name, float(edges[strange][0]), accepted))
+    unknown = ~(np.abs(counted[places] - edges) <= 1e-6 * np.diff(counted).min())
+    if unknown.any():
+        raise ValueError(checks.refusal(name, float(edges[unknown][0]), accepted))
     if np.any(np.diff(places) <= 0):
         raise ValueError(checks.refusal(name, edges.tolist(), accepted))
     return places
@@ -227,21 +227,21 @@ def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
         The file is not a saved tally, is damaged, is of another run, or holds more realizations than are asked for.
     """
     try:
-        found = Tally.load(path)
+        saved = Tally.load(path)
     except ValueError as error:
         raise ValueError(f"checkpoint: {error}") from error
-    counts = Counts(*(array.copy() for array in found.counts))  # a loaded result cannot be written to
-    if not np.array_equal(found.times, run.times):
-        raise _foreign(path, _counted(found), _counted(run))
+    counts = Counts(*(array.copy() for array in saved.counts))  # a loaded result cannot be written to
+    if not np.array_equal(saved.times, run.times):
+        raise _foreign(path, _counted(saved), _counted(run))
     for name in ("scene", "seed", "method", "steps_per_cycle"):
-        if getattr(found, name) != getattr(run, name):
-            raise _foreign(path, f"{name} {getattr(found, name)}", f"{name} {getattr(run, name)}")
+        if getattr(saved, name) != getattr(run, name):
+            raise _foreign(path, f"{name} {getattr(saved, name)}", f"{name} {getattr(run, name)}")
     for name in ("angle_edges", "velocity_edges"):
         if not np.array_equal(getattr(counts, name), getattr(empty, name)):
             raise _foreign(path, f"other {name}", f"the {name} that are asked for")
-    if found.realizations > run.realizations:
-        raise _foreign(path, f"realizations {found.realizations}", f"at most {run.realizations}, as asked for")
-    return counts, found.wall_s
+    if saved.realizations > run.realizations:
+        raise _foreign(path, f"realizations {saved.realizations}", f"at most {run.realizations}, as asked for")
+    return counts, saved.wall_s
 
 
 def _counted(run):

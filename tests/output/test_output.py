@@ -6,7 +6,6 @@ import math
 import re
 import subprocess
 import sys
-import types
 
 import fakes
 import matplotlib.image
@@ -21,7 +20,6 @@ from fpk_rocking.output import curves, densities, progress, report, tables
 from fpk_rocking.results import storage, style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.pictures import edges_of
-from fpk_rocking.results.times import shown_times, time_name, when
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 DENSITY = fakes.FakeEvolution(MAIN)
@@ -218,12 +216,12 @@ def test_probe_names_a_missing_package(monkeypatch):
 def test_times_after_a_pulse_are_in_seconds_where_the_size_is_known():
     sized = Scene(Block(0.9, Dimensions(0.6, 2.0)), Pulse("one-sine", 1.4, 3.0), BandNoise(0.01, (0.0, 9.0), 20))
     size, times = sized.block.dimensions, np.array([0.0, 2.0, 7.0])
-    found = types.SimpleNamespace(scene=sized, times=times, cycles=None)
-    assert shown_times(found) == pytest.approx(size.seconds(times), rel=1e-15)
-    assert (time_name(sized), when(found, 2)) == ("time, s", f"after {size.seconds(7.0):.4g} s")
-    bare = types.SimpleNamespace(scene=sized.varied(block=Block(0.9)), times=times, cycles=None)
-    assert shown_times(bare).tolist() == times.tolist()
-    assert (time_name(bare.scene), when(bare, 2)) == ("time τ", "τ = 7")
+    found = fakes.FakeEvolution(sized, cycles=2, times=times)
+    assert found.row_values == pytest.approx(size.seconds(times), rel=1e-15)
+    assert (found.row_label, found.when(2)) == ("time, s", f"after {size.seconds(7.0):.4g} s")
+    bare = fakes.FakeEvolution(sized.varied(block=Block(0.9)), cycles=2, times=times)
+    assert bare.row_values.tolist() == times.tolist()
+    assert (bare.row_label, bare.when(2)) == ("time τ", "τ = 7")
 
 
 def test_a_block_with_a_size_is_shown_in_seconds_and_degrees(capsys, tmp_path):
