@@ -7,12 +7,11 @@ what the machine refuses, 130 when interrupted, 143 when terminated. Files are c
 import argparse
 import json
 import pathlib
+import re
 import sys
 import time
 import tomllib
-import types
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from fpk_rocking import console
 
@@ -44,142 +43,78 @@ fpk-rocking COMMAND --help lists the options of a command
 """
 _DENSITY = "--tol --bins-tol --noise-replacement --no-check"
 _SAMPLE = "--realizations --seed --method --steps-per-cycle --tally --checkpoint"
-_SEVERAL = {"nargs": "+"}
+_OPTIONS = """
+scene SCENE             scene file (TOML), or the name of a scene of the package
+scenes SCENE+           scene file (TOML), or the name of a scene of the package; several give a curve each
+inputs FILE+            a scene (file or name) to solve by both engines, or two saved results (.npz)
+--set KEY=VALUE*        value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3
+                        g'; may be repeated
+--cycles N:int          forcing cycles (default 40)
+--times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its
+                        end)
+--out DIR:path          folder for files
+--report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
+--json                  print one JSON object instead of a table
+--tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
+                        fragility 0.01)
+--bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
+                        for a pulse or a record, and with inf: any)
+--noise-replacement NAME  what replaces band noise in the density solver: white (default), or filtered, which lets
+                        blocks rest
+--no-check              where the density solver replaces noise, do not sample the noise of the scene beside it
+--realizations N:int    number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing
+                        is random)
+--seed N:int            seed of the random numbers (default 1)
+--method NAME           for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other
+                        noise by white noise; filtered, which replaces band noise by low-pass noise (default: exact,
+                        white or filtered, whichever fits the noise)
+--steps-per-cycle N:int  time steps in a forcing cycle (default 200; the method exact takes none)
+--tally                 keep survival, histograms and moments alone, which takes little memory for any number of paths
+--checkpoint FILE:path  with --tally: file that keeps the state of the run; where it exists, the run goes on from it
+--scales LIST           factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
+--pga LIST              in place of --scales: peak accelerations in g of the shaking without noise; the column scale is
+                        then the PGA
+--engine NAME           exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the
+                        noise)
+--levels LIST           also compute the probability of reaching the angles A,B,C, in units of the critical angle
+--over NAME=LIST        a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2
+--keep-noise            scale the motion alone and keep the noise as it is
+--uncertain NAME=DIST*  distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a
+                        name of the scene file such as block.restitution, each in its own unit; NAME_factor is a
+                        multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
+                        lognormal:MEDIAN:DISPERSION, as in size_factor=lognormal:1:0.05; may be repeated
+--blocks N:int          with --uncertain: blocks drawn for each scene (default 20) or record (default 1; of one record
+                        5 or more)
+--workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
+--store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
+--records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise
+--synthetic N:int       in place of records: as many synthetic motions on firm ground
+--hazard FILE|K0:K!     file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard
+                        K0 im^-K
+--intensities LIST!     intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
+--measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
+--units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
+--name NAME             identifier of the block in the exported files (default rocking_block)
+"""
+"""Every argument of the command line: name, what stands for its value with the type, and help.
+
+Without what stands for a value it is a switch. After it, + means one value or more, * that the option may be repeated,
+! that it is required.
+"""
 
 
-class _Option(NamedTuple):
-    """An option of the command line: what stands for its value, in words, and the type of the value.
-
-    Without a `metavar` it is a switch. `nargs`, `required` and `action` are those of argparse.
-    """
-
-    metavar: str | None
-    text: str
-    type: Callable[[str], Any] | None = None
-    more: Mapping[str, Any] = types.MappingProxyType({})
-
-    def add_to(self, parser, name):
-        """Add the option to a parser of argparse."""
-        switch = {"action": "store_true", "default": None}
-        own = switch if self.metavar is None else {"metavar": self.metavar, "type": self.type}
-        parser.add_argument(name, help=self.text, **own, **self.more)
-
-
-_OPTIONS = {
-    "scene": _Option("SCENE", "scene file (TOML), or the name of a scene of the package"),
-    "scenes": _Option(
-        "SCENE", "scene file (TOML), or the name of a scene of the package; several give a curve each", None, _SEVERAL
-    ),
-    "inputs": _Option(
-        "FILE", "a scene (file or name) to solve by both engines, or two saved results (.npz)", None, _SEVERAL
-    ),
-    "--set": _Option(
-        "KEY=VALUE",
-        "value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3 g'; may be "
-        "repeated",
-        more={"action": "append"},
-    ),
-    "--cycles": _Option("N", "forcing cycles (default 40)", int),
-    "--times": _Option(
-        "T",
-        "for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its end)",
-        float,
-        _SEVERAL,
-    ),
-    "--out": _Option("DIR", "folder for files", pathlib.Path),
-    "--report": _Option(
-        "FILE", "HTML file to write: numbers, verdict, pictures and the density after every cycle", pathlib.Path
-    ),
-    "--json": _Option(None, "print one JSON object instead of a table"),
-    "--tol": _Option(
-        "X",
-        "error of survival that the density solver aims at (default 0.001; for a pulse, a record or fragility 0.01)",
-        float,
-    ),
-    "--bins-tol": _Option(
-        "X",
-        "error of the binned density (L1) that it aims at (default: a third of the square root of --tol; for a pulse "
-        "or a record, and with inf: any)",
-        float,
-    ),
-    "--noise-replacement": _Option(
-        "NAME", "what replaces band noise in the density solver: white (default), or filtered, which lets blocks rest"
-    ),
-    "--no-check": _Option(
-        None, "where the density solver replaces noise, do not sample the noise of the scene beside it"
-    ),
-    "--realizations": _Option(
-        "N",
-        "number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing is random)",
-        int,
-    ),
-    "--seed": _Option("N", "seed of the random numbers (default 1)", int),
-    "--method": _Option(
-        "NAME",
-        "for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other noise by "
-        "white noise; filtered, which replaces band noise by low-pass noise (default: exact, white or filtered, "
-        "whichever fits the noise)",
-    ),
-    "--steps-per-cycle": _Option("N", "time steps in a forcing cycle (default 200; the method exact takes none)", int),
-    "--tally": _Option(
-        None, "keep survival, histograms and moments alone, which takes little memory for any number of paths"
-    ),
-    "--checkpoint": _Option(
-        "FILE",
-        "with --tally: file that keeps the state of the run; where it exists, the run goes on from it",
-        pathlib.Path,
-    ),
-    "--scales": _Option("LIST", "factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing"),
-    "--pga": _Option(
-        "LIST",
-        "in place of --scales: peak accelerations in g of the shaking without noise; the column scale is then the PGA",
-    ),
-    "--engine": _Option(
-        "NAME", "exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the noise)"
-    ),
-    "--levels": _Option(
-        "LIST", "also compute the probability of reaching the angles A,B,C, in units of the critical angle"
-    ),
-    "--over": _Option("NAME=LIST", "a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2"),
-    "--keep-noise": _Option(None, "scale the motion alone and keep the noise as it is"),
-    "--uncertain": _Option(
-        "NAME=DIST",
-        "distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a name of the "
-        "scene file such as block.restitution, each in its own unit; NAME_factor is a multiple of the scene's own "
-        "value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or lognormal:MEDIAN:DISPERSION, as in "
-        "size_factor=lognormal:1:0.05; may be repeated",
-        more={"action": "append"},
-    ),
-    "--blocks": _Option(
-        "N",
-        "with --uncertain: blocks drawn for each scene (default 20) or record (default 1; of one record 5 or more)",
-        int,
-    ),
-    "--workers": _Option(
-        "N", "worker processes, one processor each (default 1: this process alone, on all processors)", int
-    ),
-    "--store": _Option(
-        "FILE", "file that keeps the points as they come; where it exists, the run goes on from it", pathlib.Path
-    ),
-    "--records": _Option(
-        "FILE", "recorded motions (.AT2, .ASC or two columns); the scene gives block and noise", None, _SEVERAL
-    ),
-    "--synthetic": _Option("N", "in place of records: as many synthetic motions on firm ground", int),
-    "--hazard": _Option(
-        "FILE|K0:K",
-        "file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard K0 im^-K",
-        more={"required": True},
-    ),
-    "--intensities": _Option(
-        "LIST",
-        "intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing",
-        more={"required": True},
-    ),
-    "--measure": _Option("NAME", "intensity of the motion: PGV in m/s (default) or PGA in g"),
-    "--units": _Option("NAME", "unit of the records where their files do not say it: g, m/s2 or cm/s2"),
-    "--name": _Option("NAME", "identifier of the block in the exported files (default rocking_block)"),
-}
-"""Every argument of the command line."""
+def _arguments():
+    """Return the keyword arguments of argparse for each entry of `_OPTIONS`, by its name."""
+    arguments: dict[str, dict[str, Any]] = {}
+    types = {"int": int, "float": float, "path": pathlib.Path, "": None}
+    marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "!": {"required": True}, "": {}}
+    for entry in re.split(r"\n(?=\S)", _OPTIONS.strip()):
+        head, text = re.split(r"\s{2,}", entry, maxsplit=1)
+        name, _, form = head.partition(" ")
+        metavar, kind, mark = re.fullmatch(r"(.*?)(?::(int|float|path))?([+*!]?)", form).groups("")
+        own = {"metavar": metavar, "type": types[kind]} if form else {"action": "store_true", "default": None}
+        arguments[name] = {"help": " ".join(text.split())} | own | marks[mark]
+    return arguments
 
 
 class _Parser(argparse.ArgumentParser):
@@ -242,13 +177,13 @@ def _parser() -> argparse.ArgumentParser:
     layout = argparse.RawDescriptionHelpFormatter
     parser = _Parser("fpk-rocking", description=_DESCRIPTION, epilog=_EXAMPLES, formatter_class=layout)
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), _arguments()
 
     def command(name, run, does, more="", options="", files=""):
         added = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {more}")
         for option in options.split():
-            folder = f"{_OPTIONS[option].text}: {files}"
-            (_OPTIONS[option]._replace(text=folder) if option == "--out" else _OPTIONS[option]).add_to(added, option)
+            own = {"help": f"{arguments[option]['help']}: {files}"} if option == "--out" else {}
+            added.add_argument(option, **arguments[option] | own)
         added.set_defaults(run=run)
 
     rows = "--set --cycles --times --out --report --json"

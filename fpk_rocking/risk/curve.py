@@ -8,6 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Number
+from fpk_rocking.results.dataset import Dataset
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
@@ -190,6 +191,26 @@ class IntensityCurve:
         if self.fitted:
             return self.fit(intensity)
         return np.interp(np.log(intensity), np.log(self.intensity), np.maximum.accumulate(self.probability), left=0.0)
+
+    def dataset(self) -> Dataset:
+        """Probability with its limits, and that of the lognormal fit, over the intensity in its unit."""
+        dim = f"{self.measure}_{self.unit.replace('/', '_per_')}"
+        fit = np.full(self.intensity.shape, math.nan) if self.fit.reason else self.fit(self.intensity)
+        low, high = self.interval.T
+        columns = {"probability": self.probability, "low": low, "high": high, "lognormal": fit}
+        return Dataset({name: (dim, values) for name, values in columns.items()}, {dim: self.intensity}, (dim,))
+
+    def describe(self) -> str:
+        """Return limit state, measure, number of records, lognormal fit and sources of its dispersion as sentences."""
+        of = f"{self.records} records" if self.records > 1 else "one scene"
+        text = f"Probability of '{self.name}' of a rocking block against {self.measure} ({self.unit}), from {of}."
+        fit = self.fit
+        if fit.reason:
+            return f"{text} No lognormal fit: {fit.reason}."
+        text += f" Lognormal fit: median {fit.median:.4g} {self.unit}, dispersion {fit.dispersion:.3g}"
+        if self.records > 1 or self.blocks:
+            text += f" ({', '.join(f'{name} {value:.3g}' for name, value in self.sources.items())})"
+        return f"{text}{', rejected by the data' if fit.rejected else ''}, largest misfit {fit.misfit:.2g}."
 
     @classmethod
     def of(

@@ -53,7 +53,7 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     states = [_identifier(curve.name) for curve in curves]
     root = ET.Element("nrml", xmlns="http://openquake.org/xmlns/nrml/0.5")
     model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
-    ET.SubElement(model, "description").text = description or _description(curves)
+    ET.SubElement(model, "description").text = description or curves[-1].describe()
     ET.SubElement(model, "limitStates").text = " ".join(states)
     fitted = all(curve.fitted for curve in curves)
     kind: dict[str, str] = {"format": "continuous", "shape": "logncdf"} if fitted else {"format": "discrete"}
@@ -127,7 +127,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},"
     write_text(path, f"{header},LS1-DamageStateWeights\n{row}\n")
     about = {
-        "Description": description or _description([curve]),
+        "Description": description or curve.describe(),
         "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
     }
     write_text(pathlib.Path(path).with_suffix(".json"), json.dumps({name: about}, indent=2) + "\n")
@@ -152,15 +152,9 @@ def to_csv(path: File, curve: IntensityCurve) -> None:
     >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> to_csv("curve.csv", IntensityCurve.of(found, "PGV"))
     """
-    unit = curve.unit.replace("/", "_per_")
-    lines = [
-        f"# {_description([curve])}{_about_limits(curve)}",
-        f"{curve.measure}_{unit},probability,low,high,lognormal",
-    ]
-    fit = np.broadcast_to(math.nan if curve.fit.reason else curve.fit(curve.intensity), curve.intensity.shape)
-    for row in zip(curve.intensity, curve.probability, *curve.interval.T, fit, strict=True):
-        lines.append(",".join(repr(float(value)) for value in row))
-    write_text(path, "\n".join(lines) + "\n")
+    table = curve.dataset().table()
+    rows = (",".join(map(repr, row)) for row in zip(*(column.tolist() for column in table.values()), strict=True))
+    write_text(path, "\n".join([f"# {curve.describe()}{_about_limits(curve)}", ",".join(table), *rows]) + "\n")
 
 
 def _same(curves):
@@ -237,16 +231,3 @@ def _about_limits(curve):
         f" low, high: 95 % limits for other {others} of their kind, by bootstrap; Wilson's where all agree, whose high "
         "is above 0 where none overturned."
     )
-
-
-def _description(curves):
-    """Return limit state, measure, records and lognormal fit of the last of some curves as sentences."""
-    curve = curves[-1]
-    of = f"{curve.records} records" if curve.records > 1 else "one scene"
-    text = f"Probability of '{curve.name}' of a rocking block against {curve.measure} ({curve.unit}), from {of}."
-    if curve.fit.reason:
-        return f"{text} No lognormal fit: {curve.fit.reason}."
-    text += f" Lognormal fit: median {curve.fit.median:.4g} {curve.unit}, dispersion {curve.fit.dispersion:.3g}"
-    if curve.records > 1 or curve.blocks:
-        text += f" ({', '.join(f'{name} {value:.3g}' for name, value in curve.sources.items())})"
-    return f"{text}{', rejected by the data' if curve.fit.rejected else ''}, largest misfit {curve.fit.misfit:.2g}."

@@ -10,6 +10,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File, Number
+from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.curve import IntensityCurve
@@ -137,8 +138,8 @@ class Hazard:
         return np.exp(np.log(self.rate)[place] - slopes[place] * (y - logs[place]))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Risk:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Risk(Result):
     """Annual frequency of a limit state.
 
     Parameters
@@ -200,9 +201,8 @@ class Risk:
         """
         return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
 
-    @property
-    def doubts(self) -> list[Diagnostic]:
-        """What speaks against it: shares above .05 of the rate from beyond the points of hazard or fragility."""
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """Return what speaks against it: shares above .05 of the rate from beyond the points of hazard or fragility."""
         lognormal, points = "its lognormal curve goes on", "the probability is 0 below, the last one above"
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
@@ -235,14 +235,19 @@ class Risk:
         at_once = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
         wide = "" if self.curve.fitted or len(self.curve.redrawn) else at_once
         text = (
-            f"{self.headline}: return period {self.return_period:.4g} years, probability in 50 years "
+            f"{self.title}: return period {self.return_period:.4g} years, probability in 50 years "
             f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
             "hazard and the model of the block count as known."
         )
-        return [text, *(doubt.message for doubt in self.doubts)]
+        return [text, *self.remarks]
 
     @property
-    def headline(self) -> str:
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on shares of the rate from beyond the points of hazard or fragility."""
+        return tuple(diagnostic.message for diagnostic in self.model_diagnostics())
+
+    @property
+    def title(self) -> str:
         """The rate with its limits, as a line of text."""
         name = "overturning" if self.curve.name == "overturned" else self.curve.name
         low, high = map(_digits, self.interval)
@@ -253,20 +258,34 @@ class Risk:
         """Return the figures as plain values, for JSON."""
         figures = {
             "rate": self.rate,
-            "interval": list(self.interval),
-            "return_period": self.return_period if self.rate > 0.0 else None,
+            "interval": self.interval,
+            "return_period": self.return_period,
             "probability_50_years": self.probability(),
             "measure": self.curve.measure,
             "unit": self.curve.unit,
-            "edges": self.edges.tolist(),
-            "contribution": self.contribution.tolist(),
+            "edges": self.edges,
+            "contribution": self.contribution,
             "beyond_hazard": self.beyond_hazard,
             "beyond_curve": self.beyond_curve,
             "median": self.curve.fit.median,
             "dispersion": self.curve.fit.dispersion,
             "sentences": self.sentences,
         }
-        return {name: plain(value) for name, value in figures.items()}
+        return plain(figures)
+
+    def dataset(self) -> Dataset:
+        """Contributions of the bins of intensity to the rate, with the lower and upper edges of the bins."""
+        low, high = self.edges[:-1], self.edges[1:]
+        places = {"bin": np.arange(low.size), "low": ("bin", low), "high": ("bin", high)}
+        return Dataset({"contribution": ("bin", self.contribution)}, places, rows=("bin",))
+
+    def plot(self) -> Any:
+        """Draw the curve, and the contributions beside the hazard; returns a matplotlib figure."""
+        from fpk_rocking.results.pictures import figure_of
+        from fpk_rocking.risk.report import draw_contributions, draw_curve
+
+        curve = self.curve.probability[None]
+        return figure_of(lambda _, axes: draw_curve(axes, self, curve), lambda _, axes: draw_contributions(axes, self))
 
 
 def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:

@@ -48,7 +48,7 @@ def write_risk_report(path: File, study: Any) -> int:
     """
     risk = study.risk
     curve, scenes = risk.curve, study.motions
-    title = f"{study.name}: {risk.headline}"
+    title = study.title
     words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
     parts = [
         "".join(f"<p>{html.escape(text)}</p>" for text in risk.sentences),
@@ -187,9 +187,8 @@ def _sources(curve):
 
 def _points(curve):
     """Table of the points of a curve."""
-    fit = np.broadcast_to(math.nan if curve.fit.reason else curve.fit(curve.intensity), curve.intensity.shape)
     names = f"{curve.measure}, {curve.unit}", "probability", "low (95 %)", "high (95 %)", "lognormal"
-    columns = curve.intensity, curve.probability, *curve.interval.T, fit
+    columns = curve.dataset().table().values()
     return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
 
 
@@ -209,7 +208,7 @@ def risk_figure(path: File, risk: Risk, records: Array) -> None:
     records : ndarray, shape (r, n)
         Probabilities of each record at the curve's intensities.
     """
-    title = f"{risk.headline[0].upper()}{risk.headline[1:]}"
+    title = f"{risk.title[0].upper()}{risk.title[1:]}"
     with style.page(path, (11.0, 5.2), title, risk.sentences) as figure:
         left, right = figure.subplots(1, 2)
         draw_curve(left, risk, records)

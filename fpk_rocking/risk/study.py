@@ -10,21 +10,22 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
+from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain, write_json, write_text
-from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
+from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.curves import fragility
-from fpk_rocking.studies.diagnostics import model_doubts
+from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws, drawn
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Study:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Study(Result):
     """Fragility and annual rate of a block under several motions, as `study` returns them.
 
     Parameters
@@ -75,10 +76,26 @@ class Study:
         return np.array([self.fragility.overturned[origin == record].mean(axis=0) for record in np.unique(origin)])
 
     @property
-    def trust(self) -> Trust:
-        """Verdict on the rate: its relative standard error, and doubts of scenes, engine, hazard and records."""
-        doubts = model_doubts(self.fragility) + self.risk.doubts + self._of_records()
-        return verdict([*doubts, *assess({"relative_error": self.risk.relative_error})])
+    def title(self) -> str:
+        """Identifier of the block and rate with its limits, as a line of text."""
+        return f"{self.name}: {self.risk.title}"
+
+    @property
+    def relative_error(self) -> float:
+        """Relative standard error of the rate, by which a study is judged."""
+        return self.risk.relative_error
+
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """Return what speaks against scenes, engine, hazard and records."""
+        return model_diagnostics(self.fragility) + self.risk.model_diagnostics() + self._of_records()
+
+    def dataset(self) -> Dataset:
+        """Probabilities of the curve with their limits."""
+        return self.risk.curve.dataset()
+
+    def plot(self) -> Any:
+        """Draw the curve, and the contributions to the rate; returns a matplotlib figure."""
+        return self.risk.plot()
 
     def _of_records(self):
         """Return what speaks against the motions: that there are few, or that some are equal."""
@@ -132,18 +149,16 @@ class Study:
 
     def summary(self) -> dict[str, Any]:
         """Return all figures as plain values, for JSON."""
-        curve = self.risk.curve
-        points = {"intensity": curve.intensity.tolist(), "probability": curve.probability.tolist()}
-        points |= {
-            "interval": plain(curve.interval),
-            "between": plain(curve.between),
-            "within": plain(curve.within),
-            "blocks": plain(curve.blocks),
+        names = "intensity", "probability", "interval", "between", "within", "blocks"
+        values = {
+            "risk": self.risk.summary(),
+            "curve": {name: getattr(self.risk.curve, name) for name in names},
+            "trust": self.trust.plain,
+            "ranking": [ranking._asdict() for ranking in ranked(self.fragility)],
+            "draws": None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values},
+            "fragility": self.fragility.summary(),
         }
-        more: dict[str, Any] = {"trust": self.trust.plain}
-        more |= {"ranking": [plain(ranking._asdict()) for ranking in ranked(self.fragility)]}
-        more["draws"] = None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values}
-        return {"risk": self.risk.summary(), "curve": points, **more, "fragility": self.fragility.summary()}
+        return plain(values)
 
     @property
     def not_for_pelicun(self) -> str:

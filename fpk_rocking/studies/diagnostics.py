@@ -10,14 +10,17 @@ from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Diagnostic
 from montecarlo.results.ensemble import path_diagnostics
 
 
-def doubts_of(result: Any) -> list[Diagnostic]:
+def curve_diagnostics(result: Any) -> list[Diagnostic]:
     """Return what speaks against a `studies.Fragility`, each kind once."""
     return (
-        model_doubts(result) + _rejected(result) + _falling(result) + (_few_motions(result) if result.mixture else [])
+        model_diagnostics(result)
+        + _rejected(result)
+        + _falling(result)
+        + (_few_motions(result) if result.mixture else [])
     )
 
 
-def model_doubts(result: Any) -> list[Diagnostic]:
+def model_diagnostics(result: Any) -> list[Diagnostic]:
     """Return what speaks against the model, the noise and the engine of a `studies.Fragility`, each kind once."""
     return (
         _unanswered(result) + _noise(result) + (path_diagnostics(result.engine) if result.deterministic.any() else [])
@@ -37,11 +40,13 @@ def _noise(result):
     """Return what speaks against model and noise of the scenes, the weightiest of each kind for all scenes."""
     kinds: dict[str, dict[Diagnostic, None]] = {}
     for scene in result.scenes:
-        for doubt in scene_diagnostics(scene, result.noise_replacement, scales=(result.scale[0], result.scale[-1])):
-            kinds.setdefault(doubt.kind, {})[doubt] = None
+        for diagnostic in scene_diagnostics(
+            scene, result.noise_replacement, scales=(result.scale[0], result.scale[-1])
+        ):
+            kinds.setdefault(diagnostic.kind, {})[diagnostic] = None
     grouped = []
     for kind in kinds.values():
-        first, *others = sorted(kind, key=lambda doubt: -doubt.severity)
+        first, *others = sorted(kind, key=lambda diagnostic: -diagnostic.severity)
         likewise = f" (Other scenes: {len(others)} likewise.)" * bool(others)
         grouped.append(first._replace(message=first.message + likewise))
     return grouped

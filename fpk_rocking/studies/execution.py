@@ -167,7 +167,15 @@ def _rows_from_executor(executor, task, jobs, options):
         for future in futures:
             future.cancel()
     for job in failed:
-        yield _second_attempt(executor, task, job, options)
+        started = time.perf_counter()
+        # An executor that takes no more jobs raises here: that is no failure of the job.
+        future = executor.submit(_run_on_one_thread, task, job, options, 2)
+        try:
+            yield future.result()
+        except _EXECUTOR_ENDED:
+            raise
+        except Exception as error:  # noqa: BLE001  (whatever it is: a row says so, and the sweep goes on)
+            yield job.row(time.perf_counter() - started, {}, f"{type(error).__name__}: {line(error)}")
 
 
 def _rows_from_processes(count, task, jobs, options):
@@ -183,24 +191,13 @@ def _rows_from_processes(count, task, jobs, options):
             # Jobs begin in their order, so those that were running are the first that have no row.
             for job in list(left.values())[:count]:
                 del left[job.number]
-                with _processes(1) as pool:
-                    yield _second_attempt(pool, task, job, options, "its process was killed, or ran out of memory")
-
-
-def _second_attempt(executor, task, job, options, reason_if_ended=None):
-    """Return the row of a job that an executor runs by itself, with `reason_if_ended` if that ends the executor."""
-    begin = time.perf_counter()
-    # An executor that takes no more jobs raises here: that is no failure of the job.
-    future = executor.submit(_run_on_one_thread, task, job, options, 2)
-    try:
-        return future.result()
-    except _EXECUTOR_ENDED:
-        if reason_if_ended is None:
-            raise
-        reason = reason_if_ended
-    except Exception as error:  # noqa: BLE001  (whatever it is: a row says so, and the sweep goes on)
-        reason = f"{type(error).__name__}: {line(error)}"
-    return job.row(time.perf_counter() - begin, {}, reason)
+                started = time.perf_counter()
+                try:
+                    with _processes(1) as pool:
+                        yield from _rows_from_executor(pool, task, [job], options)
+                except concurrent.futures.BrokenExecutor:
+                    reason = "its process was killed, or ran out of memory"
+                    yield job.row(time.perf_counter() - started, {}, reason)
 
 
 @contextlib.contextmanager

@@ -13,16 +13,10 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved, plain
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.diagnostics import doubts_of
+from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.scenes import Intensities, intensities
 from montecarlo.results.ensemble import EXACT_PATH
-
-_LEVEL = 0.95
-"""Confidence of the intervals of the fits."""
-
-_EQUAL = 1e-9
-"""Relative difference up to which scenes have a measure in common: blocks of other sizes round it differently."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -37,7 +31,7 @@ class Fragility(Saved, Result):
         The scenes at scale 1. Of a mixture all of its scenes, while m = 1.
     axis : str
         Name of the parameter in which the scenes differ, as `fpk_rocking.studies.scenes.varied` takes it; "scene" for
-        scenes that were given one by one.
+        a list of scenes.
     place : ndarray, shape (m,)
         Values of this parameter; numbers from 0 for "scene", nan for a mixture.
     level : ndarray, shape (l,)
@@ -56,7 +50,7 @@ class Fragility(Saved, Result):
     noise_scaled : bool
         Whether the scale multiplies the noise as well.
     options : dict
-        Cycles, seed and settings of the engine, as given to `fpk_rocking.studies.fragility`.
+        Cycles, seed and settings of the engine, as passed to `fpk_rocking.studies.fragility`.
     noise_replacement : str
         Which noise replaced that of the scenes, as a sentence; empty where none did.
     reasons : dict of str to str
@@ -116,8 +110,8 @@ class Fragility(Saved, Result):
     @property
     def deterministic(self) -> Array:
         """Whether nothing is random behind a curve, so that each scale has one outcome of each scene, shape (m,)."""
-        found = [scene.deterministic and self.realizations > 0 for scene in self.scenes]
-        return np.array([all(found)] if self.mixture else found)
+        paths = [scene.deterministic and self.realizations > 0 for scene in self.scenes]
+        return np.array([all(paths)] if self.mixture else paths)
 
     def interval(self, level: float = 0.95) -> Array:
         """Return limits of the probabilities.
@@ -146,13 +140,13 @@ class Fragility(Saved, Result):
         The outcomes of one deterministic scene are not fitted. A mixture of such scenes is, without intervals: its
         probabilities are no counts of independent samples.
         """
-        found = zip(self.probability, self.deterministic, strict=True)
-        return [[self._fit(curve, still) for curve in curves] for curves, still in found]
+        scenes = zip(self.probability, self.deterministic, strict=True)
+        return [[self._fit(curve, still) for curve in curves] for curves, still in scenes]
 
     def _fit(self, curve, deterministic):
         if deterministic and not self.mixture:
-            return LognormalFit(level=_LEVEL, reason=f"deterministic: {_outcomes(self.scale, curve)}")
-        return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None, level=_LEVEL)
+            return LognormalFit(reason=f"deterministic: {_outcomes(self.scale, curve)}")
+        return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None)
 
     @functools.cached_property
     def intensities(self) -> list[Intensities]:
@@ -160,8 +154,8 @@ class Fragility(Saved, Result):
 
         Of a mixture those that its scenes have in common, and nan where they differ.
         """
-        found = [intensities(scene) for scene in self.scenes]
-        return [Intensities(*map(_common, zip(*found, strict=True)))] if self.mixture else found
+        measures = [intensities(scene) for scene in self.scenes]
+        return [Intensities(*map(_common, zip(*measures, strict=True)))] if self.mixture else measures
 
     @functools.cached_property
     def pooled(self) -> Self:
@@ -189,15 +183,15 @@ class Fragility(Saved, Result):
     @property
     def names(self) -> list[str]:
         """Labels of the l + 1 probabilities."""
-        return ["overturned", *(f"|Θ| ≥ {one:g}" for one in self.level)]
+        return ["overturned", *(f"|Θ| ≥ {level:g}" for level in self.level)]
 
     @property
     def names_with_degrees(self) -> list[str]:
-        """The same with the levels in degrees too, where all blocks have one critical angle."""
+        """Labels of the l + 1 probabilities, with levels in degrees too where all blocks have one critical angle."""
         angle = math.degrees(_common([scene.block.critical_angle for scene in self.scenes]))
         if not angle > 0.0:
             return self.names
-        return ["overturned", *(f"|Θ| ≥ {one:g} ({angle * one:.3g}°)" for one in self.level)]
+        return ["overturned", *(f"|Θ| ≥ {level:g} ({angle * level:.3g}°)" for level in self.level)]
 
     def label(self, scene: int) -> str:
         """Return a label of a scene: its value of the parameter, the size of its block, or its number.
@@ -229,7 +223,7 @@ class Fragility(Saved, Result):
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return what speaks against this result whatever its own errors, each kind once."""
-        return doubts_of(self)
+        return curve_diagnostics(self)
 
     @property
     def error_figures(self) -> dict[str, Any]:
@@ -255,11 +249,12 @@ class Fragility(Saved, Result):
         count, (low, high) = len(self.place), self.scale[[0, -1]]
         fit = self.fits[0][0]
         fitted = count == 1 and not fit.reason and not (fit.rejected and self._beyond(fit))
-        found = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if fitted else ""
+        lognormal = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if fitted else ""
         scenes = self.label(0) if self.mixture else f"{count} scene{'s' * (count > 1)}"
-        return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{found}"
+        return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{lognormal}"
 
     def _beyond(self, fit: LognormalFit) -> bool:
+        """Whether the median of a fit lies outside the scales."""
         return not self.scale[0] <= fit.median <= self.scale[-1]
 
     def describe(self, scene: int, which: int = 0) -> str:
@@ -288,8 +283,8 @@ class Fragility(Saved, Result):
         text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
         text += f", p = {fit.p_value:.2g}" if np.isfinite(fit.p_value) else ""
         text += f"; the median is extrapolated, {reached}" * beyond
-        known = self.intensities[scene].at(fit.median)
-        return text + f". At the median: {known}" * bool(known) + "."
+        measures = self.intensities[scene].at(fit.median)
+        return text + f". At the median: {measures}" * bool(measures) + "."
 
     def dataset(self) -> Dataset:
         """Probabilities with their limits, fits, levels and intensities, over scenes, scales and levels.
@@ -343,33 +338,19 @@ class Fragility(Saved, Result):
         return small_figure(self)
 
     def summary(self) -> dict[str, Any]:
-        """Return all but the scenes as plain values, for JSON."""
-        return {
-            "engine": self.engine,
-            "realizations": self.realizations,
-            "noise_scaled": self.noise_scaled,
-            "mixture": self.mixture,
-            "deterministic": self.deterministic.tolist(),
-            "options": self.options,
-            "axis": self.axis,
-            "place": plain(self.place),
-            "scale": self.scale.tolist(),
-            "level": self.level.tolist(),
-            "overturned": plain(self.overturned),
-            "reached": plain(self.reached),
-            "interval": plain(self.interval()),
-            "error_estimate": plain(self.error_estimate),
-            "fits": [[plain(fit._asdict()) for fit in row] for row in self.fits],
-            "intensities": [plain(one._asdict()) for one in self.intensities],
-            "reasons": self.reasons,
-            "trust": self.trust.plain,
-            "remarks": list(self.remarks),
-            "wall_s": self.wall_s,
+        """Return fields without scenes, limits, fits, intensities, verdict and remarks as plain values, for JSON."""
+        own = {field.name for field in dataclasses.fields(self)} - {"scenes", "probability", "noise_replacement"}
+        values = {
+            name: getattr(self, name) for name in (*sorted(own), "overturned", "reached", "deterministic", "remarks")
         }
+        fits = [[fit._asdict() for fit in row] for row in self.fits]
+        measures = [measure._asdict() for measure in self.intensities]
+        more = {"interval": self.interval(), "fits": fits, "intensities": measures, "trust": self.trust.plain}
+        return plain(values | more)
 
 
 def _outcomes(scale, curve):
-    """Say at which scales one path overturns, or reaches a level: curve (n,) of 0, 1 and nan."""
+    """Return at which scales one path overturns, or reaches a level, as a text; the curve (n,) is of 0, 1 and nan."""
     over = curve == 1.0
     if not over.any():
         return f"happens at none of {over.size} scales"
@@ -380,10 +361,11 @@ def _outcomes(scale, curve):
 
 
 def _common(values):
-    """Return what all values are but for rounding, nan where they differ."""
-    return values[0] if all(math.isclose(value, values[0], rel_tol=_EQUAL) for value in values) else np.nan
+    """Return the first value where all are equal, nan where they differ."""
+    # Blocks of other sizes round a measure differently.
+    return values[0] if all(math.isclose(value, values[0], rel_tol=1e-9) for value in values) else np.nan
 
 
 def _limits(interval):
-    """Return confidence limits as a text; of what has none an empty one."""
+    """Return confidence limits as a text, empty where they are nan."""
     return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""

@@ -93,8 +93,8 @@ class Sweep(Result):
         path : str or pathlib.Path
             File to write.
         """
-        found = self._table("")
-        write_csv(path, found, zip(*found.values(), strict=True))
+        columns = self._table("")
+        write_csv(path, columns, zip(*columns.values(), strict=True))
 
     def _table(self, missing):
         """Columns of numbers and texts by name; `missing` stands where a row has no value of a name."""
@@ -123,21 +123,20 @@ class Sweep(Result):
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """Scenes that failed, have no verdict, or one that is not "ok"."""
-        found, count, verdicts = [], len(self.rows), self._verdicts()
+        against, count, verdicts = [], len(self.rows), self._verdicts()
         if self.failed:
             sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
-            found.append(Diagnostic(CAUTION if len(self.failed) < count else UNUSABLE, sentence, "failed"))
+            against.append(Diagnostic(CAUTION if len(self.failed) < count else UNUSABLE, sentence, "failed"))
         unjudged = count - len(self.failed) - sum(verdicts.values())
         if unjudged:
             sentence = f'{unjudged} of {count} scenes have no verdict: their function returned none as "trust".'
-            found.append(Diagnostic(CAUTION, sentence, "unjudged"))
+            against.append(Diagnostic(CAUTION, sentence, "unjudged"))
         for severity in (CAUTION, UNUSABLE):
             name = VERDICTS[severity]
             if name in verdicts:
-                found.append(
-                    Diagnostic(severity, f'{verdicts[name]} of {count} scenes have the verdict "{name}".', name)
-                )
-        return found
+                sentence = f'{verdicts[name]} of {count} scenes have the verdict "{name}".'
+                against.append(Diagnostic(severity, sentence, name))
+        return against
 
     @property
     def reason_if_ok(self) -> str:
@@ -148,7 +147,7 @@ class Sweep(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences about scenes that failed or are not to be trusted."""
-        return tuple(one.message for one in self.diagnostics)
+        return tuple(diagnostic.message for diagnostic in self.diagnostics)
 
     @property
     def title(self) -> str:
@@ -166,8 +165,9 @@ class Sweep(Result):
         return Dataset({name: (dims, self.values(name)) for name in self._numbers()}, places, rows=dims)
 
     def _numbers(self):
-        found = {key: value for row in self.rows for key, value in row["values"].items()}
-        last = {name: value[-1] if isinstance(value, list) and value else value for name, value in found.items()}
+        """Return the names of the values that are numbers, or lists of numbers."""
+        values = {key: value for row in self.rows for key, value in row["values"].items()}
+        last = {name: value[-1] if isinstance(value, list) and value else value for name, value in values.items()}
         return [name for name, value in last.items() if isinstance(value, int | float)]
 
     def plot(self, name: str | None = None) -> Any:
@@ -190,7 +190,7 @@ class Sweep(Result):
 
         def panel(_, axes):
             lines = values.reshape(len(first[1]), -1).T
-            for line, place in zip(lines, itertools.product(*(given for _, given in others)), strict=True):
+            for line, place in zip(lines, itertools.product(*(axis for _, axis in others)), strict=True):
                 label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
                 axes.plot(first[1], line, marker="o", markersize=4.0, label=label or None)
             axes.set(xlabel=first[0], ylabel=name)

@@ -14,7 +14,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results import trust
 from fpk_rocking.results.remarks import remarks, scene_diagnostics
 from fpk_rocking.results.replacement import Replacement
-from fpk_rocking.studies.diagnostics import doubts_of
+from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.lognormal import LognormalFit
 from montecarlo import Splitting
 
@@ -167,7 +167,7 @@ def fit(misfit=0.0, p_value=math.nan):
 
 
 def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=False):
-    """What `doubts_of` reads of fragility curves."""
+    """What `curve_diagnostics` reads of fragility curves."""
     array = np.array(probability)[None, None]
     return types.SimpleNamespace(
         probability=array,
@@ -184,10 +184,10 @@ def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,), mixture=Fal
 
 
 def test_curves_without_an_answer_are_of_no_use():
-    (some,), (none,) = (doubts_of(curves(reasons=range(count), probability=[0.5] * 4)) for count in (3, 4))
+    (some,), (none,) = (curve_diagnostics(curves(reasons=range(count), probability=[0.5] * 4)) for count in (3, 4))
     assert some[:3] == (trust.CAUTION, "The engine gave no answer for 3 of 4 probabilities: refused.", "unanswered")
     assert none[:2] == (trust.UNUSABLE, "The engine gave no answer for 4 of 4 probabilities: refused.")
-    assert doubts_of(curves()) == []
+    assert curve_diagnostics(curves()) == []
 
 
 @pytest.mark.parametrize(
@@ -200,19 +200,19 @@ def test_curves_without_an_answer_are_of_no_use():
 )
 def test_a_fit_is_rejected_beyond_its_limits(inside, outside, rule):
     """Of several the worst is told, and how many there are."""
-    assert doubts_of(curves([inside])) == []
-    (one,), (two,) = doubts_of(curves([outside])), doubts_of(curves([inside, outside, outside]))
+    assert curve_diagnostics(curves([inside])) == []
+    (one,), (two,) = curve_diagnostics(curves([outside])), curve_diagnostics(curves([inside, outside, outside]))
     assert one.message.startswith(f"The lognormal fit is rejected {rule}")
     assert two.message.startswith(f"The lognormal fit of 2 of 3 curves is rejected {rule}")
     better = outside._replace(misfit=outside.misfit - 1e-3, p_value=0.0)
-    assert f"off by up to {outside.misfit:.2g}" in doubts_of(curves([better, outside, better]))[0].message
+    assert f"off by up to {outside.misfit:.2g}" in curve_diagnostics(curves([better, outside, better]))[0].message
 
 
 @pytest.mark.parametrize(("count", "said"), [(381, False), (380, True)])
 def test_a_mean_over_motions_is_doubted_up_to_380_of_them(count, said):
     """Wilson's half width at one half is z/(2 √(n + z²)): .05 at n = 380.3, z = 1.96."""
     many = {"scenes": (WHITE,) * count, "mixture": True}
-    found = doubts_of(curves(probability=[0.0, 0.5, math.nan], **many))
+    found = curve_diagnostics(curves(probability=[0.0, 0.5, math.nan], **many))
     assert [doubt.message.split(":")[0] for doubt in found] == [f"The mean is over {count} motions alone"] * said
-    assert doubts_of(curves(probability=[0.0, 0.5], scenes=many["scenes"])) == []
-    assert doubts_of(curves(mixture=True))[0].message.startswith("The mean is over 1 motion alone")
+    assert curve_diagnostics(curves(probability=[0.0, 0.5], scenes=many["scenes"])) == []
+    assert curve_diagnostics(curves(mixture=True))[0].message.startswith("The mean is over 1 motion alone")

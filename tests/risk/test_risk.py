@@ -86,7 +86,7 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     )
     assert "upper limits, which is wider than the limits of a fit" in points.sentences[0]
     assert "the fragility, where the probability is 0 below, the last one above: " in points.sentences[2]
-    assert [doubt.kind for doubt in risk.doubts][:1] == ["the hazard curve"]
+    assert [diagnostic.kind for diagnostic in risk.diagnostics][:1] == ["the hazard curve"]
     assert risk.relative_error == pytest.approx((risk.interval[1] - risk.interval[0]) / (2 * 1.96 * risk.rate))
     wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
     assert wide.beyond_hazard < 1e-6
