@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Number
-from fpk_rocking.results.dataset import Dataset
+from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY

@@ -10,7 +10,6 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File, Number
-from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.curve import IntensityCurve
@@ -138,8 +137,8 @@ class Hazard:
         return np.exp(np.log(self.rate)[place] - slopes[place] * (y - logs[place]))
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Risk(Result):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Risk:
     """Annual frequency of a limit state.
 
     Parameters
@@ -201,8 +200,9 @@ class Risk(Result):
         """
         return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
 
-    def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against it: shares above .05 of the rate from beyond the points of hazard or fragility."""
+    @property
+    def diagnostics(self) -> list[Diagnostic]:
+        """What speaks against it: shares above .05 of the rate from beyond the points of hazard or fragility."""
         lognormal, points = "its lognormal curve goes on", "the probability is 0 below, the last one above"
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
@@ -239,12 +239,7 @@ class Risk(Result):
             f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
             "hazard and the model of the block count as known."
         )
-        return [text, *self.remarks]
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Sentences on shares of the rate from beyond the points of hazard or fragility."""
-        return tuple(diagnostic.message for diagnostic in self.model_diagnostics())
+        return [text, *(diagnostic.message for diagnostic in self.diagnostics)]
 
     @property
     def title(self) -> str:
@@ -272,20 +267,6 @@ class Risk(Result):
             "sentences": self.sentences,
         }
         return plain(figures)
-
-    def dataset(self) -> Dataset:
-        """Contributions of the bins of intensity to the rate, with the lower and upper edges of the bins."""
-        low, high = self.edges[:-1], self.edges[1:]
-        places = {"bin": np.arange(low.size), "low": ("bin", low), "high": ("bin", high)}
-        return Dataset({"contribution": ("bin", self.contribution)}, places, rows=("bin",))
-
-    def plot(self) -> Any:
-        """Draw the curve, and the contributions beside the hazard; returns a matplotlib figure."""
-        from fpk_rocking.results.pictures import figure_of
-        from fpk_rocking.risk.report import draw_contributions, draw_curve
-
-        curve = self.curve.probability[None]
-        return figure_of(lambda _, axes: draw_curve(axes, self, curve), lambda _, axes: draw_contributions(axes, self))
 
 
 def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:

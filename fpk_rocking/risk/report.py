@@ -48,7 +48,7 @@ def write_risk_report(path: File, study: Any) -> int:
     """
     risk = study.risk
     curve, scenes = risk.curve, study.motions
-    title = study.title
+    title = f"{study.name}: {risk.title}"
     words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
     parts = [
         "".join(f"<p>{html.escape(text)}</p>" for text in risk.sentences),

@@ -10,9 +10,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain, write_json, write_text
-from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
 from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
@@ -24,8 +23,8 @@ from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Study(Result):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Study:
     """Fragility and annual rate of a block under several motions, as `study` returns them.
 
     Parameters
@@ -76,26 +75,10 @@ class Study(Result):
         return np.array([self.fragility.overturned[origin == record].mean(axis=0) for record in np.unique(origin)])
 
     @property
-    def title(self) -> str:
-        """Identifier of the block and rate with its limits, as a line of text."""
-        return f"{self.name}: {self.risk.title}"
-
-    @property
-    def relative_error(self) -> float:
-        """Relative standard error of the rate, by which a study is judged."""
-        return self.risk.relative_error
-
-    def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against scenes, engine, hazard and records."""
-        return model_diagnostics(self.fragility) + self.risk.model_diagnostics() + self._of_records()
-
-    def dataset(self) -> Dataset:
-        """Probabilities of the curve with their limits."""
-        return self.risk.curve.dataset()
-
-    def plot(self) -> Any:
-        """Draw the curve, and the contributions to the rate; returns a matplotlib figure."""
-        return self.risk.plot()
+    def trust(self) -> Trust:
+        """Verdict on the rate: its relative standard error, and what speaks against scenes, engine, hazard, records."""
+        model = model_diagnostics(self.fragility) + self.risk.diagnostics + self._of_records()
+        return verdict([*model, *assess({"relative_error": self.risk.relative_error})])
 
     def _of_records(self):
         """Return what speaks against the motions: that there are few, or that some are equal."""
