@@ -15,11 +15,10 @@ from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.density.run.periodic import PeriodicRun
-from fpk_rocking.density.solver import NEGLIGIBLE
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import WhiteNoise
 
@@ -41,12 +40,12 @@ print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_te
 def run_of(scene, number, tol):
     """Return a run at the resolution of a number, evolved, and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = PeriodicRun(
+    run = PeriodicPropagator(
         scene,
-        RESOLUTIONS[number].of(scene, bound, motion_of(scene, scene.period * np.arange(CYCLES + 1))),
-        NEGLIGIBLE * tol,
+        RESOLUTIONS[number].adapted(scene, bound, explore(scene, scene.period * np.arange(CYCLES + 1))),
+        TUNING.negligible_mass * tol,
     )
-    return run, run.evolve(scene.period * np.arange(CYCLES + 1))
+    return run, run.propagate(scene.period * np.arange(CYCLES + 1))
 
 
 def peak_memory(tol):
@@ -84,7 +83,7 @@ def main_rows():
         rows.append(
             [
                 f"{tol:g}", f"{seconds[tol]:.2f}", f"{np.abs(found.survival - sampled).max():.1e}",
-                f"{np.abs(found.survival - truth.inside).max():.1e}", f"{found.error_estimate:.1e}",
+                f"{np.abs(found.survival - truth.survival).max():.1e}", f"{found.error_estimate:.1e}",
                 " ".join(f"{value:.4f}" for value in coarse), " ".join(f"{value:.4f}" for value in fine),
                 f"{found.settings['unknowns']:,}", f"{peak_memory(tol):.0f}",
             ]
@@ -130,7 +129,7 @@ def copy_bandwidth():
 def step_figures(tol=1e-3):
     """Unknowns moved a second by the steps of the last run for a tolerance, bytes and seconds a step."""
     run, solution = run_of(MAIN, USUAL[tol], tol)
-    density, steps = solution.coefficients[4], run.leg
+    density, steps = solution.coefficients[4], run.steps
     seconds = medians({"": lambda: [step.apply(density) for step in steps]})[""] / len(steps)
     moved = 16 * run.space.unknowns + sum(step.nbytes for step in steps) / len(steps)
     return run.space.unknowns / seconds, moved, seconds

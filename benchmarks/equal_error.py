@@ -22,13 +22,12 @@ from eulerian_runs import Run as Baseline
 from report import DATA, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS, Resolution
-from fpk_rocking.density.run.periodic import PeriodicRun
-from fpk_rocking.density.solver import NEGLIGIBLE
+from fpk_rocking.density.patches import PatchSettings
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.resolution import RESOLUTIONS, Resolution, explore
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.start.windows import WindowSettings
 from fpk_rocking.density.step.step import Quadrature
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import WhiteNoise
 from montecarlo import simulate
@@ -45,7 +44,7 @@ TARGETS = {"L1 = 0.01, bins of .1": ("coarse", 0.01), "L1 = 0.01, bins of .025":
            "dS = 5e-4": ("survival", 5e-4), "dS = 1e-4": ("survival", 1e-4)}  # fmt: skip
 OTHERS = *METHODS, "Eulerian"
 SAMPLE = 50_000
-_LEAN = WindowSettings(8, 4.5, 1.0, 0.05, 4)
+_LEAN = PatchSettings(8, 4.5, 1.0, 0.05, 4)
 ALONE = (
     Resolution(50, 90, 1, Quadrature(3, 3, 5, 2, 9), 6, _LEAN),
     Resolution(34, 60, 2, Quadrature(4, 4, 5, 2, 9), 8, _LEAN),
@@ -83,12 +82,12 @@ def solver_rows(scene, truth):
 def solved_alone(scene, resolution):
     """Solve a scene once, at one resolution and with no estimate: the run and its solution."""
     bound = velocity_bound(scene, scene.noise.diffusion)
-    run = PeriodicRun(
+    run = PeriodicPropagator(
         scene,
-        resolution.of(scene, bound, motion_of(scene, scene.period * np.arange(CYCLES + 1))),
-        NEGLIGIBLE * TOLERANCES[0],
+        resolution.adapted(scene, bound, explore(scene, scene.period * np.arange(CYCLES + 1))),
+        TUNING.negligible_mass * TOLERANCES[0],
     )
-    return run, run.evolve(scene.period * np.arange(CYCLES + 1))
+    return run, run.propagate(scene.period * np.arange(CYCLES + 1))
 
 
 def alone_rows(scene, truth):
@@ -100,7 +99,7 @@ def alone_rows(scene, truth):
     for name, call in calls.items():
         run, found = call()
         last = found.coefficients[CYCLES]
-        errors = truth.errors(found.inside, lambda edges, run=run, last=last: run.space.bin_integrals(last, *edges))
+        errors = truth.errors(found.survival, lambda edges, run=run, last=last: run.space.bin_integrals(last, *edges))
         rows[name] = {"seconds": seconds[name]} | errors
     return rows
 

@@ -19,12 +19,12 @@ class Truth:
 
     def __init__(self, scene):
         run, solution = run_of(scene, len(RESOLUTIONS) - 1, 1e-4)
-        self.survival = solution.inside
+        self.survival = solution.survival
         last = solution.coefficients[CYCLES]
         self.bins = {name: run.space.bin_integrals(last, *edges) for name, edges in BINS.items()}
         run, solution = run_of(scene, len(RESOLUTIONS) - 2, 1e-4)
         last = solution.coefficients[CYCLES]
-        self.unsure = self.errors(solution.inside, lambda edges: run.space.bin_integrals(last, *edges))
+        self.unsure = self.errors(solution.survival, lambda edges: run.space.bin_integrals(last, *edges))
         joint = np.minimum.outer(self.survival, self.survival) - np.outer(self.survival, self.survival)
         drawn = np.random.default_rng(1).multivariate_normal(np.zeros(CYCLES + 1), joint, DRAWN)
         self._worst = float(np.abs(drawn).max(axis=1).mean())

@@ -15,11 +15,10 @@ import numpy as np
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.run.periodic import PeriodicRun
-from fpk_rocking.density.solver import NEGLIGIBLE
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -44,19 +43,19 @@ def random_scene(rng):
 
 def truth_of(scene, finest):
     """Solve a scene one resolution above a solution: survival, and a function (cycle, edges) for its bins."""
-    bound, motion = velocity_bound(scene, scene.noise.diffusion), motion_of(scene, scene.period * np.arange(CYCLES + 1))
-    levels = [resolution.of(scene, bound, motion) for resolution in RESOLUTIONS]
+    bound, motion = velocity_bound(scene, scene.noise.diffusion), explore(scene, scene.period * np.arange(CYCLES + 1))
+    levels = [resolution.adapted(scene, bound, motion) for resolution in RESOLUTIONS]
     number = [grid.cells[0] for grid in levels].index(finest.settings["angle_cells"])
-    run = PeriodicRun(scene, levels[min(number + 1, len(levels) - 1)], NEGLIGIBLE * TOLERANCES[-1])
-    found = run.evolve(scene.period * np.arange(CYCLES + 1))
-    return found.inside, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
+    run = PeriodicPropagator(scene, levels[min(number + 1, len(levels) - 1)], TUNING.negligible_mass * TOLERANCES[-1])
+    found = run.propagate(scene.period * np.arange(CYCLES + 1))
+    return found.survival, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
 
 
 def judged(name, scene):
     """Rows of a scene: true errors against estimates and tolerances."""
     solutions = [solve_fpk(scene, cycles=CYCLES, tol=tol) for tol in TOLERANCES]
     survival, probabilities = truth_of(scene, solutions[-1])
-    edges = motion_of(scene, scene.period * np.arange(CYCLES + 1)).edges
+    edges = explore(scene, scene.period * np.arange(CYCLES + 1)).edges
     rows = []
     for tol, ours in zip(TOLERANCES, solutions, strict=True):
         error = np.abs(ours.survival - survival).max()

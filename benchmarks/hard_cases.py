@@ -16,7 +16,7 @@ from hard_rows import MAIN, SEED, Reference, Row, load, rows, save, simulated
 from report import VALIDATION, table, write_section
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.pilot import in_rest
+from fpk_rocking.density.resolution import in_rest
 from fpk_rocking.results import sampling as distances
 
 TOL = 1e-3

@@ -23,7 +23,7 @@ from hard_rows import Reference
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.pilot import LEAST_RANGE, REST
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import storage
 from fpk_rocking.results.binning import centred_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
@@ -126,12 +126,14 @@ def motion_edges(scene):
     """Edges of bins, a twentieth of the range that the block moves in; the outermost bins go to the ends of the plane.
 
     The range leaves out a thousandth of the states of 2,000 white-noise paths at 16 times a cycle, symmetric about 0; 0
-    is in the middle of a bin. As in the solver, a range below `LEAST_RANGE` is not divided further.
+    is in the middle of a bin. As in the solver, a range below the least one is not divided further.
     """
     run = histories(scene, cycles=CYCLES, realizations=2000, seed=_TIMED_SEED, samples_per_cycle=16)
     ends = [edges[-1] for edges in joint_edges(scene)]
     found = []
-    for values, end, least in zip((run.angle, run.velocity), ends, LEAST_RANGE, strict=True):
+    for values, end, least in zip(
+        (run.angle, run.velocity), ends, (TUNING.least_angle_range, TUNING.least_velocity_range), strict=True
+    ):
         reach = min(max(np.nanquantile(np.abs(values), 0.999), 0.5 * least), 0.95 * end)
         found.append(np.concatenate([[-end], centred_edges(-reach, reach, 20), [end]]))
     return found
@@ -265,10 +267,11 @@ A and Ω are the nondimensional amplitude and frequency of the forcing, D is the
 
 S(10) is by {options.paths:,} white-noise paths, and all errors are against them. z is the error dS over its standard
 error. Estimate: the solver's own. Bins are a twentieth of the motion's range in angle and in velocity, those about
-rest, |x| < {REST[0]:g} and |v| < {REST[1]:g}, together one; in brackets the L1 of sampling alone. s: seconds of one
-call of `solve_fpk`, answered or refused. white, exact: seconds of these engines for a standard error of {TARGETS[0]:g}
-in survival. From n paths that took t this is t S (1 - S) / (n {TARGETS[0]:g}²), with S at the cycle where S (1 - S) is
-largest, and at least one path. An error ten times smaller takes a hundred times as long. All on both cores.
+rest, |x| < {TUNING.rest_angle:g} and |v| < {TUNING.rest_velocity:g}, together one; in brackets the L1 of sampling
+alone. s: seconds of one call of `solve_fpk`, answered or refused. white, exact: seconds of these engines for a standard
+error of {TARGETS[0]:g} in survival. From n paths that took t this is t S (1 - S) / (n {TARGETS[0]:g}²), with S at the
+cycle where S (1 - S) is largest, and at least one path. An error ten times smaller takes a hundred times as long.
+All on both cores.
 
 {table(COLUMNS, lines)}
 """

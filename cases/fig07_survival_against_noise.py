@@ -120,7 +120,7 @@ def _density(scene, cycles, tol):
     """Survival by the one-cycle operator of a scene, with its error estimate."""
     begin = time.perf_counter()
     operator = CycleOperator(scene, tol=tol)
-    outlook = operator.outlook([cycles])
+    outlook = operator.estimate_survival([cycles])
     return {
         "survival": float(outlook.survival[0]),
         "error_estimate": float(outlook.error_estimate[0]),

@@ -56,13 +56,13 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
     operator = CycleOperator(scene, tol=tol)
     quiet = simulate(scene.varied(noise=NoNoise()), cycles=points + FORGOTTEN, realizations=1)
     ensemble = simulate(scene.white_equivalent(), cycles=cycles, realizations=realizations, seed=seed)
-    outlook, long = operator.outlook(range(201)), operator.outlook(LONG)
+    outlook, long = operator.estimate_survival(range(201)), operator.estimate_survival(LONG)
     values = {
         "scene": scene.to_toml(),
         "escape_rate": operator.escape_rate,
         "escape_error": operator.escape_error,
         "mean_cycles": operator.mean_cycles,
-        "memory_cycles": operator.memory_cycles,
+        "forgetting_cycles": operator.forgetting_cycles,
         "leakage": operator.leakage.tolist(),
         "negative_mass": operator.negative_mass,
         "eigenvalues": [[one.real, one.imag] for one in operator.eigenvalues],
@@ -122,7 +122,7 @@ def told(values):
     """Print the long run."""
     print(f"Escape rate {values['escape_rate']:.6f} a cycle, relative error estimate {values['escape_error']:.1e}")
     print(f"Mean number of the cycle of overturning {values['mean_cycles']:.2f}")
-    print(f"A start is forgotten by a factor e in {values['memory_cycles']:.2f} cycles")
+    print(f"A start is forgotten by a factor e in {values['forgetting_cycles']:.2f} cycles")
     for cycles, (survival, error) in values["survival"].items():
         print(f"S({cycles}) = {survival:.6g} ± {error:.1e}")
 

@@ -24,10 +24,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
-from fpk_rocking.density.memory.resolution import node_grid
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.run.filtered import FilteredRun
+from fpk_rocking.density.filter_nodes import filtered_discretization
+from fpk_rocking.density.filtered import FilteredPropagator
+from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.results import storage, style
 from montecarlo import simulate
@@ -91,17 +90,17 @@ def look_inside(scene, resolution):
     """Rest by value of the noise at every step of the second cycle."""
     white = scene.white_equivalent()
     bound = velocity_bound(white, white.noise.diffusion)
-    plane = RESOLUTIONS[resolution].of(white, bound, motion_of(white, white.period * np.arange(3)))
-    grid = node_grid(scene, plane, resolution)._replace(marks=np.linspace(0.0, 0.5, STEPS // 2 + 1))
-    run = FilteredRun(scene, grid, 1e-8)
+    plane = RESOLUTIONS[resolution].adapted(white, bound, explore(white, white.period * np.arange(3)))
+    grid = filtered_discretization(scene, plane, resolution)._replace(time_grid=np.linspace(0.0, 0.5, STEPS // 2 + 1))
+    run = FilteredPropagator(scene, grid, 1e-8)
     times, resting = [], []
 
     each = run.nodes.weights.sum(axis=1)
-    for k, state in run.states(2, scene.start):
-        if k < STEPS:
+    for state in run.states(scene.period * np.arange(3), scene.start):
+        if state.step < STEPS:
             continue
-        times.append(k / STEPS - 1.0)
-        resting.append((state.rest.sum(axis=1) / each)[:: -1 if state.turned else 1].tolist())
+        times.append(state.step / STEPS - 1.0)
+        resting.append((state.at_rest.sum(axis=1) / each)[:: -1 if state.reflected else 1].tolist())
     return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting}
 
 

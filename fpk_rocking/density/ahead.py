@@ -3,8 +3,8 @@
 import numpy as np
 
 from fpk_rocking.base import ahead
+from fpk_rocking.density.filtered import advance_from_rest
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.density.run.filtered import carried_from_rest
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
@@ -62,4 +62,4 @@ def filtered_exact():
 
 def _carry_from_rest(scene):
     dynamics = Dynamics.of(scene)
-    carried_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)
+    advance_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

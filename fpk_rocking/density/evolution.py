@@ -9,10 +9,10 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, known
-from fpk_rocking.density.pilot import REST
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.remarks import scene_diagnostics
 from fpk_rocking.results.replacement import Replacement, check_remarks, measured
@@ -334,8 +334,9 @@ class Evolution(Saved, SurvivalResult):
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
-    """Mass (cycles + 1,) within `REST`, of the densities after every cycle; of a point start 0 or 1 at first."""
-    masses = space.bin_integrals(coefficients, *([-size, size] for size in REST))[:, 0, 0]
+    """Masses (cycles + 1,) of densities that count as being at rest; of a point start 0 or 1 at first."""
+    angle, velocity = TUNING.rest_angle, TUNING.rest_velocity
+    masses = space.bin_integrals(coefficients, [-angle, angle], [-velocity, velocity])[:, 0, 0]
     if start.covariance is None:
-        masses[0] = abs(start.angle) < REST[0] and abs(start.velocity) < REST[1]
+        masses[0] = abs(start.angle) < angle and abs(start.velocity) < velocity
     return masses

@@ -1,117 +1,150 @@
-"""Refinement: solve at finer and finer resolutions until the differences show that the last solution is good enough.
+"""Refinement: solve at finer and finer resolutions until differences show that the last solution is good enough.
 
-The same loop serves `solve_fpk`, whose levels are densities over some cycles, and the one-cycle operator, whose levels
-are the operator on one mesh each. The first levels serve the error estimate only.
+The same loop serves `solve_fpk`, whose solutions are densities over some cycles, and the one-cycle operator, whose
+solutions are the operator on one mesh each.
 """
 
+import dataclasses
 import math
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
+from fpk_rocking.base.types import Array
+from fpk_rocking.density.tuning import TUNING
 
-UNRESOLVED = 0.05
-"""Negative mass above which a density counts as not resolved."""
-
-LEAST = 3
-"""Least number of solutions: the last, and two that serve its error estimate."""
-
-_SAFETY, _BEFORE = 1.4, 0.3
-"""Factors of `safe_difference`: of both distances, and of that from the solution before the one before."""
-
-_BINS_BEFORE, _BINS_AT_MOST = 0.4, 1.5
-"""Factors of the same for the binned density, of the distance before and, at most, of the last one: its errors are sums
-over bins and seldom small by chance."""
-
-_BINS = 3.0
-"""Square root of the tolerance over the tolerance of the binned density."""
+SOLUTIONS = 3
+"""Least number of solutions: the last, and two that serve its error estimate alone."""
 
 
-class Level(Protocol):
-    """A solution at one resolution."""
-
-    memory: float
-    negative_mass: float
-
-    def differences(self, coarser):
-        """Differences from a coarser level: of the quantity that is wanted, and of the binned density (L1)."""
-
-    def error(self, difference, bins):
-        """Error of the wanted quantity, where refinement tells `difference` of it and `bins` of the binned density."""
-
-    def release(self):
-        """Let go of what only the finest level has to hold."""
-
-
-class Refined(NamedTuple):
-    """The last two levels, and the estimated errors of the last one: of what is wanted, and of the binned density.
-
-    `left` is the number of finer resolutions.
-    """
-
-    fine: Level
-    coarse: Level
-    error: float
-    bins_error: float
-    left: int
-
-    def within(self, wanted, bins_wanted):
-        """Whether the errors are as small as wanted, and the density is resolved."""
-        return self.error <= wanted and self.bins_error <= bins_wanted and self.fine.negative_mass <= UNRESOLVED
-
-
-def refine(candidates, make, fits, done):
-    """Solve on ever finer resolutions.
+@dataclasses.dataclass
+class Level:
+    """A solution at one resolution, and what refinement compares of it with other solutions.
 
     Parameters
     ----------
-    candidates : sequence
-        What `make` makes levels of, from coarse to fine.
-    make : callable
-        Takes a candidate and the level before (None at first), returns a `Level`.
+    solution : object
+        What the caller computed.
+    quantity : ndarray, shape (n,)
+        The wanted quantity, whose largest difference counts: survival at all times, or the logarithm of a rate.
+    bins : ndarray, shape (rows, bins)
+        Binned densities, whose L1 difference counts.
+    resolved : ndarray of bool, shape (rows,)
+        Rows of the bins that are compared.
+    error : callable
+        Takes estimated errors of the quantity and of the bins from differences; returns the error of the quantity with
+        all that differences do not tell.
+    negative_mass : float
+        Largest integral of max(-p, 0) over the densities p.
+    memory : float
+        Bytes that it took.
+    seconds : float
+        That it took.
+    """
+
+    solution: Any
+    quantity: Array
+    bins: Array
+    resolved: Array
+    error: Callable[[float, float], float]
+    negative_mass: float
+    memory: float
+    seconds: float = 0.0
+
+    def differences(self, coarser: "Level") -> tuple[float, float]:
+        """Largest differences from another level, of the quantity and of the binned density; inf where undefined."""
+        quantity = float(abs(self.quantity - coarser.quantity).max())
+        rows = self.resolved & coarser.resolved
+        bins = float(abs(self.bins - coarser.bins)[rows].sum(axis=1).max(initial=0.0))
+        return math.inf if math.isnan(quantity) else quantity, bins
+
+
+class Refined(NamedTuple):
+    """All levels of a refinement, and the estimated errors of the last.
+
+    Parameters
+    ----------
+    levels : list of Level
+        From coarse to fine.
+    error, bins_error : float
+        Estimated errors of the wanted quantity and of the binned density (L1).
+    finer : int
+        Number of finer resolutions that are left.
+    """
+
+    levels: list[Level]
+    error: float
+    bins_error: float
+    finer: int
+
+    @property
+    def fine(self) -> Level:
+        """The last level."""
+        return self.levels[-1]
+
+    @property
+    def coarse(self) -> Level:
+        """The last level but one."""
+        return self.levels[-2]
+
+    def within(self, wanted: float, bins_wanted: float) -> bool:
+        """Whether both errors are as small as wanted, and the density is resolved."""
+        resolved = self.fine.negative_mass <= TUNING.unresolved_negative_mass
+        return self.error <= wanted and self.bins_error <= bins_wanted and resolved
+
+
+def refine(
+    resolutions: list[Any],
+    solve: Callable[[Any, Level | None], Level],
+    fits: Callable[[Level, Any], bool],
+    is_done: Callable[[Refined], bool],
+) -> Refined:
+    """Solve on ever finer resolutions until the errors are small enough.
+
+    Parameters
+    ----------
+    resolutions : list
+        What `solve` takes, from coarse to fine; at least `SOLUTIONS`.
+    solve : callable
+        Takes a resolution and the level before (None at first), returns a level.
     fits : callable
-        Takes the last level and a candidate: whether there is memory for it. The first `LEAST` are not asked for.
-    done : callable
-        Takes a `Refined`: whether it is good enough, or there is no hope that finer levels are.
+        Takes the last level and a resolution: whether there is memory for it. Not called for the first `SOLUTIONS`.
+    is_done : callable
+        Takes a `Refined`: whether it is good enough, or finer levels will not be.
 
     Returns
     -------
     Refined
     """
-    levels, found = [], None
-    for candidate in candidates:
-        if len(levels) >= LEAST and not fits(levels[-1], candidate):
+    levels: list[Level] = []
+    for number, resolution in enumerate(resolutions, 1):
+        if number > SOLUTIONS and not fits(levels[-1], resolution):
             break
-        if levels:
-            levels[-1].release()
-        levels.append(make(candidate, levels[-1] if levels else None))
-        if len(levels) >= LEAST:
-            found = _refined(levels, len(candidates) - len(levels))
-            if done(found):
+        levels.append(solve(resolution, levels[-1] if levels else None))
+        if number >= SOLUTIONS:
+            refined = estimate_errors(levels, len(resolutions) - number)
+            if is_done(refined):
                 break
-    return found
+    return refined
 
 
-def _refined(levels, left):
+def estimate_errors(levels: list[Level], finer: int) -> Refined:
+    """Estimate the errors of the last of some levels, from its differences from the others.
+
+    Errors of bins are sums over many and seldom small by chance, so the difference before the last counts less there.
+    """
     fine = levels[-1]
-    wanted, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
-    error = fine.error(safe_difference(wanted), bins[-1])
-    bins_error = max(bins[-1], min(_BINS_BEFORE * bins[-2], _BINS_AT_MOST * bins[-1]))
-    return Refined(fine, levels[-2], error, bins_error, left)
+    quantity, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
+    bins_error = max(bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
+    return Refined(levels, fine.error(safe_difference(quantity), bins[-1]), bins_error, finer)
 
 
-def candidates_for(tol):
-    """Return the resolutions for a tolerance. The `LEAST`-th is usually enough; those before serve its estimate."""
-    usual = USUAL[max(known for known in USUAL if known <= tol)]
-    return RESOLUTIONS[usual + 1 - LEAST :]
+def bins_tolerance(tol: float) -> float:
+    """Error (L1) in the binned density that goes with an error `tol` in survival."""
+    return math.sqrt(tol) / 3.0
 
 
-def bins_tolerance(tol):
-    """Return the error (L1) in the binned density that goes with an error `tol` in survival."""
-    return math.sqrt(tol) / _BINS
-
-
-def safe_difference(distances):
+def safe_difference(distances: tuple[float, ...]) -> float:
     """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
 
     The last distance is the error of the solution before, if the last solution is far better; it may be small by
@@ -119,25 +152,26 @@ def safe_difference(distances):
     1.4 times the larger, for safety.
     """
     before, last = distances[-2:]
-    return _SAFETY * max(last, _BEFORE * before)
+    return TUNING.safety * max(last, TUNING.difference_before * before)
 
 
-class Count:
-    """Count of the cycles of all solutions, of which there are at least `LEAST`.
+class ProgressCount:
+    """Counts the rows of all solutions, of which there are at least `SOLUTIONS`.
 
     Parameters
     ----------
     report : callable or None
-        Called as ``report(done, total)``.
-    cycles : int
+        Called as ``report(done, total)`` after each row.
+    rows : int
+        Of one solution.
     """
 
-    def __init__(self, report, cycles):
-        self.report, self.cycles, self.done, self.total = checks.report(report), cycles, 0, LEAST * cycles
+    def __init__(self, report, rows):
+        self.report, self.rows, self.done, self.total = checks.report(report), rows, 0, SOLUTIONS * rows
 
-    def next(self):
-        """Begin another solution: what to call after each of its cycles."""
-        self.total = max(self.done + self.cycles, self.total)
+    def start_solution(self):
+        """Make room for another solution, and return what to call after each of its rows."""
+        self.total = max(self.done + self.rows, self.total)
         return self._count
 
     def _count(self):

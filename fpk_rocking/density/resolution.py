@@ -1,54 +1,142 @@
-"""How fine a solution is: resolutions made for the main scene, from coarse to fine, and their adaptation to others.
+"""How fine a solution is: from the tolerance to resolutions, and from a resolution to mesh and steps for a scene.
 
-What finer ones gain: docs/benchmarks/density_solver_mesh_nodes_and_orders.json.
+Resolutions are made for the main scene. To adapt one to another scene, a few exploratory paths tell how far the motion
+goes, and so where the mesh has to be fine. Nothing of these paths enters a result: the mesh they lead to is refined
+like any other, and what they did not reach is resolved by cells that grow towards the cut-off and the velocity bound.
+What finer resolutions gain: docs/benchmarks/density_solver_mesh_nodes_and_orders.json.
 """
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.density.pilot import REST
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.density.patches import PatchSettings
 from fpk_rocking.density.space.mesh import extended_lines, graded_lines
-from fpk_rocking.density.space.tuning import TUNING
-from fpk_rocking.density.start.windows import WindowSettings
-from fpk_rocking.density.step.step import Quadrature
+from fpk_rocking.density.space.tuning import TUNING as MESH
+from fpk_rocking.density.step.characteristics import Exit, Noise, principal_axes, trace_point
+from fpk_rocking.density.step.step import Dynamics, Quadrature
+from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.flight import flight_covariance
+from fpk_rocking.results.binning import centred_edges
 
-_MAIN_DIFFUSION, _MAIN_PERIOD, _MAIN_ANGLE, _MAIN_SPEED = 0.00628, 2.33, 1.57, 1.78
-"""Diffusion, period, cut-off and `Motion.velocity` of the main scene, rounded."""
 
-_COARSEST = 0.5
-"""Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
+def in_rest(angles, velocities):
+    """Mark the pairs (n, m) of angles (n,) and velocities (m,) that count as rest."""
+    return np.outer(np.abs(angles) < TUNING.rest_angle, np.abs(velocities) < TUNING.rest_velocity)
 
-_RESTS, _RESTING_STEP, _STEP = 0.5, 0.07, 2.33 / 16
-"""Time with |f| <= 1 from which on impacts are slow for long; the longest step then, and else, at 16 steps a cycle."""
 
-_BENDING = 10.0
-"""Where blocks do not rest an exact block of critical angle α takes 1 + this α² times the steps of a slender one: what
-its acceleration has beyond that of a slender one is taken half way through a step, and is of order α²."""
+class StateRange(NamedTuple):
+    """How far a block moves before it overturns, over all times of exploratory paths; nondimensional.
 
-_NOISY_STEP = 0.03
-"""Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed^2."""
+    Parameters
+    ----------
+    angle, velocity : float
+        |x| and |v| that nine tenths of the states are below.
+    angles, velocities : tuple of float
+        Lowest and highest angle and velocity of nearly all states, .998 of them.
+    fastest : float
+        Largest |v| of all states.
+    """
 
-_TAIL_CELLS = 32.0
-"""With up to so many cells an axis for the motion, the cells beyond it grow by `tail` each; with more, by less."""
+    angle: float
+    velocity: float
+    angles: tuple[float, float]
+    velocities: tuple[float, float]
+    fastest: float
 
-FEWEST = 6
-"""Steps in a period of the forcing's highest harmonic, in which it is a polynomial to 1e-13."""
+    @property
+    def edges(self):
+        """Edges in angle and in velocity of the bins in which two solutions are compared: 20 of them span a range."""
+        return [centred_edges(*ends, 20) for ends in (self.angles, self.velocities)]
 
-REST_GRADING = 2.0
-"""Exponent of the lines of the angle where a block comes to rest: x goes with v^2 there."""
 
-_BYTES = 2.0
-"""Bytes that a run holds, about, for each unknown of a density and each path of a step."""
+def explore(white, times):
+    """Follow exploratory paths of a scene, the same ones in every call, and return how far they go.
 
-_FAR = 0.6
-"""A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    times : ndarray, shape (rows,)
+        That the density is wanted for, from 0 on; of a scene that repeats they are whole cycles.
+
+    Returns
+    -------
+    StateRange
+    """
+    dynamics, random = Dynamics.of(white), np.random.default_rng(0)
+    spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
+    states = np.array([white.start.angle, white.start.velocity]) + _normal_pairs(random) @ spread.T
+    sides = np.sign(np.where(states[:, 0], states[:, 0], states[:, 1]))
+    # The integers that a side is in every other kernel: of others the paths would be compiled once more.
+    sides = np.where(sides, sides, np.sign(white.forcing.value(0.0)) or 1.0).astype(np.int64)
+    reached = [np.array([[dynamics.cutoff, 1.0]])]
+    for segment, duration, diffusion, axes in _exploratory_steps(white, dynamics, times):
+        nodes = _normal_pairs(random)
+        follow(states, sides, segment, dynamics.block, Noise(duration, diffusion, nodes, nodes @ axes, 0.0))
+        reached.append(states[sides > Exit.OVERTURNED_LEFT])
+    reached = np.concatenate(reached[1:] if len(reached[1]) else reached)
+    if not white.repeats:
+        # Before and after a motion a block may rest for long, which must not decide how far it goes.
+        moving = (np.abs(reached) >= (TUNING.rest_angle, TUNING.rest_velocity)).any(axis=1)
+        reached = reached[moving] if moving.any() else reached
+    usual = np.quantile(np.abs(reached), 0.9, axis=0)
+    fastest = float(np.abs(reached[:, 1]).max())
+    ranges = np.quantile(reached, [0.5 - 0.5 * 0.998, 0.5 + 0.5 * 0.998], axis=0).T
+    least = TUNING.least_angle_range, TUNING.least_velocity_range
+    ranges += np.outer(np.maximum(least - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
+    return StateRange(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()), fastest)
+
+
+def _exploratory_steps(white, dynamics, times):
+    """Yield segment, duration, diffusion and axes (2, 2) of the noise of each step of the exploratory paths."""
+    longest = min(TUNING.exploratory_step, white.forcing.shortest_period / 6.0)
+    if white.repeats:
+        steps, cycles = math.ceil(white.period / longest - 1e-9), min(len(times) - 1, TUNING.exploratory_cycles)
+        cycle = [_exploratory_step(dynamics, k * white.period / steps, white.period / steps) for k in range(steps)]
+        yield from cycle * cycles
+        return
+    steps = math.ceil(times[-1] / longest)
+    for k in range(steps):
+        yield _exploratory_step(dynamics, k * times[-1] / steps, times[-1] / steps)
+
+
+def _exploratory_step(dynamics, start, duration):
+    """Segment, duration, diffusion and axes (2, 2) of the noise of one step."""
+    diffusion = dynamics.averaged_over(start, duration).diffusion
+    axes = np.reshape(principal_axes(*flight_covariance(diffusion, duration)), (2, 2))
+    return dynamics.segment(start, duration), duration, diffusion, axes
+
+
+def _normal_pairs(random):
+    """Draw normal numbers (paths, 2), in pairs of either sign: the mirror image of a scene has mirrored paths."""
+    half = random.standard_normal((TUNING.exploratory_paths // 2, 2))
+    return np.concatenate([half, -half])
+
+
+@kernel
+def follow(states, sides, segment, block, noise):
+    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
+
+    `sides` are +-1, +-2 for a path that has overturned there and stays.
+    """
+    scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
+    for n in range(len(states)):
+        if sides[n] <= Exit.OVERTURNED_LEFT:
+            continue
+        offsets = noise.offsets[n : n + 1]
+        own = Noise(noise.duration, noise.diffusion, noise.nodes[n : n + 1], offsets, abs(offsets[0, 0]))
+        trace_point(states[n, 0], states[n, 1], sides[n], segment, block, own, scratch, states[n : n + 1], codes)
+        sides[n] = codes[0]
 
 
 @dataclasses.dataclass(frozen=True)
-class Grid:
-    """What a solution of one scene is made with: a `Resolution` that has been adapted to it.
+class Discretization:
+    """Mesh and steps that a scene is solved with: a `Resolution` that has been adapted to it.
 
     Parameters
     ----------
@@ -60,8 +148,8 @@ class Grid:
         Sampling of a step.
     steps : int
         Steps a cycle, even.
-    windows : WindowSettings
-        What the start is carried on until the mesh resolves it.
+    patches : PatchSettings
+        Fineness of the moving patches of the start-up.
     """
 
     angle_lines: np.ndarray
@@ -69,22 +157,22 @@ class Grid:
     degree: int
     quadrature: Quadrature
     steps: int
-    windows: WindowSettings
+    patches: PatchSettings
 
     @property
     def cells(self):
-        """Cells of the mesh, in angle and velocity."""
+        """Numbers of cells of the mesh, in angle and velocity."""
         return len(self.angle_lines) - 1, len(self.velocity_lines) - 1
 
-    def stored(self, cycles):
-        """Bytes of the densities after all cycles."""
-        return 8 * (cycles + 1) * math.prod(self.cells) * (self.degree + 1) ** 2
+    def stored(self, rows):
+        """Bytes of the densities at some times."""
+        return 8 * (rows + 1) * math.prod(self.cells) * (self.degree + 1) ** 2
 
     @property
     def memory(self):
-        """Bytes that a run takes, about, densities after all cycles left out."""
+        """Bytes that a solution takes, about, densities of all times left out."""
         points = self.quadrature.angle * self.quadrature.velocity * self.quadrature.long * self.quadrature.short
-        return _BYTES * math.prod(self.cells) * ((self.degree + 1) ** 2 * 20 + points * self.steps)
+        return TUNING.bytes_per_unknown * math.prod(self.cells) * ((self.degree + 1) ** 2 * 20 + points * self.steps)
 
     @property
     def settings(self):
@@ -92,7 +180,7 @@ class Grid:
         angle_cells, velocity_cells = self.cells
         plain = {"angle_cells": angle_cells, "velocity_cells": velocity_cells, "degree": self.degree}
         plain |= {"quadrature": dataclasses.asdict(self.quadrature), "steps": self.steps}
-        return plain | {"windows": dataclasses.asdict(self.windows)}
+        return plain | {"patches": dataclasses.asdict(self.patches)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,8 +195,8 @@ class Resolution:
         Sampling of a step.
     steps : int
         Steps a cycle, even.
-    windows : WindowSettings
-        What the start is carried on until the mesh resolves it.
+    patches : PatchSettings
+        Fineness of the moving patches of the start-up.
     """
 
     angle_cells: int
@@ -116,9 +204,9 @@ class Resolution:
     degree: int
     quadrature: Quadrature
     steps: int
-    windows: WindowSettings
+    patches: PatchSettings
 
-    def of(self, scene, bound, motion, beyond=0.0, growth=TUNING.tail):
+    def adapted(self, scene, bound, motion, beyond=0.0, growth=MESH.tail):
         """Adapt the resolution to a scene.
 
         Parameters
@@ -127,7 +215,7 @@ class Resolution:
             With white noise.
         bound : float
             Velocity bound of the mesh.
-        motion : Motion
+        motion : StateRange
             Where the mesh has to be fine.
         beyond : float
             Velocity to which cells that grow continue the mesh, where it is above the bound.
@@ -136,41 +224,51 @@ class Resolution:
 
         Returns
         -------
-        Grid
+        Discretization
         """
-        cutoff, far, fast = scene.overturning.angle, max(motion.angle, REST[0]), max(motion.velocity, REST[1])
-        small, fast = far < _FAR * cutoff, min(fast, bound)
-        far, grading = (far, REST_GRADING) if small else (cutoff, TUNING.angle_grading)
+        cutoff, far = scene.overturning.angle, max(motion.angle, TUNING.rest_angle)
+        fast = min(max(motion.velocity, TUNING.rest_velocity), bound)
+        # Where the block comes to rest x goes with v²: the lines of the angle are graded like that.
+        far, grading = (far, 2.0) if far < TUNING.far_motion * cutoff else (cutoff, MESH.angle_grading)
         period = cycle_of(scene)
-        time = min(period, _MAIN_PERIOD) / _MAIN_PERIOD
-        noise = scene.noise.diffusion / _MAIN_DIFFUSION
-        spreads = noise * time**3 * (_MAIN_ANGLE / far) ** 2, noise * time * (_MAIN_SPEED / fast) ** 2
+        time = min(period, TUNING.main_period) / TUNING.main_period
+        noise = scene.noise.diffusion / TUNING.main_diffusion
+        spreads = noise * time**3 * (TUNING.main_cutoff / far) ** 2, noise * time * (TUNING.main_speed / fast) ** 2
         angle_cells, velocity_cells = (
-            _even(cells * max(spread**-0.25, _COARSEST))
+            _even(cells * max(spread**-0.25, TUNING.coarsest))
             for cells, spread in zip((self.angle_cells, self.velocity_cells), spreads, strict=True)
         )
         angle = graded_lines(far, angle_cells, grading)
-        velocity = graded_lines(fast, velocity_cells, TUNING.velocity_grading)
-        rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > _RESTS
-        # A slow motion meets impacts more often.
-        moving = _STEP * math.sqrt(min(fast, 1.0)) / (1.0 + _BENDING * scene.block.critical_angle**2)
-        step = min(_RESTING_STEP if rests else moving, _NOISY_STEP * fast**2 / scene.noise.diffusion)
-        steps = self.steps / 16 * period / step
-        fewest = FEWEST * period / scene.forcing.shortest_period
-        growths = [1.0 + (growth - 1.0) * min(_TAIL_CELLS / cells, 1.0) for cells in (angle_cells, velocity_cells)]
-        return Grid(
+        velocity = graded_lines(fast, velocity_cells, MESH.velocity_grading)
+        growths = [
+            1.0 + (growth - 1.0) * min(TUNING.tail_cells / cells, 1.0) for cells in (angle_cells, velocity_cells)
+        ]
+        return Discretization(
             extended_lines(angle, cutoff, growths[0]),
             extended_lines(extended_lines(velocity, bound, growths[1]), beyond),
             self.degree,
             self.quadrature,
-            _even(max(steps, 0.5 * self.steps, fewest)),
-            self.windows,
+            self._steps(scene, fast),
+            self.patches,
         )
+
+    def _steps(self, scene, fast):
+        """Return the steps a cycle, even, for a scene whose blocks usually move up to a velocity."""
+        # A slow motion meets impacts more often. What the acceleration of an exact block has beyond that of a slender
+        # one is taken half way through a step, and is of order α².
+        moving = TUNING.moving_step * math.sqrt(min(fast, 1.0))
+        moving /= 1.0 + TUNING.exact_steps * scene.block.critical_angle**2
+        rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
+        noisy = TUNING.noisy_step * fast**2 / scene.noise.diffusion
+        period = cycle_of(scene)
+        steps = self.steps / 16 * period / min(TUNING.resting_step if rests else moving, noisy)
+        fewest = TUNING.steps_per_harmonic * period / scene.forcing.shortest_period
+        return _even(max(steps, 0.5 * self.steps, fewest))
 
 
 def cycle_of(scene):
-    """Return the time in which a grid's steps are counted: a cycle, or that of the main scene where there is none."""
-    return scene.period or _MAIN_PERIOD
+    """Time in which steps are counted: a cycle, or that of the main scene where the forcing does not repeat."""
+    return scene.period or TUNING.main_period
 
 
 def _even(number):
@@ -178,20 +276,21 @@ def _even(number):
     return 2 * max(2, math.ceil(0.5 * number - 1e-9))
 
 
-_ROUGH, _GOOD = WindowSettings(10, 5.0, 0.7, 0.01, 4), WindowSettings(14, 6.0, 0.4, 0.01, 4)
-_BETTER = WindowSettings(16, 6.5, 0.35, 0.008, 4)
-_FINE, _FINEST = WindowSettings(20, 8.0, 0.2, 0.005, 5), WindowSettings(28, 8.0, 0.1, 0.002, 5)
-
 RESOLUTIONS = (
-    Resolution(16, 16, 3, Quadrature(5, 5, 5, 2, 9), 6, _ROUGH),
-    Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, _ROUGH),
-    Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, _GOOD),
-    Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, _BETTER),
-    Resolution(60, 56, 4, Quadrature(10, 10, 7, 2), 20, _FINE),
-    Resolution(84, 78, 4, Quadrature(12, 12, 7, 2), 28, _FINEST),
-    Resolution(116, 108, 4, Quadrature(12, 12, 9, 3), 40, _FINEST),
+    Resolution(16, 16, 3, Quadrature(5, 5, 5, 2, 9), 6, PatchSettings(10, 5.0, 0.7, 0.01, 4)),
+    Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, PatchSettings(10, 5.0, 0.7, 0.01, 4)),
+    Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, PatchSettings(14, 6.0, 0.4, 0.01, 4)),
+    Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, PatchSettings(16, 6.5, 0.35, 0.008, 4)),
+    Resolution(60, 56, 4, Quadrature(10, 10, 7, 2), 20, PatchSettings(20, 8.0, 0.2, 0.005, 5)),
+    Resolution(84, 78, 4, Quadrature(12, 12, 7, 2), 28, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
+    Resolution(116, 108, 4, Quadrature(12, 12, 9, 3), 40, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
 )
-"""Each about 1.4 times as fine as the one before, most with windows of their own: neighbours tell the error."""
+"""Each about 1.4 times as fine as the one before, most with patches of their own: neighbours tell the error."""
 
 USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """Number of the resolution that is usually fine enough, by tolerance; never one of the first two."""
+
+
+def resolutions_for(tol, before):
+    """Resolutions for a tolerance, from coarse to fine: so many, then the one that is usually enough, and all finer."""
+    return RESOLUTIONS[USUAL[max(listed for listed in USUAL if listed <= tol)] - before :]

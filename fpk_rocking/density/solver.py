@@ -1,6 +1,5 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start over whole cycles to a tolerance."""
 
-import functools
 import math
 import time
 
@@ -9,10 +8,10 @@ import numpy as np
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
-from fpk_rocking.density.outlook import tell, tell_finer
-from fpk_rocking.density.pilot import in_rest, motion_of
-from fpk_rocking.density.refinement import LEAST, UNRESOLVED, Count, bins_tolerance, candidates_for, refine
-from fpk_rocking.density.refusals import (
+from fpk_rocking.density.filtered import FilteredPropagator
+from fpk_rocking.density.notices import (
+    announce,
+    announce_finer,
     refuse_broken,
     refuse_large,
     refuse_slow,
@@ -20,40 +19,16 @@ from fpk_rocking.density.refusals import (
     warn_beyond,
     warn_unresolved,
 )
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.density.run import kind_of
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, bins_tolerance, refine
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore, in_rest, resolutions_for
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.transient import TransientPropagator
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
-
-NEGLIGIBLE = 1e-6
-"""Mass over `tol` that a cell must have held to be active."""
-
-CLOSURES = ("white", "filtered")
-"""Noises that may stand for band noise."""
-
-SOLUTION_MEMORY = {"white": 3e9, "filtered": 4e9}
-"""Bytes that a finer solution may be expected to need, by the noise that is solved for."""
-
-_FINER = 1.4
-"""Steps of a solution over those of the one before."""
-
-_RESTING = 4.0
-"""Error of the last solution over its difference from the one before, where blocks rest under noise held over a step,
-or come to rest and are lifted off again: which of them rest by then is told by cells, of first order or less.
-2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered noise")."""
-
-_FASTER = 1.1
-"""Velocity bound over the largest speed of the pilot's paths, at least, where the motion does not repeat."""
-
-_LESSENS = 0.8
-"""Negative mass over that of the solution before, at most, that finer ones are taken to have: soon after a start it may
-stay as large over two solutions and then fall by ten."""
-
-_LEAST_ERROR = 0.01
-"""Least estimate of the error in survival over that of the binned density."""
 
 
 def solve_fpk(
@@ -123,177 +98,85 @@ def solve_fpk(
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
-    tol, bins_tol, judged = _tolerances(scene, tol, bins_tol)
-    solved = _solvable(scene, noise_replacement)
-    white, rows = solved.white_equivalent(), len(times) - 1
+    tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
+    solved = _with_noise_replaced(scene, noise_replacement)
+    white, rows, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
     ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
-    kind, motion = kind_of(solved), motion_of(white, times)
-    grids = _grids(solved, white, motion, candidates_for(tol))
-    usual, count = grids[LEAST - 1], Count(progress, rows)
+
+    motion = explore(white, times)
+    meshes = _discretizations(solved, white, motion, resolutions_for(tol, before=SOLUTIONS - 1))
+    usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, rows)
     refuse_large(usual.memory, usual.stored(rows), solved, rows)
+    announce(solved, meshes[:SOLUTIONS], times, tol)
 
-    def made(grid, coarser):
-        started = time.perf_counter()
-        if coarser and coarser.number >= LEAST:
-            tell_finer(solved, coarser.run.grid, grid, times, coarser.seconds)
-        run = kind(solved, grid, NEGLIGIBLE * tol, coarser and coarser.run)
-        if coarser:
-            coarser.run = None
-        solution = run.evolve(times, count.next())
-        return Solved(run, solution, motion.edges, coarser, time.perf_counter() - started)
+    def solve(mesh, coarser):
+        return _solve_level(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
 
-    def fits(level, grid):
-        held = level.memory * grid.memory / level.run.grid.memory
-        return held + grid.stored(rows) <= SOLUTION_MEMORY[solved.noise.kind]
+    def fits(level, mesh):
+        before = level.solution[0].discretization
+        needed = level.memory * mesh.memory / before.memory + mesh.stored(rows)
+        if needed > (TUNING.finer_filtered if filtered else TUNING.finer_white):
+            return False
+        announce_finer(solved, before, mesh, times, level.seconds)
+        return True
 
-    tell(solved, grids[:LEAST], times, tol)
-    found = refine(grids, made, fits, lambda found: found.within(tol, bins_tol) or _hopeless(found))
-    fine, run = found.fine.solution, found.fine.run
-    unresolved = [row for row in range(1, rows + 1) if row not in fine.shown]
+    refined = refine(meshes, solve, fits, lambda refined: refined.within(tol, bins_tol) or _is_stagnated(refined))
+
+    propagator, fine = refined.fine.solution
+    at_rest = fine.at_rest
+    unresolved = [row for row in range(1, rows + 1) if not fine.resolved[row]]
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
         noise_replacement=describe_replacement(scene, solved),
         tol=tol,
         times=times,
-        survival=fine.inside,
-        overturned=fine.gone[:, :2],
-        at_rest=near_rest(run.space, fine.coefficients, scene.start) if fine.at_rest is None else fine.at_rest,
-        lost=fine.gone[:, 2],
-        error_estimate=found.error,
-        bins_error_estimate=found.bins_error,
-        rest_error_estimate=found.fine.rest_error,
-        mass_defect=float(np.abs(fine.inside + fine.gone.sum(axis=1) - 1.0).max()),
-        negative_mass=max((run.space.negative_mass(one) for one in fine.coefficients[fine.shown]), default=0.0),
-        moving_negative_mass=found.fine.negative_mass,
+        survival=fine.survival,
+        overturned=fine.outflow[:, :2],
+        at_rest=near_rest(propagator.space, fine.coefficients, scene.start) if at_rest is None else at_rest,
+        lost=fine.outflow[:, 2],
+        error_estimate=refined.error,
+        bins_error_estimate=refined.bins_error,
+        rest_error_estimate=_rest_error(refined.levels),
+        mass_defect=float(np.abs(fine.survival + fine.outflow.sum(axis=1) - 1.0).max()),
+        negative_mass=max(map(propagator.space.negative_mass, fine.coefficients[fine.resolved]), default=0.0),
+        moving_negative_mass=refined.fine.negative_mass,
         wall_s=time.perf_counter() - begin,
-        settings=run.grid.settings
-        | {"unknowns": run.space.unknowns, "velocity_bound": float(run.space.velocity_lines[-1]), "bins_tol": judged}
+        settings=propagator.discretization.settings
+        | {"unknowns": propagator.space.unknowns, "velocity_bound": float(propagator.space.velocity_lines[-1])}
+        | {"bins_tol": judged_by}
         | ({"unresolved": unresolved} if unresolved else {}),
         coefficients=fine.coefficients,
-        angle_lines=run.space.angle_lines,
-        velocity_lines=run.space.velocity_lines,
-        atom=solved.noise.kind == "filtered",
+        angle_lines=propagator.space.angle_lines,
+        velocity_lines=propagator.space.velocity_lines,
+        atom=filtered,
     )
     refuse_broken(result)
-    _refuse_unresolved(result, found.fine.negative_mass)
-    warn_beyond("survival", found, tol, bins_tol, "compare with Monte Carlo", stacklevel=3)
+    _refuse_unresolved(result)
+    warn_beyond("survival", refined, tol, bins_tol, "compare with Monte Carlo", stacklevel=3)
     warn_unresolved(result, bins_tol, stacklevel=3)
     return result
 
 
-class Solved:
-    """A density over some cycles at one resolution: a level of the refinement.
-
-    Parameters
-    ----------
-    run : Run
-        Dropped once the next level has made its own.
-    solution : Solution
-    edges : sequence of ndarray
-        Of the bins in angle and in velocity that it is compared in.
-    coarser : Solved, optional
-        The level before.
-    seconds : float
-        That it took.
-
-    Attributes
-    ----------
-    number : int
-        Of the level, the first being 1.
-    """
-
-    def __init__(self, run, solution, edges, coarser=None, seconds=0.0):
-        self.run, self.solution, self.seconds = run, solution, seconds
-        self._rests = [*(coarser._rests if coarser else ()), solution.at_rest]
-        self.number = len(self._rests)
-        self.bins = run.space.bin_integrals(solution.coefficients, *edges)
-        if solution.at_rest is not None:
-            self.bins += solution.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]
-        self._resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
-
-    @functools.cached_property
-    def negative_mass(self) -> float:
-        """Largest of those after a cycle or more, of blocks that are not at rest."""
-        space, densities = self.run.space, self.solution.coefficients[self.solution.shown]
-        moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))
-        parts = (space.negative_mass(np.where(moving[:, :, None, None], density, 0.0)) for density in densities)
-        return max(parts, default=0.0)
-
-    @property
-    def memory(self) -> float:
-        """Bytes that its run holds."""
-        return self.run.memory
-
-    def differences(self, coarser: "Solved") -> tuple[float, float]:
-        """Largest differences of survival and of the binned density over the cycles; rest counts as one bin."""
-        apart = (self.bins - coarser.bins)[np.intersect1d(self.solution.shown, coarser.solution.shown)]
-        binned = np.abs(apart[:, ~self._resting]).sum(axis=1) + np.abs(apart[:, self._resting].sum(axis=1))
-        return float(np.abs(self.solution.inside - coarser.solution.inside).max()), float(binned.max(initial=0.0))
-
-    def error(self, difference: float, bins: float) -> float:
-        """Error of survival: not less than a hundredth of that of the bins, nor than what was lost."""
-        at_rest, released = self.solution.at_rest, self.solution.released
-        if (released if at_rest is None else at_rest[1:].max()) > difference:
-            difference *= _RESTING
-        return max(difference, _LEAST_ERROR * bins, float(np.abs(self.solution.gone[:, 2]).max()))
-
-    @property
-    def rest_error(self) -> float:
-        """Error of what is at rest, 0 where nothing is: what the levels before tell, and what they cannot, together.
-
-        The former is of first order in the step where noise is smooth; else of order 1/2, and the last steps of a level
-        are half as long as before. The latter is what nodes of the noise leave unseen.
-        """
-        if self.solution.at_rest is None:
-            return 0.0
-        apart = [float(np.abs(self._rests[-1] - before).max()) for before in self._rests[-2:-4:-1]]
-        told = max(apart[k] / (_FINER ** (k + 1) - 1.0) for k in (0, 1))
-        return told + self.run.unseen * float(self.solution.at_rest[1:].max())
-
-    def release(self) -> None:
-        """Let go of the densities, of which the negative mass is kept."""
-        self.negative_mass  # noqa: B018  (what it is cannot be told later)
-        self.solution = self.solution._replace(coefficients=None)
-
-
 def _tolerances(scene, tol, bins_tol):
-    """Return the tolerances of survival and of the bins, and that by which the bins are judged.
+    """Tolerances of survival and of the bins, and that by which the bins are judged.
 
     By default what does not repeat is refined for survival alone, and judged by the bins all the same.
     """
     tol = checks.number("tol", (1e-3 if scene.repeats else 1e-2) if tol is None else tol, at_least=min(USUAL))
     if bins_tol is None:
-        judged = bins_tolerance(tol)
-        return tol, judged if scene.repeats else math.inf, judged
+        judged_by = bins_tolerance(tol)
+        return tol, judged_by if scene.repeats else math.inf, judged_by
     bins_tol = bins_tol if bins_tol == math.inf else checks.number("bins_tol", bins_tol, above=0.0)
     return tol, bins_tol, bins_tol
 
 
-def _hopeless(found):
-    """Whether the density will not be resolved, though the next solutions gain twice as many digits as the last."""
-    now, before = found.fine.negative_mass, found.coarse.negative_mass
-    lessens = min(now / before, _LESSENS) if before > 0.0 else _LESSENS
-    return now > UNRESOLVED and now * lessens ** (2 * found.left) > UNRESOLVED
-
-
-def _grids(scene, white, motion, resolutions):
-    """Return the grids of resolutions; `white` is the scene with equivalent white noise."""
-    kind, bound = kind_of(scene), velocity_bound(white, _spread(scene.noise))
-    if not scene.repeats:
-        # Blocks that are bound to overturn, but have not yet, may be faster.
-        bound = max(bound, _FASTER * motion.fastest)
-    grids = [resolution.of(white, bound, motion) for resolution in resolutions]
-    coarsest = len(RESOLUTIONS) - len(resolutions)
-    return [kind.adapted(scene, grid, number) for number, grid in enumerate(grids, coarsest)]
-
-
-def _solvable(scene, noise_replacement):
-    """Return the scene to solve: with band noise replaced, and refused if it cannot be solved."""
-    accepted = " or ".join(map(repr, CLOSURES))
+def _with_noise_replaced(scene, noise_replacement):
+    """Scene to solve, whose noise is white or filtered: band noise is replaced, what cannot be solved is refused."""
+    accepted = "'white' or 'filtered'"
     if not isinstance(noise_replacement, str):
         raise TypeError(checks.refusal("noise_replacement", noise_replacement, accepted))
-    if noise_replacement not in CLOSURES:
+    if noise_replacement not in ("white", "filtered"):
         raise ValueError(checks.refusal("noise_replacement", noise_replacement, accepted))
     if scene.noise.kind != "filtered":
         scene = scene.filtered_equivalent() if noise_replacement == "filtered" else scene.white_equivalent()
@@ -305,17 +188,118 @@ def _solvable(scene, noise_replacement):
     return scene
 
 
-def _spread(noise):
-    """Return the diffusion that bounds how far noise moves a flight: D, or more for noise of high frequencies."""
-    if noise.kind == "white":
-        return noise.diffusion
-    return max(equivalent_diffusion(noise), noise.variance * noise.space.inward_variance)
+def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagator | FilteredPropagator]:
+    """Kind of propagator for a scene, whose noise is white or filtered."""
+    if scene.noise.kind == "filtered":
+        return FilteredPropagator
+    return PeriodicPropagator if scene.repeats else TransientPropagator
 
 
-def _refuse_unresolved(result, negative):
-    if negative > UNRESOLVED:
+def _discretizations(scene, white, motion, resolutions):
+    """Mesh and steps for each of some resolutions; `white` is the scene with equivalent white noise."""
+    diffusion = white.noise.diffusion
+    if scene.noise.kind == "filtered":
+        # Noise of high frequencies moves a flight further than white noise of equal Melnikov variance.
+        diffusion = max(equivalent_diffusion(scene.noise), scene.noise.variance * scene.noise.space.inward_variance)
+    bound = velocity_bound(white, diffusion)
+    if not scene.repeats:
+        # Blocks that are bound to overturn, but have not yet, may be faster.
+        bound = max(bound, 1.1 * motion.fastest)
+    meshes, adapted = [one.adapted(white, bound, motion) for one in resolutions], propagator_for(scene).adapted
+    return [adapted(scene, mesh, number) for number, mesh in enumerate(meshes, len(RESOLUTIONS) - len(resolutions))]
+
+
+def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
+    """Solve at one resolution; of the coarser level only what estimates need is kept.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white or filtered noise.
+    discretization : Discretization or FilteredDiscretization
+    tol : float
+        Wanted error of survival.
+    times : ndarray, shape (rows,)
+    edges : sequence of ndarray
+        Of the bins in angle and in velocity in which levels are compared.
+    coarser : Level or None
+        The level before.
+    progress : callable
+
+    Returns
+    -------
+    Level
+        Its solution is a pair: propagator and `Solution`.
+    """
+    begin, coarse = time.perf_counter(), None
+    if coarser:
+        coarse, densities = coarser.solution
+        coarser.solution = None, densities._replace(coefficients=None)
+    propagator = propagator_for(scene)(scene, discretization, TUNING.negligible_mass * tol, coarse)
+    del coarse
+    solution = propagator.propagate(times, progress)
+    return _level_of(propagator, solution, edges, time.perf_counter() - begin)
+
+
+def _level_of(propagator, solution, edges, seconds=0.0):
+    """Return what refinement compares of a solution: survival, and binned densities, in which rest is one bin."""
+    space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
+    bins = space.bin_integrals(densities, *edges)
+    if at_rest is not None:
+        bins += at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]
+    resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
+    bins = np.column_stack([bins[:, ~resting], bins[:, resting].sum(axis=1)])
+    moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))[:, :, None, None]
+    negative = [space.negative_mass(np.where(moving, one, 0.0)) for one in densities[solution.resolved]]
+    rested = solution.reinjected if at_rest is None else at_rest[1:].max()
+    truncated = float(np.abs(solution.outflow[:, 2]).max())
+
+    def error(difference, bins_difference):
+        scale = TUNING.rest_error_factor if rested > difference else 1.0
+        return max(scale * difference, TUNING.bins_part * bins_difference, truncated)
+
+    return Level(
+        solution=(propagator, solution),
+        quantity=solution.survival,
+        bins=bins,
+        resolved=solution.resolved,
+        error=error,
+        negative_mass=max(negative, default=0.0),
+        memory=propagator.memory,
+        seconds=seconds,
+    )
+
+
+def _rest_error(levels):
+    """Error of the probability of being at rest, 0 where nothing can rest: what levels tell, and what they cannot.
+
+    The former is of first order in the step where noise is smooth; else of order 1/2, and the last steps of a level are
+    half as long as before, each resolution having 1.4 times the steps of the one before. The latter is what nodes of
+    the noise leave unseen.
+    """
+    propagator, solution = levels[-1].solution
+    if solution.at_rest is None:
+        return 0.0
+    before = [level.solution[1].at_rest for level in levels[-2:-4:-1]]
+    differences = [float(np.abs(solution.at_rest - rest).max()) for rest in before]
+    extrapolated = max(differences[k] / (1.4 ** (k + 1) - 1.0) for k in (0, 1))
+    return extrapolated + propagator.node_error * float(solution.at_rest[1:].max())
+
+
+def _is_stagnated(refined):
+    """Whether the density will not be resolved, though the next solutions gain twice as many digits as the last."""
+    now, before = refined.fine.negative_mass, refined.coarse.negative_mass
+    ratio = min(now / before, TUNING.negative_mass_ratio) if before > 0.0 else TUNING.negative_mass_ratio
+    limit = TUNING.unresolved_negative_mass
+    return now > limit and now * ratio ** (2 * refined.finer) > limit
+
+
+def _refuse_unresolved(result):
+    """Raise ValueError where the negative mass of the blocks that move is too large."""
+    negative, limit = result.moving_negative_mass, TUNING.unresolved_negative_mass
+    if negative > limit:
         raise ValueError(
             f"scene: got a density that a mesh of {result.settings['unknowns']:,} unknowns does not resolve, nor would "
-            f"the finest (negative mass {negative:.1e}), accepted: up to {UNRESOLVED}; the noise, of diffusion "
+            f"the finest (negative mass {negative:.1e}), accepted: up to {limit}; the noise, of diffusion "
             f"{result.diffusion:.3g}, is too weak, or filtered noise too slow: use Monte Carlo"
         )

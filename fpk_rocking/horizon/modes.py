@@ -8,24 +8,7 @@ from scipy.linalg import block_diag
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from fpk_rocking.base import checks
-
-COUNT = 6
-"""Modes that are computed: those left out have fallen to 1e-9 within some ten cycles in the main scene."""
-
-PRECISION, ACCEPTED = 1e-11, 1e-8
-"""Relative residual that is asked of the iteration, and the largest that is taken for the leading mode."""
-
-SETTLED = 1e-10
-"""Part of a vector that the modes may leave out, in L1, when they take over."""
-
-FEW = 40
-"""Applications for which no modes are asked."""
-
-MOST = 4000
-"""Applications within which the modes have to take over."""
-
-_SUBSPACE = 30
-"""Vectors of the Arnoldi iteration."""
+from fpk_rocking.density.tuning import TUNING
 
 
 class Modes(NamedTuple):
@@ -49,7 +32,7 @@ class Modes(NamedTuple):
     residuals: np.ndarray
 
 
-def leading_modes(apply, start, count=COUNT):
+def leading_modes(apply, start, count=TUNING.modes):
     """Leading modes of a map, by implicitly restarted Arnoldi iteration (ARPACK).
 
     Parameters
@@ -72,7 +55,7 @@ def leading_modes(apply, start, count=COUNT):
     """
     operator = LinearOperator((len(start), len(start)), apply, dtype=float)
     try:
-        values, vectors = eigs(operator, k=count, v0=start, tol=PRECISION, ncv=_SUBSPACE)
+        values, vectors = eigs(operator, k=count, v0=start, tol=TUNING.mode_precision, ncv=TUNING.subspace)
     except ArpackError as error:
         accepted = "a scene for which it converges"
         raise ValueError(
@@ -90,8 +73,8 @@ def leading_modes(apply, start, count=COUNT):
     basis, block = np.stack(columns, axis=1), block_diag(*blocks)
     images = np.stack([apply(np.ascontiguousarray(column)) for column in basis.T], axis=1)
     residuals = np.linalg.norm(images - basis @ block, axis=0)
-    if not (kept[0].imag == 0.0 < kept[0].real and residuals[0] <= ACCEPTED * kept[0].real):
-        accepted = f"one that is real and positive, with a residual up to {ACCEPTED:g} of it"
+    if not (kept[0].imag == 0.0 < kept[0].real and residuals[0] <= TUNING.mode_residual * kept[0].real):
+        accepted = f"one that is real and positive, with a residual up to {TUNING.mode_residual:g} of it"
         got = f"a leading eigenvalue {kept[0]:.3g}, residual {residuals[0]:.1e}"
         raise ValueError(checks.refusal("scene", got, accepted))
     return Modes(np.array(kept), basis, block, residuals)
@@ -105,7 +88,7 @@ class Powers:
     apply : callable
         The map of vectors (unknowns,).
     modes : callable
-        Returns its `Modes`; asked for after `FEW` applications.
+        Returns its `Modes`; asked for after the first applications.
     l1 : callable
         Bound on the integral of the absolute value of what a vector stands for.
     leading_log : callable
@@ -151,14 +134,14 @@ class Powers:
 
     def _advance(self):
         """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
-        if self._count == MOST:
-            accepted = f"one that {COUNT} modes represent after {MOST} half cycles"
+        if self._count == TUNING.steps_until_modes:
+            accepted = f"one that {TUNING.modes} modes represent after {TUNING.steps_until_modes} half cycles"
             raise ValueError(checks.refusal("scene", "a density with many slowly decaying modes", accepted))
-        if self._count >= FEW:
+        if self._count >= TUNING.steps_before_modes:
             modes = self._modes()
             amplitudes = np.linalg.lstsq(modes.basis, self._vector, rcond=None)[0]
             left_out = self._l1(self._vector - modes.basis @ amplitudes)
-            if left_out <= SETTLED * self._l1(self._vector):
+            if left_out <= TUNING.modes_left_out * self._l1(self._vector):
                 self._amplitudes, self._left_out = amplitudes, left_out
                 return
         self._vector, self._count = self._apply(self._vector), self._count + 1

@@ -9,11 +9,11 @@ from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike
-from fpk_rocking.density.refusals import refuse_filtered, refuse_unsolvable
+from fpk_rocking.density.notices import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.horizon.level import Level, climb
+from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
@@ -25,7 +25,7 @@ from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
 
-class Outlook(NamedTuple):
+class SurvivalEstimate(NamedTuple):
     """Survival from the scene's start after given numbers of cycles, with error estimates.
 
     Parameters
@@ -43,8 +43,8 @@ class Outlook(NamedTuple):
     --------
     >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
     >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
-    >>> outlook = operator.outlook([2, 4])
-    >>> print(outlook.survival.round(2), outlook.error_estimate < 1e-2)
+    >>> estimate = operator.estimate_survival([2, 4])
+    >>> print(estimate.survival.round(2), estimate.error_estimate < 1e-2)
     [0.84 0.5 ] [ True  True]
     """
 
@@ -124,28 +124,29 @@ class CycleOperator(Result, LinearOperator):
         refuse_filtered(scene)
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
-        self.noise_replacement, self.diffusion = (
-            describe_replacement(scene, self._white),
-            equivalent_diffusion(self._white.noise),
-        )
+        self.noise_replacement = describe_replacement(scene, self._white)
+        self.diffusion = equivalent_diffusion(self._white.noise)
         self.tol = checks.number("tol", tol, at_least=min(USUAL))
-        self._fine, self._coarse, self.escape_error, self.refinement = climb(self._white, self.tol)
+        refined = refine_operator(self._white, self.tol)
+        self._fine, self._coarse, self.escape_error = refined.fine.solution, refined.coarse.solution, refined.error
+        self.refinement = [(level.solution.space.unknowns, level.solution.rate) for level in refined.levels]
         fine = self._fine
         self.escape_rate, self.leakage, self.lost = fine.rate, fine.leaks[:2], float(fine.leaks[2])
-        self.eigenvalues = fine.modes.values**fine.leg.count
-        self.residuals, self.negative_mass, self.settings = fine.modes.residuals, fine.negative_mass, fine.settings
+        self.eigenvalues = fine.modes.values**fine.periods
+        self.residuals, self.negative_mass = fine.modes.residuals, refined.fine.negative_mass
+        self.settings = fine.settings
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 
     def _matvec(self, vector):
-        return self._repeated(self._fine.leg.matvec, vector)
+        return self._repeated(self._fine.matvec, vector)
 
     def _rmatvec(self, vector):
-        return self._repeated(self._fine.leg.rmatvec, vector)
+        return self._repeated(self._fine.rmatvec, vector)
 
     def _repeated(self, apply, vector):
-        """Apply the map of a leg as often as there are legs in a cycle."""
+        """Apply the map of a symmetry period as often as there are such periods in a cycle."""
         vector = np.ascontiguousarray(vector, dtype=float).ravel()
-        for _ in range(self._fine.leg.count):
+        for _ in range(self._fine.periods):
             vector = apply(vector)
         return vector
 
@@ -157,7 +158,7 @@ class CycleOperator(Result, LinearOperator):
     @property
     def metadata(self) -> dict[str, Any]:
         """Rates, error figures and tolerance, as plain values by name."""
-        names = "escape_rate", "mean_cycles", "memory_cycles", "tol", "diffusion"
+        names = "escape_rate", "mean_cycles", "forgetting_cycles", "tol", "diffusion"
         return super().metadata | {name: float(getattr(self, name)) for name in names}
 
     @property
@@ -223,7 +224,7 @@ class CycleOperator(Result, LinearOperator):
         -------
         ndarray, shape (unknowns,)
         """
-        return self._fine.leg.vector(coefficients)
+        return self._fine.vector(coefficients)
 
     def density(self, vector: Array) -> Density:
         """Return the density that a vector stands for.
@@ -236,7 +237,7 @@ class CycleOperator(Result, LinearOperator):
         -------
         Density
         """
-        return Density(self.space, self._fine.leg.coefficients(np.asarray(vector, dtype=float)))
+        return Density(self.space, self._fine.coefficients(np.asarray(vector, dtype=float)))
 
     @property
     def quasi_stationary(self) -> Density:
@@ -244,7 +245,7 @@ class CycleOperator(Result, LinearOperator):
         return Density(self.space, self._fine.quasi_stationary)
 
     @property
-    def memory_cycles(self) -> float:
+    def forgetting_cycles(self) -> float:
         """Number of cycles after which the influence of the start has fallen by a factor exp(1)."""
         first, second = np.abs(self.eigenvalues[:2])
         return float(-1.0 / math.log(second / first))
@@ -271,7 +272,7 @@ class CycleOperator(Result, LinearOperator):
             imaginary part of one eigenfunction.
         """
         modes = self._fine.left_modes if adjoint else self._fine.modes
-        return modes.values**self._fine.leg.count, [self._fine.leg.coefficients(column) for column in modes.basis.T]
+        return modes.values**self._fine.periods, [self._fine.coefficients(column) for column in modes.basis.T]
 
     def survival(self, cycles: ArrayLike) -> Array:
         """Probability of not having overturned after some numbers of cycles, from the scene's start.
@@ -286,12 +287,12 @@ class CycleOperator(Result, LinearOperator):
         ndarray, shape of `cycles`
         """
         shape = np.shape(cycles)
-        return self.outlook(np.ravel(cycles)).survival.reshape(shape)
+        return self.estimate_survival(np.ravel(cycles)).survival.reshape(shape)
 
-    def outlook(self, cycles: Sequence[int] | Array) -> Outlook:
+    def estimate_survival(self, cycles: Sequence[int] | Array) -> SurvivalEstimate:
         """Compute survival from the scene's start with error estimates.
 
-        The density is carried cycle by cycle until its leading modes represent it, and by these from there on.
+        The density is propagated cycle by cycle until its leading modes represent it, and by these from there on.
 
         Parameters
         ----------
@@ -300,14 +301,14 @@ class CycleOperator(Result, LinearOperator):
 
         Returns
         -------
-        Outlook
+        SurvivalEstimate
         """
-        counts = np.array([checks.count("cycles", one, at_least=0) for one in cycles], dtype=np.int64)
+        counts = np.array([checks.count("cycles", count, at_least=0) for count in cycles], dtype=np.int64)
         survival, left_out = self._fine.survival(counts, self._white.start)
         rough, _ = self._coarse.survival(counts, self._white.start)
         slope = np.abs(survival) * -np.expm1(-counts * self.escape_rate * self.escape_error)
         error = np.maximum(np.abs(survival - rough), slope) + left_out
-        return Outlook(counts, survival, left_out, error)
+        return SurvivalEstimate(counts, survival, left_out, error)
 
     def survival_map(self, cycles: int, phase: float | None = None) -> PlaneMap:
         """Probability of not overturning within some cycles, as a function of the start.
@@ -328,7 +329,7 @@ class CycleOperator(Result, LinearOperator):
         """
         cycles = checks.count("cycles", cycles, at_least=0)
         return self._map(
-            lambda level: level.backward_powers().after(level.leg.count * cycles),
+            lambda mesh: mesh.backward_powers().after(mesh.periods * cycles),
             phase,
             lambda survival: survival(cycles)[0],
         )
@@ -349,10 +350,10 @@ class CycleOperator(Result, LinearOperator):
         """
         cycle = checks.count("cycle", cycle)
 
-        def passage(level):
-            powers = level.backward_powers()
-            before = powers.after(level.leg.count * (cycle - 1))
-            return before - powers.after(level.leg.count * cycle)
+        def passage(mesh):
+            powers = mesh.backward_powers()
+            before = powers.after(mesh.periods * (cycle - 1))
+            return before - powers.after(mesh.periods * cycle)
 
         return self._map(passage, phase, lambda survival: -np.diff(survival(cycle - 1, cycle))[0])
 
@@ -368,25 +369,25 @@ class CycleOperator(Result, LinearOperator):
         -------
         PlaneMap
         """
-        return self._map(Level.mean_time, phase)
+        return self._map(MeshOperator.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
         own = periodic(self.scene.forcing).phase
         phase = own if phase is None else checks.number("phase", phase)
-        levels = [self._fine, self._coarse]
+        meshes = [self._fine, self._coarse]
         if phase != own:
-            levels = [level.at_phase(phase) for level in levels]
-        fine, coarse = (level.leg.coefficients(function(level)) for level in levels)
-        space = levels[0].space
-        difference = fine - space.transfer(coarse, levels[1].space)
+            meshes = [mesh.at_phase(phase) for mesh in meshes]
+        fine, coarse = (mesh.coefficients(function(mesh)) for mesh in meshes)
+        space = meshes[0].space
+        difference = fine - space.transfer(coarse, meshes[1].space)
         error = space.absolute_mass(difference) / space.masses(fine).sum()
-        starts = self._followed(levels[0], from_start) if from_start else ()
+        starts = self._values_at_starts(meshes[0], from_start) if from_start else ()
         return PlaneMap(space, fine, phase, float(error), starts)
 
-    def _followed(self, level, function):
+    def _values_at_starts(self, mesh, function):
         """Angle, velocity and value of a function of survival, from rest and from the scene's start."""
-        starts, found = {Start(), self._white.start}, []
-        for start in (one for one in starts if one.covariance is None):
-            value = function(lambda *cycles, start=start: level.survival(np.array(cycles), start)[0])
-            found.append((start.angle, start.velocity, float(value)))
-        return tuple(found)
+        starts, values = {Start(), self._white.start}, []
+        for start in (start for start in starts if start.covariance is None):
+            value = function(lambda *cycles, start=start: mesh.survival(np.array(cycles), start)[0])
+            values.append((start.angle, start.velocity, float(value)))
+        return tuple(values)

@@ -11,7 +11,7 @@ import pytest
 from fpk_rocking import cli, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.run import FilteredRun
+from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, curves, fragility
 from montecarlo import Ensemble, Tally, simulate
@@ -116,7 +116,7 @@ def test_the_check_of_replaced_noise_can_be_left_out(run):
 
 def test_the_noise_replacement_reaches_the_solver(monkeypatch, run):
     seen = []
-    monkeypatch.setattr(FilteredRun, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
+    monkeypatch.setattr(FilteredPropagator, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
     with pytest.raises(AssertionError, match="division by zero"):
         run("fpk", PERIODIC, **SOLVED, noise_replacement="filtered")
     assert seen == [PERIODIC.filtered_equivalent().noise]

@@ -10,8 +10,7 @@ import pytest
 
 from fpk_rocking import Evolution, load_scene, solve_fpk
 from fpk_rocking.density.evolution import near_rest
-from fpk_rocking.density.refinement import LEAST, Count
-from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import remarks
@@ -24,12 +23,12 @@ MAIN = load_scene(SCENES / "main.toml")
 
 def test_the_total_of_the_progress_grows_with_every_solution_beyond_those_known():
     told = []
-    count = Count(lambda *pair: told.append(pair), cycles=2)
-    for _ in range(LEAST + 1):
-        done = count.next()
+    count = ProgressCount(lambda *pair: told.append(pair), rows=2)
+    for _ in range(SOLUTIONS + 1):
+        done = count.start_solution()
         done()
         done()
-    known, more = 2 * LEAST, 2 * LEAST + 2
+    known, more = 2 * SOLUTIONS, 2 * SOLUTIONS + 2
     assert told == [(k, known if k <= known else more) for k in range(1, more + 1)]
 
 
@@ -42,13 +41,6 @@ def test_a_density_near_rest_is_within_small_angles_and_velocities(start, first)
     coefficients = np.full((2, 1, 1, 1, 1), 1.0 / (0.02 * 0.4))
     spread = Start(0.0, 0.0, ((1e-4, 0.0), (0.0, 1e-4)))
     assert near_rest(space, coefficients, start or spread) == pytest.approx([first, 0.25])
-
-
-def test_a_density_is_shown_where_it_is_resolved():
-    """In all rows but that of the start, unless told."""
-    solution = Solution(np.ones(4), np.zeros((4, 3)), np.zeros((4, 1, 1, 2, 2)))
-    assert solution.shown.tolist() == [1, 2, 3]
-    assert solution._replace(resolved=np.array([True, False, True, False])).shown.tolist() == [0, 2]
 
 
 @pytest.fixture(scope="module")

@@ -10,20 +10,18 @@ from white_paths import survival
 
 from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start, WhiteNoise
 from fpk_rocking.base.basis import gauss_hermite_product
-from fpk_rocking.density.memory.nodes import Nodes
-from fpk_rocking.density.memory.resolution import NodeGrid, may_rest
-from fpk_rocking.density.memory.start import Flight
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.run.filtered import FilteredRun
-from fpk_rocking.density.run.periodic import PeriodicRun
-from fpk_rocking.density.run.rest import Hold
+from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, may_rest
+from fpk_rocking.density.filtered import FilteredPropagator
+from fpk_rocking.density.filtered_start import FilteredStart
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.startup import Gaussian
 from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.sticking import Sticking
 from montecarlo import simulate
 
 FORCING = Harmonic(3.6, 2.7, math.pi)
@@ -32,12 +30,12 @@ FILTERED = FilteredNoise("exponential", 0.05, 5.0)
 
 def plane_of(scene, number=0):
     white, times = scene.white_equivalent(), scene.period * np.arange(3)
-    return RESOLUTIONS[number].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, times))
+    return RESOLUTIONS[number].adapted(white, velocity_bound(white, white.noise.diffusion), explore(white, times))
 
 
-def node_grid(plane, scene, steps, nodes=(5,), points=5):
-    legs = 2 if scene.forcing.half_antisymmetric else 1
-    return NodeGrid(plane, nodes, points, np.linspace(0.0, 1.0 / legs, steps // legs + 1))
+def discretization_of(plane, scene, steps, nodes=(5,), points=5):
+    periods = 2 if scene.forcing.half_antisymmetric else 1
+    return FilteredDiscretization(plane, nodes, points, np.linspace(0.0, 1.0 / periods, steps // periods + 1))
 
 
 def with_angle(scene, angle):
@@ -142,12 +140,12 @@ def test_a_block_becomes_slender_with_order_2(noise):
     for angle in (0.0, 0.1, 0.2):
         one = with_angle(scene, angle)
         if noise.kind == "white":
-            run = PeriodicRun(one, plane, 1e-9)
+            run = PeriodicPropagator(one, plane, 1e-9)
         else:
-            run = FilteredRun(one, node_grid(plane, one, 16), 1e-9)
-        solution = run.evolve(scene.period * np.arange(3))
-        assert solution.released == 0.0
-        found.append(solution.inside[-1])
+            run = FilteredPropagator(one, discretization_of(plane, one, 16), 1e-9)
+        solution = run.propagate(scene.period * np.arange(3))
+        assert solution.reinjected == 0.0
+        found.append(solution.survival[-1])
     slender, *exact = found
     assert abs(exact[1] - slender) > 1e-3
     assert math.log2((exact[1] - slender) / (exact[0] - slender)) == pytest.approx(2.0, abs=0.15)
@@ -161,7 +159,7 @@ def test_the_gaussian_of_a_start_is_of_second_order_in_its_spread():
         start = Start(0.8, 0.1, tuple(map(tuple, spread)))
         noise = FilteredNoise("exponential", 1e-12, 3.0)
         scene = Scene(Block(0.5, critical_angle=0.8), Harmonic(0.7, 3.0, 0.4), noise, start)
-        mean, _ = Flight(scene, Nodes(noise, (2,)), Dynamics.of(scene.white_equivalent())).at(1.0)
+        mean, _ = FilteredStart(scene, Nodes(noise, (2,)), Dynamics.of(scene.white_equivalent())).at(1.0)
         points, weights = spread_points([0.8, 0.1], spread)
         errors.append(np.abs(mean - flown(0.8, scene.forcing, points, 1.0)[0] @ weights).max())
     assert math.log2(errors[1] / errors[0]) == pytest.approx(4.0, abs=0.3)
@@ -172,7 +170,7 @@ def test_the_gaussian_of_a_start_becomes_that_of_a_slender_block(noise):
     scene, found = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), noise), []
     for angle in (0.0, 0.01, 0.02):
         one = with_angle(scene, angle)
-        mean, covariance = Flight(one, Nodes(noise, (3, 3)), Dynamics.of(one.white_equivalent())).at(0.5)
+        mean, covariance = FilteredStart(one, Nodes(noise, (3, 3)), Dynamics.of(one.white_equivalent())).at(0.5)
         found.append(np.concatenate([mean, covariance.ravel()]))
     slender, *exact = found
     near, far = (np.abs(one - slender).max() for one in exact)
@@ -186,23 +184,27 @@ def test_a_block_rests_below_its_own_level():
     plane, rests = plane_of(scene), []
     for angle in (0.0, 0.48):
         one = with_angle(scene, angle)
-        rests.append(FilteredRun(one, node_grid(plane, one, 8), 1e-9).evolve(scene.period * np.arange(2)).at_rest[1])
+        rests.append(
+            FilteredPropagator(one, discretization_of(plane, one, 8), 1e-9)
+            .propagate(scene.period * np.arange(2))
+            .at_rest[1]
+        )
         assert may_rest(one) is (angle > 0.0)
     assert rests[0] < 0.5
     assert rests[1] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_hold_is_that_of_a_slender_block_in_units_of_the_level():
+def test_sticking_is_that_of_a_slender_block_in_units_of_the_level():
     alpha, noise = 0.5, 1e-4
     level, pull = math.tan(alpha) / alpha, math.sin(alpha) / alpha
     forcing = Harmonic(1.2, 0.5, 0.3)
-    exact = Hold(Dynamics(forcing, noise, 0.6, 1.5, critical_angle=alpha), 12.0, 5.0)
-    slender = Hold(Dynamics(forcing.scaled(1.0 / level, 1.0), noise / level**2, 0.6, 1.5), 12.0, 5.0)
+    exact = Sticking(Dynamics(forcing, noise, 0.6, 1.5, critical_angle=alpha), 12.0, 5.0)
+    slender = Sticking(Dynamics(forcing.scaled(1.0 / level, 1.0), noise / level**2, 0.6, 1.5), 12.0, 5.0)
     times = np.linspace(0.0, 12.0, 101)
-    assert [exact.lift_off(time) for time in times] == [slender.lift_off(time) for time in times]
+    assert [exact.next_lift_off(time) for time in times] == [slender.next_lift_off(time) for time in times]
     held = np.array([[one.until(time) for time in times] for one in (exact, slender)])
     assert 10 < (held[1] > times).sum() < 90
-    # The layer is as thick in units of the pull, and REST is not: where the two differ it is at its limit.
+    # The layer is as thick in units of the pull, the velocity of rest is not: where they differ it is at its limit.
     assert np.mean(held[0] == held[1]) > 0.9
     assert pull < 1.0
 
@@ -211,7 +213,7 @@ def test_white_noise_agrees_with_small_steps_of_another_scheme():
     """20,000 paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
     alpha, e, diffusion, paths, shaking = 0.45, 0.7, 0.02, 20_000, (4.2, 2.7, math.pi)
     scene = Scene(Block(e, critical_angle=alpha), Harmonic(*shaking), WhiteNoise(diffusion), Start(0.3, 0.0))
-    found = PeriodicRun(scene, plane_of(scene, 2), 1e-8).evolve(scene.period * np.arange(3)).inside[1:]
+    found = PeriodicPropagator(scene, plane_of(scene, 2), 1e-8).propagate(scene.period * np.arange(3)).survival[1:]
     fine, coarse = survival((alpha, e), scene.overturning.angle, shaking, diffusion, (0.3, 0.0), 2, paths, 400, 3)
     wanted = 2.0 * fine - coarse
     assert found == pytest.approx(wanted, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
@@ -220,7 +222,7 @@ def test_white_noise_agrees_with_small_steps_of_another_scheme():
 def test_filtered_noise_agrees_with_paths():
     """20,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
     scene = Scene(Block(0.7, critical_angle=0.29), Harmonic(4.2, 2.7, math.pi), FILTERED)
-    run = FilteredRun(scene, node_grid(plane_of(scene, 1), scene, 16, (7,), 8), 1e-8)
-    found = run.evolve(scene.period * np.arange(3)).inside[1:]
+    run = FilteredPropagator(scene, discretization_of(plane_of(scene, 1), scene, 16, (7,), 8), 1e-8)
+    found = run.propagate(scene.period * np.arange(3)).survival[1:]
     paths = simulate(scene, cycles=2, realizations=20_000, seed=4, method="filtered").survival[1:]
     assert found == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 20_000))

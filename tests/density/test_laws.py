@@ -15,7 +15,7 @@ from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Gaussian
+from fpk_rocking.density.startup import Gaussian
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 
 QUADRATURE = Quadrature(6, 6, 5, 2)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, Scene, WhiteNoise
-from fpk_rocking.density.pilot import Motion
-from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.resolution import RESOLUTIONS, StateRange
 from fpk_rocking.physics.forcing import Harmonics
 
 
@@ -19,7 +18,7 @@ def test_the_forcing_is_a_polynomial_in_every_step(highest):
     forcing = Harmonics(1.5, tuple(amplitudes), (0.4,) * highest)
     scene = Scene(Block(0.5), forcing, WhiteNoise(0.02))
     for resolution in RESOLUTIONS:
-        steps = resolution.of(scene, 4.0, Motion(1.2, 1.8, (-1.2, 1.2), (-1.8, 1.8), 2.0)).steps
+        steps = resolution.adapted(scene, 4.0, StateRange(1.2, 1.8, (-1.2, 1.2), (-1.8, 1.8), 2.0)).steps
         assert steps % 2 == 0
         duration = scene.period / steps
         size = 3.0 / (1.0 + (1.5 * highest) ** 2)

@@ -9,15 +9,14 @@ from flight_moments import flight_moments
 
 from fpk_rocking import Block, Dimensions, Evolution, Harmonic, Pulse, Record, Scene, Start, WhiteNoise, solve_fpk
 from fpk_rocking.density import solver
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.refinement import candidates_for
-from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.run.rest import Hold, resting
-from fpk_rocking.density.run.transient import TransientRun
-from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.propagator import Solution
+from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Departure
+from fpk_rocking.density.startup import StartUp
 from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.sticking import Sticking, density_at_rest
+from fpk_rocking.density.transient import TransientPropagator
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.envelopes import Trapezoid
 from montecarlo import simulate
 
@@ -31,9 +30,9 @@ PULSED = Scene(Block(0.8), Pulse("one-cosine", 2.6, 3.0), WhiteNoise(0.02))
 def at_resolution(number, scene, times):
     """Space and densities of one of the solutions of `solve_fpk` at tol = 1e-2, without those that tell its error."""
     times = np.append(0.0, times)
-    grid = solver._grids(scene, scene, motion_of(scene, times), candidates_for(1e-2))[number]
-    run = TransientRun(scene, grid, 1e-2 * solver.NEGLIGIBLE)
-    return run.space, run.evolve(times)
+    grid = solver._discretizations(scene, scene, explore(scene, times), resolutions_for(1e-2, before=2))[number]
+    run = TransientPropagator(scene, grid, 1e-2 * TUNING.negligible_mass)
+    return run.space, run.propagate(times)
 
 
 def test_a_pulse_agrees_with_paths(tmp_path):
@@ -91,10 +90,10 @@ def test_blocks_that_come_to_rest_after_a_record_are_held_there():
     space, found = at_resolution(0, scene, times)
     paths = simulate(scene, times=times[:3], realizations=size, seed=4)
     error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert (np.abs(found.inside[:4] - paths.survival) <= 1e-2 + error).all()
-    assert 0.1 < found.inside[-1] < 0.9
-    assert found.coefficients[-1] == pytest.approx(found.inside[-1] * resting(space), abs=1e-12)
-    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    assert (np.abs(found.survival[:4] - paths.survival) <= 1e-2 + error).all()
+    assert 0.1 < found.survival[-1] < 0.9
+    assert found.coefficients[-1] == pytest.approx(found.survival[-1] * density_at_rest(space), abs=1e-12)
+    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
     assert space.negative_mass(found.coefficients[-1]) == 0.0
 
 
@@ -105,13 +104,13 @@ def test_a_record_that_never_stirs_a_block_leaves_it_at_rest():
     assert found.at_rest[1:] == pytest.approx(1.0, abs=1e-12)
 
 
-def hold(noise, memory, amplitude=0.9, restitution=0.8):
-    """Hold of a block under two periods of a sine of period 20."""
+def sticking(noise, forgetting, amplitude=0.9, restitution=0.8):
+    """Sticking of a block under two periods of a sine of period 20."""
     scene = Scene(Block(restitution), Pulse("n-sine", amplitude, 0.1 * np.pi, 2), noise)
-    return Hold(Dynamics.of(scene), 45.0, memory)
+    return Sticking(Dynamics.of(scene), 45.0, forgetting)
 
 
-def test_a_block_is_held_until_it_would_remember_it_at_the_lift_off():
+def test_a_block_sticks_until_it_would_remember_it_at_the_lift_off():
     """The rate 9 (1 - e²)² (1 - f²)² / (256 D), integrated here by Simpson's rule."""
     diffusion, memory, lift_off = 4e-4, 3.0, 20.0 / (2.0 * np.pi) * np.arcsin(1.0 / 1.3)
 
@@ -120,41 +119,41 @@ def test_a_block_is_held_until_it_would_remember_it_at_the_lift_off():
         rate = 9.0 * 0.36**2 * (1.0 - (1.3 * np.sin(0.1 * np.pi * times)) ** 2) ** 2 / (256.0 * diffusion)
         return (times[1] - times[0]) / 3.0 * (rate[0] + 4.0 * rate[1::2].sum() + 2.0 * rate[2:-1:2].sum() + rate[-1])
 
-    one = hold(WhiteNoise(diffusion), memory, 1.3)
-    first = one.lift_off(0.0)
+    one = sticking(WhiteNoise(diffusion), memory, 1.3)
+    first = one.next_lift_off(0.0)
     assert first == pytest.approx(lift_off, abs=0.02)
-    assert one.lift_off(first) == first
+    assert one.next_lift_off(first) == first
     assert memory <= forgotten(one.until(0.0)) < memory + 0.25
-    assert hold(WhiteNoise(diffusion), 2.0 * memory, 1.3).until(0.0) < one.until(0.0) - 0.1
+    assert sticking(WhiteNoise(diffusion), 2.0 * memory, 1.3).until(0.0) < one.until(0.0) - 0.1
     assert one.until(lift_off + 0.05) == pytest.approx(lift_off + 0.05)
 
 
-def test_a_block_is_held_only_where_its_layer_is_thin():
+def test_a_block_sticks_only_where_its_layer_is_thin():
     # Scale of the speeds 4 D / (3 (1 - e²)(1 - f²)): at most an eighth of .1, here D = .00216 at f = .6, and at most
     # (1 - f) / 25, here D = .000205 at f = .9.
     for amplitude, diffusion in ((0.6, 2.16e-3), (0.9, 2.05e-4)):
-        assert hold(WhiteNoise(0.98 * diffusion), 1.0, amplitude).until(0.0) == np.inf
-        assert hold(WhiteNoise(1.02 * diffusion), 1.0, amplitude).until(0.0) < 5.0
-    assert hold(WhiteNoise(0.02), 1.0).until(41.0) == 41.0
-    assert hold(WhiteNoise(0.02, Trapezoid(0.0, 30.0, 1.0)), 1.0).until(41.0) == np.inf
+        assert sticking(WhiteNoise(0.98 * diffusion), 1.0, amplitude).until(0.0) == np.inf
+        assert sticking(WhiteNoise(1.02 * diffusion), 1.0, amplitude).until(0.0) < 5.0
+    assert sticking(WhiteNoise(0.02), 1.0).until(41.0) == 41.0
+    assert sticking(WhiteNoise(0.02, Trapezoid(0.0, 30.0, 1.0)), 1.0).until(41.0) == np.inf
 
 
 def test_what_still_hops_long_before_a_lift_off_stops_and_what_hops_just_before_it_does_not():
     space = Space(np.linspace(-0.004, 0.004, 17), np.linspace(-0.1, 0.1, 21), 2)
-    one = hold(WhiteNoise(1e-6), 1.0, 1.3)
-    lift_off = one.lift_off(0.0)
-    assert one.stopped(0.0, space).all()
-    assert one.stopped(lift_off + 10.0, space).sum() < space.areas.size
-    early, late = (one.stopped(lift_off - before, space).sum() for before in (2.0, 1.2))
+    one = sticking(WhiteNoise(1e-6), 1.0, 1.3)
+    lift_off = one.next_lift_off(0.0)
+    assert one.stopping_cells(0.0, space).all()
+    assert one.stopping_cells(lift_off + 10.0, space).sum() < space.areas.size
+    early, late = (one.stopping_cells(lift_off - before, space).sum() for before in (2.0, 1.2))
     assert 4 < late < early < space.areas.size
-    assert one.stopped(lift_off - 0.04, space).sum() == 4
+    assert one.stopping_cells(lift_off - 0.04, space).sum() == 4
 
 
 def test_a_fast_force_keeps_blocks_hopping_that_a_slow_one_lets_stop():
     """Under .5 sin 20τ a block at e = .9 can hop on for ever at w = π/40: each hop lasts half a period."""
     scene = Scene(Block(0.9), Pulse("n-sine", 0.5, 20.0, 300), WhiteNoise(1e-9))
     space = Space(np.linspace(-1e-6, 1e-6, 3), np.linspace(-0.1, 0.1, 41), 2)
-    stops = Hold(Dynamics.of(scene), 45.0, 1.0).stopped(0.0, space)[1, 20:]
+    stops = Sticking(Dynamics.of(scene), 45.0, 1.0).stopping_cells(0.0, space)[1, 20:]
     hopping = []
     for v in space.velocity_lines[21:-1:2] + 0.0025:
         block = oracle.Block(0.5, 20.0, 0.5 * np.pi, 0.9, 1.5, 5e-7, v, 1)
@@ -169,9 +168,11 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
     noise = WhiteNoise(0.01, Trapezoid(2.0, 3.0, 4.0))
     scene = Scene(Block(0.8), Pulse("one-sine", 1.3, 0.5), noise)
     times, origin = np.array([0.0, 12.0]), 1.3
-    run = TransientRun(scene, solver._grids(scene, scene, motion_of(scene, times), candidates_for(1e-2))[0], 1e-8)
-    run._hold = Hold(run.dynamics, times[-1], run._memory)
-    late = run._release(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).departure.dynamics
+    run = TransientPropagator(
+        scene, solver._discretizations(scene, scene, explore(scene, times), resolutions_for(1e-2, before=2))[0], 1e-8
+    )
+    run._sticking = Sticking(run.dynamics, times[-1], run._forgetting)
+    late = run._injection(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).startup.dynamics
     for time in (0.0, 0.9, 3.0):
         assert late.forcing.value(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
         strength = run.dynamics.averaged_over(origin + time, 0.1).diffusion
@@ -181,19 +182,19 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
 
 def test_the_estimate_is_four_times_as_large_where_blocks_rested_and_were_lifted_off():
     space = Space(np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5), 1)
-    found = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)))
-    edges = [np.linspace(-1.0, 1.0, 4)] * 2
-    for released, error in ((0.0, 1e-3), (0.9e-3, 1e-3), (1.1e-3, 4e-3)):
-        level = solver.Solved(SimpleNamespace(space=space), found._replace(released=released), edges)
+    found = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)), None, np.array([False, True]))
+    propagator, edges = SimpleNamespace(space=space, memory=0.0), [np.linspace(-1.0, 1.0, 4)] * 2
+    for reinjected, error in ((0.0, 1e-3), (0.9e-3, 1e-3), (1.1e-3, 4e-3)):
+        level = solver._level_of(propagator, found._replace(reinjected=reinjected), edges)
         assert level.error(1e-3, 0.0) == pytest.approx(error)
 
 
 def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():
     noise = WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))
     _, found = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
-    assert 0.1 < found.released <= 1.0
+    assert 0.1 < found.reinjected <= 1.0
     _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.6, 0.8), WhiteNoise(1e-3)), [1.5])
-    assert found.released == 0.0
+    assert found.reinjected == 0.0
 
 
 FROM_REST = {
@@ -240,13 +241,13 @@ def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
     _, found = at_resolution(number, scene, list(sampled))
     survival = np.array([1.0, *sampled.values()])
     error = 3.7 * np.sqrt(survival * (1.0 - survival) / size) + 1.0 / size
-    assert (np.abs(found.inside - survival) <= within + error).all()
-    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    assert (np.abs(found.survival - survival) <= within + error).all()
+    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
 
 
-def test_a_start_is_carried_on_windows_past_the_time_within_which_a_mesh_should_take_over():
+def test_a_start_is_carried_on_patches_past_the_time_within_which_a_mesh_should_take_over():
     # A record that overturns a block at once leaves no step at which the mesh resolves the density.
     dynamics, target = Dynamics.of(PULSED), Space(np.linspace(-1.57, 1.57, 9), np.linspace(-4.0, 4.0, 9), 3)
-    departure = Departure(dynamics, PULSED.start, RESOLUTIONS[0].windows, 0.1)
-    coefficients, gone = departure.land(0.2, target)
-    assert target.masses(coefficients).sum() + gone.sum() == pytest.approx(1.0, abs=1e-12)
+    startup = StartUp(dynamics, PULSED.start, RESOLUTIONS[0].patches, 0.1)
+    coefficients, outflow = startup.project(0.2, target)
+    assert target.masses(coefficients).sum() + outflow.sum() == pytest.approx(1.0, abs=1e-12)

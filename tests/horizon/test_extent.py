@@ -8,7 +8,7 @@ import pytest
 from density_operators import scene_of
 from scipy.optimize import brentq
 
-from fpk_rocking.horizon.extent import worst_bound
+from fpk_rocking.horizon.mesh_operator import bound_for_all_phases
 
 
 def slowed_impact(speed, scene, phase):
@@ -45,6 +45,6 @@ def test_what_starts_faster_escapes_after_its_impact_at_every_phase(restitution)
         scene = scene_of(amplitude=amplitude, frequency=frequency, diffusion=diffusion)
         scene = scene.varied(block={"restitution": restitution})
         escape = 1.0 + amplitude / math.hypot(1.0, frequency) + 8.0 * math.sqrt(diffusion)
-        bound = worst_bound(scene)
+        bound = bound_for_all_phases(scene)
         for phase in np.linspace(0.0, 2.0 * math.pi, 24):
             assert restitution * slowed_impact(bound, scene, phase) > escape

@@ -9,10 +9,11 @@ from scipy.linalg import block_diag
 from fpk_rocking import Harmonic
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon import modes
 from fpk_rocking.horizon.modes import Powers, leading_modes
 
-LEADING = 1.0 - 1e-9
+LEADING, FEW = 1.0 - 1e-9, TUNING.steps_before_modes
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +52,10 @@ def test_powers_step_by_step_and_by_modes(known):
     matrix, basis, diagonal = known
     vector = np.random.default_rng(5).random(60)
     powers, amplitudes = powers_of(matrix, vector), np.linalg.solve(basis, vector)
-    for count in (1, modes.FEW - 1, modes.FEW, modes.FEW + 1, 100, 1000, 10**6, 10**9):
+    for count in (1, FEW - 1, FEW, FEW + 1, 100, 1000, 10**6, 10**9):
         expected = basis @ np.linalg.matrix_power(diagonal, count) @ amplitudes
         assert np.linalg.norm(powers.after(count) - expected) < 1e-7 * LEADING**count
-        assert powers.left_out(count) <= modes.SETTLED * np.abs(vector).sum()
+        assert powers.left_out(count) <= TUNING.modes_left_out * np.abs(vector).sum()
 
 
 def test_what_the_modes_leave_out_falls_like_the_leading_mode(monkeypatch):
@@ -63,8 +64,7 @@ def test_what_the_modes_leave_out_falls_like_the_leading_mode(monkeypatch):
     The remainder of a least-squares fit is orthogonal to the modes computed, not free of them: as the last of them it
     would seem to fall to 1e-14 of the error within 100 applications.
     """
-    monkeypatch.setattr(modes, "FEW", 5)
-    monkeypatch.setattr(modes, "SETTLED", 0.05)
+    monkeypatch.setattr(modes, "TUNING", TUNING._replace(steps_before_modes=5, modes_left_out=0.05))
     rng = np.random.default_rng(8)
     matrix = rng.random((60, 60)) ** 8 + 0.5 * np.eye(60)
     matrix *= rng.uniform(0.9, 0.98, 60) / matrix.sum(axis=0)
@@ -94,7 +94,7 @@ def test_total_is_the_inverse(known):
 
 def test_modes_that_never_take_over_are_refused(monkeypatch):
     """A map with as many equal modes as it has unknowns has none that say all."""
-    monkeypatch.setattr(modes, "MOST", 50)
+    monkeypatch.setattr(modes, "TUNING", TUNING._replace(steps_until_modes=50))
     matrix = np.diag(np.linspace(0.9, 0.95, 60))
     with pytest.raises(ValueError, match=r"^scene: got 'a density with many slowly decaying modes'"):
         powers_of(matrix, np.ones(60)).after(100)

@@ -12,11 +12,11 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
-from fpk_rocking.density.pilot import motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.space import reflected
-from fpk_rocking.horizon import level
-from fpk_rocking.horizon.extent import worst_bound
+from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.horizon import mesh_operator
+from fpk_rocking.horizon.mesh_operator import bound_for_all_phases
 from fpk_rocking.results.remarks import UNCHECKED
 from fpk_rocking.scene import Block, Harmonic, Scene
 from montecarlo import simulate, tally
@@ -37,9 +37,9 @@ def elastic():
 
 
 @pytest.fixture(scope="module")
-def outlook(operator):
+def estimate(operator):
     """From the scene's start, up to 40 cycles and far beyond."""
-    return operator.outlook([*range(41), 1000, 2000])
+    return operator.estimate_survival([*range(41), 1000, 2000])
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def mean(operator):
 def stepped(operator):
     """The coarser mesh's evolution from the scene's start over 80 cycles, step by step."""
     level = operator._coarse
-    return level.leg.run.evolve(operator.scene.period * np.arange(81))
+    return level.propagator.propagate(operator.scene.period * np.arange(81))
 
 
 def inner(space, first, second):
@@ -99,53 +99,53 @@ def test_survival_by_modes_is_that_step_by_step(operator, stepped):
     """S(k) up to 80 cycles to 1e-6 of itself, on the coarser mesh; the modes take over after 20."""
     level, cycles = operator._coarse, np.arange(81)
     survival, left_out = level.survival(cycles, operator.scene.start)
-    assert survival == pytest.approx(stepped.inside, rel=1e-6)
+    assert survival == pytest.approx(stepped.survival, rel=1e-6)
     assert left_out[:20].max() == 0.0 < left_out[21:].max()
     assert np.all(left_out <= 1e-6 * survival)
 
 
 def test_leaks_are_those_of_late_cycles_to_either_side(operator, stepped):
     """The start is forgotten by .78 a cycle, so that 1e-8 of it is left of 80 cycles; the sides differ by 4 %."""
-    leaked = np.diff(stepped.gone, axis=0) / stepped.inside[:-1, None]
+    leaked = np.diff(stepped.outflow, axis=0) / stepped.survival[:-1, None]
     left, right, lost = operator._coarse.leaks
     assert [left, right, lost] == pytest.approx(leaked[-1], rel=1e-7, abs=1e-12)
     assert right > 1.03 * left
     assert np.array_equal(operator.leakage, operator._fine.leaks[:2])
 
 
-def test_memory_is_the_time_in_which_the_start_is_forgotten(operator, stepped):
-    """The density's distance from the one that keeps its shape falls by a factor e in `memory_cycles`; two meshes."""
+def test_forgetting_cycles_are_the_time_in_which_the_start_is_forgotten(operator, stepped):
+    """Its distance from the density that keeps its shape falls by a factor e in `forgetting_cycles`; two meshes."""
     space, distances = operator._coarse.space, []
     for density in stepped.coefficients[10:30]:
         shape = density / space.masses(density).sum()
         distances.append(space.absolute_mass(shape - operator._coarse.quasi_stationary))
     cycles = -1.0 / np.polyfit(np.arange(20), np.log(distances), 1)[0]
-    assert operator.memory_cycles == pytest.approx(cycles, rel=0.02)
+    assert operator.forgetting_cycles == pytest.approx(cycles, rel=0.02)
 
 
-def test_survival_takes_numbers_of_cycles_in_any_order(operator, outlook):
-    assert np.array_equal(operator.survival([[9, 3], [7, 7]]), outlook.survival[[[9, 3], [7, 7]]])
-    assert operator.survival(7) == outlook.survival[7]
+def test_survival_takes_numbers_of_cycles_in_any_order(operator, estimate):
+    assert np.array_equal(operator.survival([[9, 3], [7, 7]]), estimate.survival[[[9, 3], [7, 7]]])
+    assert operator.survival(7) == estimate.survival[7]
 
 
-def test_survival_is_that_of_an_independent_program(outlook, reference):
+def test_survival_is_that_of_an_independent_program(estimate, reference):
     """Within the estimate, the program's own 3e-4 and 4.5 standard errors of its paths; false alarm 3e-4 in all."""
     truth, paths = (reference("main_white")[name] for name in ("survival", "paths"))
-    estimate, sampling = outlook.error_estimate[:41], 4.5 * np.sqrt(truth * (1.0 - truth) / paths) + 3e-4
-    assert np.all(np.abs(outlook.survival[:41] - truth) <= estimate + sampling)
-    assert estimate.max() < 2e-3
+    error, sampling = estimate.error_estimate[:41], 4.5 * np.sqrt(truth * (1.0 - truth) / paths) + 3e-4
+    assert np.all(np.abs(estimate.survival[:41] - truth) <= error + sampling)
+    assert error.max() < 2e-3
 
 
-def test_the_error_of_survival_covers_both_of_its_reasons(operator, outlook, monkeypatch):
+def test_the_error_of_survival_covers_both_of_its_reasons(operator, estimate, monkeypatch):
     """The difference of two meshes, and what the error of the rate makes of it; here that error is set."""
     level = operator._coarse
-    rough, _ = level.survival(outlook.cycles, operator.scene.start)
-    meshes = np.abs(outlook.survival - rough)
+    rough, _ = level.survival(estimate.cycles, operator.scene.start)
+    meshes = np.abs(estimate.survival - rough)
     ruled = []
     for error in (1e-9, 0.05):
         monkeypatch.setattr(operator, "escape_error", error)
-        rate = outlook.survival * (1.0 - np.exp(-outlook.cycles * operator.escape_rate * error))
-        told = operator.outlook(outlook.cycles).error_estimate
+        rate = estimate.survival * (1.0 - np.exp(-estimate.cycles * operator.escape_rate * error))
+        told = operator.estimate_survival(estimate.cycles).error_estimate
         assert np.all(told >= np.maximum(meshes, rate) * (1.0 - 1e-9))
         ruled.append(((meshes > 1.5 * rate).any(), (rate > 1.5 * meshes).any()))
     assert ruled[0][0]
@@ -169,7 +169,7 @@ def test_a_map_has_the_forward_value_at_rest_and_at_the_scene_s_own_start(operat
 def test_the_error_of_a_map_is_its_difference_from_the_coarser_mesh(operator):
     """L1 over the integral, by values on a grid of 300 x 600 points, which is good to some percent."""
     level, chances = operator._coarse, operator.survival_map(4)
-    coarse = level.leg.coefficients(level.backward_powers().after(8))
+    coarse = level.coefficients(level.backward_powers().after(8))
     angle, velocity = (
         line[0] + (line[-1] - line[0]) * (np.arange(count) + 0.5) / count
         for line, count in zip(chances.mesh_lines, (300, 600), strict=True)
@@ -179,8 +179,8 @@ def test_the_error_of_a_map_is_its_difference_from_the_coarser_mesh(operator):
     assert 0.8 < np.abs(fine - rough).mean() / fine.mean() / chances.error_estimate < 1.2
 
 
-def test_long_horizon_decays_at_the_escape_rate(operator, outlook):
-    assert np.log(outlook.survival[-2] / outlook.survival[-1]) == pytest.approx(1000 * operator.escape_rate, rel=1e-9)
+def test_long_horizon_decays_at_the_escape_rate(operator, estimate):
+    assert np.log(estimate.survival[-2] / estimate.survival[-1]) == pytest.approx(1000 * operator.escape_rate, rel=1e-9)
 
 
 def test_quasi_stationary_density_keeps_its_shape(operator):
@@ -207,24 +207,24 @@ def test_right_and_left_modes_are_biorthogonal(operator):
 
 def test_time_inside_is_dual_to_the_mass_step_by_step(operator, mean):
     """The time that any density spends inside within a cycle is the trapezoidal sum of its mass over the steps."""
-    leg, space = operator._fine.leg, operator.space
+    fine, space = operator._fine, operator.space
     density = np.random.default_rng(4).random(space.shape)
     masses, now = [space.masses(density).sum()], density
     for _ in range(2):
-        for step in leg.run.leg:
+        for step in fine.propagator.steps_per_cycle:
             now, _ = step.apply(now)
             masses.append(space.masses(now).sum())
         now = reflected(now)
-    spent = np.trapezoid(masses, dx=1.0 / leg.run.steps)
+    spent = np.trapezoid(masses, dx=1.0 / fine.propagator.steps_per_cycle)
     assert masses[-1] < 0.9 * masses[0]
-    first = leg.time_inside()
-    assert inner(space, density, first + leg.backward(first)) == pytest.approx(spent, rel=1e-12)
+    first = fine.time_inside()
+    assert inner(space, density, first + fine.backward(first)) == pytest.approx(spent, rel=1e-12)
     assert inner(space, density - now, mean.coefficients) == pytest.approx(spent, rel=1e-9)
 
 
 def test_mean_time_is_the_sum_over_survival(operator, mean):
     """Between the sums over the ends and over the begins of all half cycles, from anywhere and from the attractor."""
-    powers, one, kept = operator._fine.backward_powers(), operator._fine.leg.one, np.exp(-0.5 * operator.escape_rate)
+    powers, one, kept = operator._fine.backward_powers(), operator._fine.one, np.exp(-0.5 * operator.escape_rate)
     standing = [powers.after(k) @ operator.vector(one) for k in range(60)]
     begins = 0.5 * (sum(standing) + standing[-1] * kept / (1.0 - kept))
     assert begins - 0.5 * standing[0] < mean.integral < begins
@@ -242,37 +242,38 @@ def test_another_leading_eigenvalue_of_the_adjoint_is_refused(monkeypatch):
     def modes(*values):
         return types.SimpleNamespace(values=np.array(values))
 
-    one = types.SimpleNamespace(_one=np.ones(4), leg=types.SimpleNamespace(rmatvec=None), modes=modes(0.9, 0.5))
-    monkeypatch.setattr(level, "leading_modes", lambda *_: modes(0.9, 0.4))
-    assert level.Level.left_modes.func(one).values[1] == 0.4
-    monkeypatch.setattr(level, "leading_modes", lambda *_: modes(0.9 - 1e-7, 0.5))
+    one = types.SimpleNamespace(space=types.SimpleNamespace(unknowns=4), rmatvec=None, modes=modes(0.9, 0.5))
+    monkeypatch.setattr(mesh_operator, "leading_modes", lambda *_: modes(0.9, 0.4))
+    assert mesh_operator.MeshOperator.left_modes.func(one).values[1] == 0.4
+    monkeypatch.setattr(mesh_operator, "leading_modes", lambda *_: modes(0.9 - 1e-7, 0.5))
     with pytest.raises(ValueError, match=r"scene: got 'eigenvalues 0\.9\d+ and 0\.8999999\d+', accepted: .* adjoint"):
-        level.Level.left_modes.func(one)
+        mesh_operator.MeshOperator.left_modes.func(one)
 
 
 @pytest.mark.parametrize(
     ("negative", "error", "refused"),
     [
-        (level.UNRESOLVED, 0.99, None),
-        (level.UNRESOLVED * 1.0001, 0.1, "does not resolve"),
+        (TUNING.unresolved_negative_mass, 0.99, None),
+        (TUNING.unresolved_negative_mass * 1.0001, 0.1, "does not resolve"),
         (0.0, 1.0, "one above the error of the finest"),
         (0.0, math.nan, "one above the error of the finest"),
     ],
 )
 def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative, error, refused):
     warned = []
-    monkeypatch.setattr(level, "warn_beyond", lambda *given, **_: warned.append(given))
-    found = types.SimpleNamespace(fine=types.SimpleNamespace(negative_mass=negative, rate=1e-3), error=error)
+    monkeypatch.setattr(mesh_operator, "warn_beyond", lambda *given, **_: warned.append(given))
+    fine = types.SimpleNamespace(negative_mass=negative, solution=types.SimpleNamespace(rate=1e-3))
+    refined = types.SimpleNamespace(fine=fine, error=error)
     if refused:
         with pytest.raises(ValueError, match=refused):
-            level._judge(found, 1e-3)
+            mesh_operator.judge(refined, 1e-3)
     else:
-        level._judge(found, 1e-3)
+        mesh_operator.judge(refined, 1e-3)
     assert len(warned) == (refused is None)
 
 
 @pytest.mark.parametrize(
-    ("rates", "negative", "hopeless"),
+    ("rates", "negative", "stagnated"),
     [
         ((0.0, 9e-16), (0.0, 0.0), True),
         ((0.0, 2e-15), (0.0, 0.0), False),
@@ -282,12 +283,14 @@ def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative
         ((1e-3, 1e-3), (3.0, 4.5), False),
     ],
 )
-def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negative, hopeless):
+def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negative, stagnated):
     fine, coarse = (
-        types.SimpleNamespace(rate=rate, negative_mass=level.UNRESOLVED * part)
+        types.SimpleNamespace(
+            solution=types.SimpleNamespace(rate=rate), negative_mass=TUNING.unresolved_negative_mass * part
+        )
         for rate, part in zip(rates, negative, strict=True)
     )
-    assert level._hopeless(fine, coarse) == hopeless
+    assert mesh_operator.is_stagnated(types.SimpleNamespace(fine=fine, coarse=coarse)) == stagnated
 
 
 def test_half_a_turn_of_the_phase_turns_the_map(operator):
@@ -326,7 +329,7 @@ def test_survival_map_against_white_noise_paths(operator):
 
 
 @pytest.mark.parametrize(("restitution", "amplitude", "frequency"), [(0.2, 4.6, 2.7), (0.3, 1.5, 2.0)])
-def test_no_start_above_the_worst_bound_stands_for_a_cycle(restitution, amplitude, frequency):
+def test_no_start_above_the_bound_for_all_phases_stands_for_a_cycle(restitution, amplitude, frequency):
     """Of 4,000 starts at each of 16 phases, inward at speeds around the bound and below; some stand at .6 of it."""
     fastest, rng = 0.0, np.random.default_rng(6)
     for k, phase in enumerate(rng.uniform(0.0, 2.0 * np.pi, 16)):
@@ -334,7 +337,7 @@ def test_no_start_above_the_worst_bound_stands_for_a_cycle(restitution, amplitud
         scene = Scene(Block(restitution), Harmonic(amplitude, frequency, phase), WhiteNoise(1e-4), start)
         ensemble = simulate(scene, cycles=1, realizations=4000, seed=k)
         fastest = max(fastest, -ensemble.velocity[np.isfinite(ensemble.angle[:, 1]), 0].min())
-    assert 0.6 * worst_bound(scene) < fastest < worst_bound(scene)
+    assert 0.6 * bound_for_all_phases(scene) < fastest < bound_for_all_phases(scene)
 
 
 def test_escape_rate_against_white_noise_paths(operator):
@@ -370,7 +373,7 @@ def test_escape_rate_against_a_million_paths():
 
 @pytest.mark.slow
 def test_too_little_memory_is_warned_of(monkeypatch):
-    monkeypatch.setattr(level, "OPERATOR_MEMORY", 1e6)
+    monkeypatch.setattr(mesh_operator, "TUNING", TUNING._replace(finer_operator=1e6))
     with pytest.warns(RuntimeWarning, match="not within the tolerance: estimated error .* in the escape rate"):
         operator = CycleOperator(MAIN.varied(noise=WhiteNoise(3e-3), forcing={"amplitude": 3.0}), tol=1e-2)
     assert np.e * 1e-2 < operator.escape_error < 1.0
@@ -399,7 +402,7 @@ def test_a_rate_that_is_not_above_its_error_is_refused():
         fine = types.SimpleNamespace(negative_mass=0.0, rate=1e-6)
         refused = pytest.raises(ValueError, match="overturn too rarely") if error > 1.0 else contextlib.nullcontext()
         with refused:
-            level._judge(types.SimpleNamespace(fine=fine, error=error, bins_error=0.0), 1.0)
+            mesh_operator.judge(types.SimpleNamespace(fine=fine, error=error, bins_error=0.0), 1.0)
 
 
 def test_bad_arguments_are_named(operator):
@@ -435,8 +438,8 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
 def test_what_the_mesh_loses_is_an_error_of_the_rate():
     """With velocities up to 2.5 alone, blocks that would come back are lost: however well two meshes agree."""
     white = MAIN.white_equivalent()
-    motion = motion_of(white, white.period * np.arange(5))
-    whole, cut = (level.Level(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
+    motion = explore(white, white.period * np.arange(5))
+    whole, cut = (mesh_operator.MeshOperator(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
     off = abs(cut.rate / whole.rate - 1.0)
     assert off > 0.01
     assert cut.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)

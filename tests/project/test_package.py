@@ -18,14 +18,13 @@ ROOT = pathlib.Path(__file__).parents[2]
 
 # From the bottom up: a module imports from lower rows and from its own room, never sideways or upward.
 LAYERS = [
-    {"fpk_rocking.base", "fpk_rocking.console", "montecarlo.tuning"},
+    {"fpk_rocking.base", "fpk_rocking.console", "fpk_rocking.density.tuning", "montecarlo.tuning"},
     {"fpk_rocking.physics"},
     {"fpk_rocking.scene", "fpk_rocking.envelopes", "fpk_rocking.forcings"},
     {"fpk_rocking.results", "fpk_rocking.analytics"},
     {"fpk_rocking.compare", "fpk_rocking.density.space", "montecarlo.engines", "montecarlo.results"},
     {"fpk_rocking.density.step"},
-    {"fpk_rocking.density.start", "fpk_rocking.density.memory", "montecarlo"},
-    {"fpk_rocking.density"},
+    {"fpk_rocking.density", "montecarlo"},
     {"fpk_rocking.output", "fpk_rocking.horizon"},
     {"fpk_rocking.studies"},
     {"fpk_rocking.risk"},

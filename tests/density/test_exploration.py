@@ -1,4 +1,4 @@
-"""The pilot, which tells where a mesh has to be fine, and the jumps of the velocity that noise is at slow impacts."""
+"""Exploratory paths, which tell where a mesh has to be fine, and the jumps of the velocity at slow impacts."""
 
 import dataclasses
 import itertools
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Pulse, solve_fpk
-from fpk_rocking.density.pilot import LEAST_RANGE, Motion, motion_of
-from fpk_rocking.density.resolution import RESOLUTIONS
+from fpk_rocking.density.resolution import RESOLUTIONS, StateRange, explore
 from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Harmonic, Scene, WhiteNoise
 from fpk_rocking.scene.parts import Block, Overturning, Start
 from montecarlo import histories
@@ -29,9 +29,9 @@ SCENES = {
 
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
-def test_the_pilot_tells_the_range_of_white_noise_paths(scene):
-    """Against 2,000 paths at 16 times a cycle; its own 256 scatter by some per cent."""
-    motion = motion_of(scene, scene.period * np.arange(11))
+def test_exploratory_paths_tell_the_range_of_white_noise_paths(scene):
+    """Against 2,000 paths at 16 times a cycle; the 256 scatter by some per cent."""
+    motion = explore(scene, scene.period * np.arange(11))
     paths = histories(scene, cycles=10, realizations=2000, seed=2, samples_per_cycle=16)
     for usual, values in ((motion.angle, paths.angle), (motion.velocity, paths.velocity)):
         assert usual == pytest.approx(np.nanquantile(np.abs(values), 0.9), rel=0.2)
@@ -39,13 +39,13 @@ def test_the_pilot_tells_the_range_of_white_noise_paths(scene):
         assert np.ptp(ends) == pytest.approx(np.ptp(np.nanquantile(values, [0.001, 0.999])), rel=0.3)
 
 
-def test_the_pilot_is_the_same_in_every_call_and_mirrored_for_the_mirror_image():
+def test_exploratory_paths_are_the_same_in_every_call_and_mirrored_for_the_mirror_image():
     scene = scene_of(2.6, 3.8, 0.9, 0.0138, Start(0.1, -0.2, ((1e-3, 0.0), (0.0, 1e-3))))
     mirror = dataclasses.replace(
         scene, forcing=scene.forcing.at_phase(math.pi), start=Start(-0.1, 0.2, scene.start.covariance)
     )
-    motion, mirrored = motion_of(scene, scene.period * np.arange(5)), motion_of(mirror, mirror.period * np.arange(5))
-    assert motion == motion_of(scene, scene.period * np.arange(5))
+    motion, mirrored = explore(scene, scene.period * np.arange(5)), explore(mirror, mirror.period * np.arange(5))
+    assert motion == explore(scene, scene.period * np.arange(5))
     assert [*mirrored[:2], mirrored.fastest] == pytest.approx([*motion[:2], motion.fastest], rel=1e-12)
     assert motion.fastest >= max(np.abs(motion.velocities)) > 0.0
     for ends, others in zip(motion[2:4], mirrored[2:4], strict=True):
@@ -54,23 +54,25 @@ def test_the_pilot_is_the_same_in_every_call_and_mirrored_for_the_mirror_image()
 
 def test_a_block_at_rest_and_one_that_falls_at_once_have_a_motion():
     times = 2.0 * math.pi / 5.0 * np.arange(4)
-    rest = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6), times)
+    rest = explore(scene_of(0.1, 5.0, 0.8, 1e-6), times)
     assert max(rest.angle, rest.velocity) < 0.01
-    assert [np.ptp(ends) for ends in rest[2:4]] == pytest.approx(LEAST_RANGE)
-    fallen = motion_of(scene_of(0.1, 5.0, 0.8, 1e-6, Start(1.55, 30.0)), times)
+    assert [np.ptp(ends) for ends in rest[2:4]] == pytest.approx(
+        [TUNING.least_angle_range, TUNING.least_velocity_range]
+    )
+    fallen = explore(scene_of(0.1, 5.0, 0.8, 1e-6, Start(1.55, 30.0)), times)
     assert 0.0 < fallen.angle <= math.pi / 2
 
 
 def test_time_at_rest_after_a_pulse_does_not_narrow_its_range():
     pulsed = Scene(Block(0.5), Pulse("one-sine", 1.3, 5.0), WhiteNoise(1e-8))
-    short, long = (motion_of(pulsed, pulsed.forcing.duration * np.arange(count)) for count in (3, 60))
+    short, long = (explore(pulsed, pulsed.forcing.duration * np.arange(count)) for count in (3, 60))
     assert short.angle > 0.01
     assert long.angle == pytest.approx(short.angle, rel=0.1)
 
 
 def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
     for edges, ends in zip(
-        Motion(0.1, 0.2, (-0.307, 0.1), (-1.0, 1.0), 1.0).edges, ((-0.307, 0.1), (-1.0, 1.0)), strict=True
+        StateRange(0.1, 0.2, (-0.307, 0.1), (-1.0, 1.0), 1.0).edges, ((-0.307, 0.1), (-1.0, 1.0)), strict=True
     ):
         size = np.ptp(ends) / 20
         assert np.diff(edges) == pytest.approx(size)
@@ -82,9 +84,9 @@ def test_bins_are_a_twentieth_of_the_range_about_a_middle_bin_at_rest():
 def test_cells_beyond_the_motion_are_refined_with_the_others():
     """Weak noise, whose tails cells of one and the same growth never resolve: survival lost .001 then."""
     scene = scene_of(4.6, 2.7, 0.5, 2.5e-4, phase=math.pi)
-    bound, motion = velocity_bound(scene, 2.5e-4), motion_of(scene, scene.period * np.arange(11))
+    bound, motion = velocity_bound(scene, 2.5e-4), explore(scene, scene.period * np.arange(11))
     assert motion.velocity < 0.8 * bound
-    sizes = [np.diff(resolution.of(scene, bound, motion).velocity_lines)[-1] for resolution in RESOLUTIONS[1:]]
+    sizes = [np.diff(resolution.adapted(scene, bound, motion).velocity_lines)[-1] for resolution in RESOLUTIONS[1:]]
     assert all(fine < 0.9 * coarse for coarse, fine in itertools.pairwise(sizes))
 
 

@@ -7,11 +7,11 @@ import pytest
 from density_operators import REST, affine, flight_noise, scene_of
 
 from fpk_rocking import solve_fpk
+from fpk_rocking.density.patches import PatchSettings, landing_sums, patch_of
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.start.departure import Departure, Gaussian, first_resolved
-from fpk_rocking.density.start.windows import WindowSettings, landing_sums, window_of
+from fpk_rocking.density.startup import Gaussian, StartUp, takeover_step
 from fpk_rocking.density.step.characteristics import Exit
 from fpk_rocking.density.step.scatter import AffinePaths
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
@@ -30,9 +30,9 @@ def test_launch_layer_is_that_of_an_independent_simulation(named_scene):
     scene = named_scene("second")
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
-    departure = Departure(dynamics, scene.start, WindowSettings(20, 8.0, 0.2, 0.005, 5), scene.period)
-    first = first_resolved(departure, space, departure.period * np.arange(17) / 16)
-    coefficients, gone = departure.land(first * step, space)
+    startup = StartUp(dynamics, scene.start, PatchSettings(20, 8.0, 0.2, 0.005, 5), scene.period)
+    first = takeover_step(startup, space, startup.longest * np.arange(17) / 16)
+    coefficients, outflow = startup.project(first * step, space)
     assert first <= 5
     for k in range(first, 5):
         coefficients, _ = Step(Characteristics(space, k * step, step, dynamics, QUADRATURE), space).apply(coefficients)
@@ -41,7 +41,7 @@ def test_launch_layer_is_that_of_an_independent_simulation(named_scene):
     assert density.mean - unimpeded == pytest.approx([0.0017874, 0.0028889], rel=0.01)
     ratios = density.covariance / flight_noise(dynamics, 5 * step)
     assert ratios == pytest.approx(np.array([[0.98735, 0.99072], [0.99072, 0.99456]]), abs=5e-4)
-    assert np.abs(gone).max() < 1e-9
+    assert np.abs(outflow).max() < 1e-9
 
 
 QUIET = {
@@ -55,7 +55,7 @@ QUIET = {
 def test_start_that_meets_nothing_keeps_gaussian_moments(covariance, error):
     """A cycle without events, from a point, a Gaussian that the mesh cannot resolve and one that it can.
 
-    The first two begin on windows, which cut the density off at five standard deviations: that is counted as lost.
+    The first two begin on patches, which cut the density off at five standard deviations: that is counted as lost.
     """
     scene = scene_of(0.8, start=Start(0.8, 0.15, covariance), diffusion=0.003, cutoff=2.5, frequency=8.0)
     evolution = solve_fpk(scene, cycles=1, tol=1e-2, bins_tol=math.inf)
@@ -136,22 +136,22 @@ def test_a_start_that_overturns_before_a_mesh_takes_over(amplitude, cutoff):
 
 
 @pytest.mark.parametrize(("mean", "cutoff"), [(0.0, 1.0), (-0.7501, 0.5), (-0.7499, 0.5), (0.7501, 0.5)])
-def test_windows_have_no_thin_cells_at_the_cutoff(mean, cutoff):
+def test_patches_have_no_thin_cells_at_the_cutoff(mean, cutoff):
     """Cells of about 0.25 with a line at 0 that reach from the cut-off to the other side of 0, or to both cut-offs."""
-    window = window_of(WindowSettings(8, 2.0, 0.4, 0.01, 4), np.array([mean, 0.0]), np.diag([0.25, 0.25]), cutoff)
-    lines, sizes = window.angle_lines, np.diff(window.angle_lines)
+    patch = patch_of(PatchSettings(8, 2.0, 0.4, 0.01, 4), np.array([mean, 0.0]), np.diag([0.25, 0.25]), cutoff)
+    lines, sizes = patch.angle_lines, np.diff(patch.angle_lines)
     assert cutoff in np.abs(lines[[0, -1]])
     assert 0.0 in lines
     assert sizes[1:-1] == pytest.approx(sizes[1], rel=1e-12)
     assert 0.1 * sizes[1] <= sizes[[0, -1]].min() <= sizes[[0, -1]].max() <= 1.1 * sizes[1]
 
 
-def test_a_window_of_a_gaussian_below_the_rounding_of_its_mean_has_a_width():
-    settings, mean = WindowSettings(8, 2.0, 0.4, 0.01, 4), np.array([0.3, -0.7])
+def test_a_patch_of_a_gaussian_below_the_rounding_of_its_mean_has_a_width():
+    settings, mean = PatchSettings(8, 2.0, 0.4, 0.01, 4), np.array([0.3, -0.7])
     for box in (None, np.array([0.2, 0.4, -0.8, -0.6])):
-        window = window_of(settings, mean, np.diag([1e-40, 1e-36]), 1.5, box)
-        assert all((np.diff(lines) > 0.0).all() for lines in window.lines)
-        assert all(lines[0] < middle < lines[-1] for lines, middle in zip(window.lines, mean, strict=True))
+        patch = patch_of(settings, mean, np.diag([1e-40, 1e-36]), 1.5, box)
+        assert all((np.diff(lines) > 0.0).all() for lines in patch.lines)
+        assert all(lines[0] < middle < lines[-1] for lines, middle in zip(patch.lines, mean, strict=True))
 
 
 def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene):
@@ -177,9 +177,9 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
 
 @pytest.mark.parametrize(("part", "bent"), [(0.99, False), (1.01, True)])
 def test_a_gaussian_of_an_exact_block_is_bent_where_curvature_shifts_its_mean(part, bent):
-    """By α² (1 + |f|) xx t²/8, against 1e-4 of the growth of windows."""
-    windows = WindowSettings(10, 5.0, 0.5, 0.01, 4)
+    """By α² (1 + |f|) xx t²/8, against 1e-4 of the growth of patches."""
+    patches = PatchSettings(10, 5.0, 0.5, 0.01, 4)
     dynamics = Dynamics(Harmonic(3.0, 2.0), 1e-3, 0.8, 1.5, critical_angle=0.3)
-    departure = Departure(dynamics, Start(0.5, 0.0), windows, math.pi)
+    startup = StartUp(dynamics, Start(0.5, 0.0), patches, math.pi)
     least = 1e-4 * 0.5 / (0.125 * 0.3**2 * (1.0 + 3.0) * 0.2**2)
-    assert departure._bent(Gaussian([0.5, 0.0], np.diag([part * least, 1.0])), 0.2) == bent
+    assert startup._bent(Gaussian([0.5, 0.0], np.diag([part * least, 1.0])), 0.2) == bent

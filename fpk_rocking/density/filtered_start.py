@@ -1,10 +1,10 @@
-"""The start of a scene under filtered noise, until its density is one that the mesh holds.
+"""The start-up under filtered noise: from the start of a scene to the first densities that the mesh holds.
 
 A block at rest stays in the atom at rest of its node. From any other start, and from rest under a force that lifts the
 block off for certain, the flight is linear until something happens to the block: angle, velocity and the states of the
 filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and velocity. The
 mesh takes over when it resolves these, or else at the last step before anything can happen. So narrow a density of an
-exact block is taken as Gaussian too: see `moments`.
+exact block is taken as Gaussian too: see `exact_moments`.
 """
 
 import math
@@ -12,21 +12,14 @@ import math
 import numpy as np
 
 from fpk_rocking.base.basis import legendre_basis
-from fpk_rocking.density.memory.nodes import whitened
+from fpk_rocking.density.filter_nodes import whitened
+from fpk_rocking.density.startup import resolution_of
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.state_space import transition_and_factor
 
-REACH = 8.0
-"""Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""
 
-RESOLVED = 0.3
-"""The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
-
-_SPACING, _EXTENT = 0.1, 6.0
-"""Spacing and extent, in standard deviations, of the points that stand for a Gaussian."""
-
-
-class Flight:
-    """The Gaussian of angle and velocity at the nodes of a filter's states, in a flight in which nothing happens.
+class FilteredStart:
+    """The Gaussian of angle, velocity and the filter's states, in a flight from the start in which nothing happens.
 
     Parameters
     ----------
@@ -44,22 +37,22 @@ class Flight:
         self._covariance = np.zeros((2, 2)) if start.covariance is None else np.array(start.covariance)
         push = self._mean[0] or self._mean[1] or scene.forcing.value(0.0)
         self.side = 1 if push > 0.0 else -1
-        self._found = None
+        self._moments = None
         if dynamics.critical_angle is not None:
-            self._found = moments(dynamics, nodes, self._mean, self._covariance, scene.period, self.side)
+            self._moments = exact_moments(dynamics, nodes, self._mean, self._covariance, scene.period, self.side)
 
     @property
     def at_rest(self):
         """Whether the block starts at rest and the noise decides when it is lifted off."""
         if self._mean.any() or self._covariance.any():
             return False
-        room = REACH * math.sqrt(self.scene.noise.variance)
+        room = TUNING.filtered_reach * math.sqrt(self.scene.noise.variance)
         return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
 
     def at(self, time):
         """Mean (2,) and covariance (2 + states, 2 + states) of angle, velocity and the whitened states at a time."""
-        if self._found:
-            return self._found(time)
+        if self._moments:
+            return self._moments(time)
         flight = self.dynamics.affine(0.0, time)
         mean = flight.matrix @ self._mean + flight.shifts[self.side]
         return mean, _joint_covariance(self.nodes, self._covariance, time)
@@ -67,42 +60,38 @@ class Flight:
     def undisturbed(self, time):
         """Whether nothing can have happened by a time: the block is far from x = 0 and from the cut-off."""
         mean, covariance = self.at(time)
-        reach = REACH * math.sqrt(covariance[0, 0])
+        reach = TUNING.filtered_reach * math.sqrt(covariance[0, 0])
         return reach < self.side * mean[0] < self.dynamics.cutoff - reach
 
-    def last_step(self, space, begins):
-        """Return the step before which the mesh takes over: resolved there, or the last before anything can happen."""
+    def takeover_step(self, space, begins):
+        """Return the number of the step before which the mesh takes over: resolved, or the last without an event."""
         last = 0
         for step, time in enumerate(begins[1:], 1):
             if not self.undisturbed(time):
                 break
             last = step
-            if self._resolution(time, space) >= RESOLVED:
+            if self.resolution(time, space) >= TUNING.filtered_resolved:
                 break
         return last
 
-    def _resolution(self, time, space):
+    def resolution(self, time, space):
+        """Least standard deviation at a node, at a time, over the size of a cell of a mesh; see `resolution_of`."""
         mean, covariance = self.at(time)
-        rest = covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2]
-        (xx, xv), (_, vv) = rest
-        angle, velocity = (_cell_size(lines, point) for lines, point in zip(space.lines, mean, strict=True))
-        if min(xx, vv) <= 0.0:
-            return 0.0
-        return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
+        return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)
 
-    def land(self, time, space):
-        """Coefficients at every node, (nodes in y1, nodes in y2, *space.shape), and the masses (3,) that are gone."""
+    def project(self, time, space):
+        """Densities at a time on a mesh: coefficients (nodes in y1, nodes in y2, *space.shape), and outflow (3,)."""
         mean, covariance = (
             self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
         )
         slope = covariance[:2, 2:]
         rest = covariance[:2, :2] - slope @ slope.T
         points, weights = _points(rest)
-        out, gone = np.zeros((*self.nodes.weights.shape, *space.shape)), np.zeros(3)
+        out, outflow = np.zeros((*self.nodes.weights.shape, *space.shape)), np.zeros(3)
         for place, weight in np.ndenumerate(self.nodes.weights):
             states = points + mean + slope @ self.nodes.states[place][: slope.shape[1]]
-            gone += deposit_points(space, states, weight * weights, self.side, out[place])
-        return out, gone
+            outflow += deposit_points(space, states, weight * weights, self.side, out[place])
+        return out, outflow
 
 
 def _joint_covariance(nodes, covariance, time):
@@ -118,8 +107,8 @@ def _joint_covariance(nodes, covariance, time):
     return phi @ begin @ phi.T + factor @ factor.T
 
 
-def moments(dynamics, nodes, mean, covariance, end, side):
-    """Follow a Gaussian of an exact block in a flight in which nothing happens, to second order in its spread.
+def exact_moments(dynamics, nodes, mean, covariance, end, side):
+    """Gaussian of an exact block and the filter's states, as long as nothing happens, to second order in its spread.
 
     Parameters
     ----------
@@ -134,7 +123,7 @@ def moments(dynamics, nodes, mean, covariance, end, side):
     Returns
     -------
     callable
-        Mean (2,) and covariance (2 + states, 2 + states) as a function of a time up to the end, as `Flight.at`.
+        Mean (2,) and covariance (2 + states, 2 + states) as a function of a time up to the end.
     """
     from scipy.integrate import solve_ivp  # takes longer to import than all else here
 
@@ -160,18 +149,21 @@ def moments(dynamics, nodes, mean, covariance, end, side):
 
 def spread_left(noise, covariance, time):
     """Part of the angle's standard deviation at a time of a flight that is left where the filter's states are known."""
-    found = _joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
-    return math.sqrt(max(1.0 - found[0, 2:] @ found[2:, 0] / found[0, 0], 0.0))
+    joint = _joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
+    return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))
 
 
 def _points(covariance):
-    """Points (n, 2) and weights (n,) that stand for a Gaussian about 0, exact in its first moments."""
+    """Points (n, 2) and weights (n,) that stand for a Gaussian about 0, exact in its first moments.
+
+    They have a spacing of a tenth of a standard deviation along both axes, up to six.
+    """
     values, axes = np.linalg.eigh(covariance)
-    lines = []
+    lines, spacing = [], 0.1
     for value in np.sqrt(np.maximum(values, 0.0)):
-        count = round(_EXTENT / _SPACING) if value > 0.0 else 0
-        lines.append(value * _SPACING * np.arange(-count, count + 1))
-    weights = [np.exp(-0.5 * np.square(_SPACING * (np.arange(len(line)) - len(line) // 2))) for line in lines]
+        count = 60 if value > 0.0 else 0
+        lines.append(value * spacing * np.arange(-count, count + 1))
+    weights = [np.exp(-0.5 * np.square(spacing * (np.arange(len(line)) - len(line) // 2))) for line in lines]
     weights = [weight / weight.sum() for weight in weights]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     return grid @ axes.T, np.outer(*weights).ravel()
@@ -183,26 +175,20 @@ def deposit_points(space, states, masses, side, out):
     Returns
     -------
     ndarray, shape (3,)
-        What is beyond the cut-off to the left and to the right, and beyond the velocity bound.
+        Outflow: beyond the cut-off to the left and to the right, and beyond the velocity bound.
     """
     cells, references = [], []
     for lines, values in zip(space.lines, states.T, strict=True):
         cell = np.searchsorted(lines, values, side="right" if side > 0 else "left") - 1
-        references.append(
-            (values - lines[np.clip(cell, 0, len(lines) - 2)]) / np.diff(lines)[np.clip(cell, 0, len(lines) - 2)]
-        )
+        nearest = np.clip(cell, 0, len(lines) - 2)
+        references.append((values - lines[nearest]) / np.diff(lines)[nearest])
         cells.append(cell)
     (i, j), (limit, across) = cells, space.shape[:2]
     beyond = [i < 0, i >= limit, (i >= 0) & (i < limit) & ((j < 0) | (j >= across))]
-    gone = np.array([masses[where].sum() for where in beyond])
+    outflow = np.array([masses[where].sum() for where in beyond])
     inside = ~(beyond[0] | beyond[1] | beyond[2])
     i, j = i[inside], j[inside]
     along, across = (legendre_basis(part[inside], space.degree) for part in references)
     values = np.einsum("n,na,nb->nab", masses[inside] / space.areas[i, j], along, across)
     np.add.at(out, (i, j), values)
-    return gone
-
-
-def _cell_size(lines, point):
-    cell = np.clip(np.searchsorted(lines, point) - 1, 0, len(lines) - 2)
-    return lines[cell + 1] - lines[cell]
+    return outflow

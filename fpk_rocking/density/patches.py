@@ -1,4 +1,4 @@
-"""Windows: small meshes that follow a density too narrow for the main mesh, and grow with it."""
+"""Moving patches: small meshes that follow a density too narrow for the main mesh, and grow with it."""
 
 import dataclasses
 import math
@@ -11,26 +11,24 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.characteristics import Exit, points_of_cell
 from fpk_rocking.density.step.scatter import AffinePaths
 from fpk_rocking.density.step.step import Characteristics
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.flight import apply_affine
-
-DEGREE = 3
-"""Degree of a window."""
 
 
 @dataclasses.dataclass(frozen=True)
-class WindowSettings:
-    """Fineness of the windows of a start.
+class PatchSettings:
+    """Fineness of the moving patches of a start-up.
 
     Parameters
     ----------
     cells : int
         Cells an axis.
     reach : float
-        Half-width of a window in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
+        Half-width of a patch in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
     growth : float
         A step next to x = 0 over the time in which the noise has gathered.
     early : float
-        First time on a window, from rest, over the time t* at which drift takes over from noise.
+        First time on a patch, from rest, over the time t* at which drift takes over from noise.
     points : int
         Gauss points an axis of a cell.
     """
@@ -42,49 +40,36 @@ class WindowSettings:
     points: int
 
 
-MOST_CELLS = 60
-"""Most cells an axis that tails and splinters of a density may ask for."""
-
-_THIN, _THINNEST = 0.5, 1e-2
-"""Ratio of a Gaussian's conditional to its marginal width below which cells shrink with it, and its least square."""
-
-_SLIVER = 0.1
-"""Part of a cell below which what is left of it at the cut-off goes to its neighbour."""
-
-NEGLIGIBLE, VISIBLE = 1e-13, 1e-10
-"""Mass below which nothing is left, and mass of a node below which a window need not cover it."""
-
-
-def window_of(windows: WindowSettings, mean, covariance, cutoff, box=None):
-    """Space on which a density of these moments is resolved, `windows.reach` standard deviations to all sides.
+def patch_of(settings: PatchSettings, mean, covariance, cutoff, box=None):
+    """Space on which a density of mean (2,) and covariance (2, 2) is resolved, `reach` deviations to all sides.
 
     `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
-    off. The window covers it with cells of the same size, up to MOST_CELLS of them.
+    off. The patch covers it with cells of the same size, up to 60 of them an axis.
     """
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
-    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), _THINNEST))
-    count = math.ceil(windows.cells * max(1.0, _THIN / thin))
+    thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
+    count = math.ceil(settings.cells * max(1.0, 0.5 / thin))
     # The rounding of the mean must leave every cell a width.
     spread = np.maximum(np.sqrt(np.diag(covariance)), count * np.spacing(np.abs(mean)))
-    low, high = mean - windows.reach * spread, mean + windows.reach * spread
+    low, high = mean - settings.reach * spread, mean + settings.reach * spread
     sizes = (high - low) / count
     if box is not None:
         low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
     low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
-    counts = np.minimum(np.ceil((high - low) / sizes - 1e-9), max(MOST_CELLS, count)).astype(int)
+    counts = np.minimum(np.ceil((high - low) / sizes - 1e-9), max(60, count)).astype(int)
     angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
-    return Space(_within(angle, cutoff), velocity, DEGREE)
+    return Space(_within(angle, cutoff), velocity, degree=3)
 
 
 def _within(lines, cutoff):
-    """Equal cells cut off at both sides; what is left of a cell there and is too thin goes to its neighbour."""
-    first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), _SLIVER * (lines[1] - lines[0])
+    """Cut lines of equal cells off at both sides; what is left of a cell, if below a tenth, goes to its neighbour."""
+    first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
     inner = lines[(lines > first + thin) & (lines < last - thin)]
     return np.concatenate([[first], inner, [last]])
 
 
-def next_window(windows: WindowSettings, trace: Characteristics, coefficients, cutoff):
-    """Return the window for the density after a traced step, by the moments of what has not overturned."""
+def next_patch(settings: PatchSettings, trace: Characteristics, coefficients, cutoff):
+    """Patch for the density after a traced step, by the moments of what has not overturned; its coefficients before."""
     source = trace.source
     # Cells that are not active hold nothing, and were not traced: where they would land nobody knows.
     points = trace.points
@@ -92,15 +77,15 @@ def next_window(windows: WindowSettings, trace: Characteristics, coefficients, c
     values *= np.outer(points.angle_weights, points.velocity_weights)
     values *= source.areas[..., None, None]
     flown = AffinePaths(*trace.affine, trace.offsets, trace.node_weights)
-    sums = landing_sums(values, points, flown, trace.numbers, trace.ends, trace.flags, VISIBLE)
+    sums = landing_sums(values, points, flown, trace.numbers, trace.ends, trace.flags, TUNING.visible_mass)
     total, x, v, xx, xv, vv, box = sums
-    if total < NEGLIGIBLE:
+    if total < TUNING.no_mass:
         return source
     x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
     # Nothing narrower than half a cell of the source is known of the density.
     xx = max(xx - x * x, 0.25 * np.diff(source.angle_lines).min() ** 2)
     vv = max(vv - v * v, 0.25 * np.diff(source.velocity_lines).min() ** 2)
-    return window_of(windows, np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
+    return patch_of(settings, np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)
 
 
 @kernel

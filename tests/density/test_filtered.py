@@ -25,14 +25,12 @@ from fpk_rocking import (
 )
 from fpk_rocking.density import solver
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.memory.nodes import Nodes
-from fpk_rocking.density.memory.resolution import NodeGrid, lattice, node_grid
-from fpk_rocking.density.memory.start import Flight
-from fpk_rocking.density.pilot import motion_of
+from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, filtered_discretization, node_spacing
+from fpk_rocking.density.filtered import FilteredPropagator
+from fpk_rocking.density.filtered_start import FilteredStart
+from fpk_rocking.density.notices import warn_unresolved
 from fpk_rocking.density.refinement import bins_tolerance
-from fpk_rocking.density.refusals import warn_unresolved
-from fpk_rocking.density.resolution import RESOLUTIONS
-from fpk_rocking.density.run.filtered import FilteredRun
+from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.physics.noise.state_space import transition_and_factor
 from fpk_rocking.results.remarks import remarks
@@ -51,30 +49,30 @@ EDGES = np.linspace(-1.6, 1.6, 9), np.linspace(-4.0, 4.0, 9)
 
 def grid_of(scene, number, nodes, steps, points=8):
     white, times = scene.white_equivalent(), scene.period * np.arange(5)
-    plane = RESOLUTIONS[number].of(white, velocity_bound(white, white.noise.diffusion), motion_of(white, times))
-    return NodeGrid(plane, nodes, points, even_marks(scene, steps))
+    plane = RESOLUTIONS[number].adapted(white, velocity_bound(white, white.noise.diffusion), explore(white, times))
+    return FilteredDiscretization(plane, nodes, points, even_time_grid(scene, steps))
 
 
-def even_marks(scene, steps):
-    legs = 2 if scene.forcing.half_antisymmetric else 1
-    return np.linspace(0.0, 1.0 / legs, steps // legs + 1)
+def even_time_grid(scene, steps):
+    periods = 2 if scene.forcing.half_antisymmetric else 1
+    return np.linspace(0.0, 1.0 / periods, steps // periods + 1)
 
 
 @KINDS
-def test_mixing_keeps_mass_and_has_the_law_of_the_filter(noise):
+def test_the_transition_matrix_keeps_mass_and_has_the_law_of_the_filter(noise):
     nodes, lag = Nodes(noise, (7, 6)), 0.13
-    mixing, weights = nodes.mixing(lag), nodes.weights.ravel()
-    assert mixing.sum(axis=0) == pytest.approx(np.ones(len(weights)), abs=1e-12)
-    assert mixing @ weights == pytest.approx(weights, abs=1e-13)
+    matrix, weights = nodes.transition_matrix(lag), nodes.weights.ravel()
+    assert matrix.sum(axis=0) == pytest.approx(np.ones(len(weights)), abs=1e-12)
+    assert matrix @ weights == pytest.approx(weights, abs=1e-13)
     eta = np.repeat(nodes.values, nodes.weights.shape[1])
-    later, joint = np.linalg.matrix_power(mixing, 3), formulas.autocovariance(noise, 3 * lag)
+    later, joint = np.linalg.matrix_power(matrix, 3), formulas.autocovariance(noise, 3 * lag)
     assert eta @ later @ (eta * weights) == pytest.approx(joint, abs=1e-12)
     # Fourth moment of a Gaussian pair (Isserlis).
     assert eta**2 @ later @ (eta**2 * weights) == pytest.approx(noise.variance**2 + 2.0 * joint**2, abs=1e-12)
 
 
 @KINDS
-def test_mixing_between_near_nodes_is_of_fourth_order(noise):
+def test_the_transition_between_near_nodes_is_of_fourth_order(noise):
     """The mean of cos y1 after a lag, known in closed form; up to the third moment it is exact."""
     errors, lag, spacings = [], 0.1, (0.5, 0.35, 0.25)
     for spacing in spacings:
@@ -82,13 +80,13 @@ def test_mixing_between_near_nodes_is_of_fourth_order(noise):
         phi, factor = transition_and_factor(nodes.drift, nodes.input, lag)
         means = (nodes.states.reshape(-1, 2)[:, : len(phi)] @ phi.T)[:, 0]
         spread, inner = factor[0] @ factor[0], np.abs(means) < 3.0
-        mixing, y = nodes.mixing(lag), nodes.states[..., 0].ravel()
-        assert mixing.sum(axis=0) == pytest.approx(np.ones(y.size), abs=1e-12)
+        matrix, y = nodes.transition_matrix(lag), nodes.states[..., 0].ravel()
+        assert matrix.sum(axis=0) == pytest.approx(np.ones(y.size), abs=1e-12)
         for power, wanted in enumerate((means, means**2 + spread, means**3 + 3.0 * means * spread), 1):
-            assert (y**power @ mixing)[inner] == pytest.approx(
+            assert (y**power @ matrix)[inner] == pytest.approx(
                 wanted[inner], abs=1e-6
             )  # of what is beyond 6 deviations
-        errors.append(np.std((np.cos(y) @ mixing - np.cos(means) * np.exp(-0.5 * spread))[inner]))
+        errors.append(np.std((np.cos(y) @ matrix - np.cos(means) * np.exp(-0.5 * spread))[inner]))
     assert np.polyfit(np.log(spacings), np.log(errors), 1)[0] == pytest.approx(4.0, abs=0.15)
 
 
@@ -97,7 +95,7 @@ def test_nodes_weigh_what_the_noise_lifts_off(force):
     """The level is half way between two nodes, and those on one side of it have the probability of that side."""
     noise = FilteredNoise("exponential", 0.04, 5.0)
     scene = Scene(Block(0.5), Harmonic(abs(force), 5.0, 0.0 if force < 0.0 else math.pi), noise)
-    count, spacing = lattice(scene, 0.5)
+    count, spacing = node_spacing(scene, 0.5)
     nodes = Nodes(noise, (count,), spacing)
     places = (1.0 - abs(force)) / (0.2 * spacing) + 0.5 * (count - 1)
     beyond = nodes.weights[np.abs(scene.forcing.value(0.0) + nodes.values) > 1.0].sum()
@@ -109,9 +107,9 @@ def test_nodes_weigh_what_the_noise_lifts_off(force):
 
 
 @KINDS
-def test_held_noise_has_the_melnikov_variance(noise):
+def test_piecewise_constant_noise_has_the_melnikov_variance(noise):
     nodes, step = Nodes(noise, (2, 2)), 0.3
-    factor = nodes.held(step)
+    factor = nodes.piecewise_constant_factor(step)
 
     def weighed(lag):
         place = abs(lag) / step
@@ -126,8 +124,8 @@ def test_held_noise_has_the_melnikov_variance(noise):
 @KINDS
 def test_a_flight_has_the_covariance_of_its_noise(noise):
     scene, time = MAIN.varied(noise=noise), 0.7
-    run = FilteredRun(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
-    flight = Flight(scene, run.nodes, run.leg[0][0].characteristics.dynamics)
+    run = FilteredPropagator(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
+    flight = FilteredStart(scene, run.nodes, run.steps[0][0].characteristics.dynamics)
     _, found = flight.at(time)
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
         wanted = integrate.dblquad(
@@ -150,13 +148,13 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
 def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     """One false alarm in a thousand or fewer: 3.5 standard errors at four cycles, and a tolerance of the mesh."""
     scene, paths, cycles = MAIN.varied(noise=noise), 40_000, 4
-    run = FilteredRun(scene, grid_of(scene, 1, nodes, 12), 1e-8)
-    found = run.evolve(scene.period * np.arange(cycles + 1))
+    run = FilteredPropagator(scene, grid_of(scene, 1, nodes, 12), 1e-8)
+    found = run.propagate(scene.period * np.arange(cycles + 1))
     sample = simulate(scene, cycles=cycles, realizations=paths, seed=3)
     error = np.sqrt(sample.survival * (1.0 - sample.survival) / paths)
-    assert np.all(np.abs(found.inside - sample.survival) <= 3.5 * error + 3e-3)
-    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
-    assert np.abs(found.gone[:, 2]).max() < 1e-5
+    assert np.all(np.abs(found.survival - sample.survival) <= 3.5 * error + 3e-3)
+    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
+    assert np.abs(found.outflow[:, 2]).max() < 1e-5
     bins, sampled = (
         run.space.bin_integrals(found.coefficients, *EDGES)[cycles],
         sample.bin_probabilities(cycles, *EDGES),
@@ -174,8 +172,8 @@ def test_fast_noise_is_white_noise():
         variance = 0.00628 * (1.0 + frequency) ** 2 / (2.0 + frequency)
         scene = MAIN.varied(noise=FilteredNoise("exponential", variance, frequency))
         assert scene.white_equivalent().noise.diffusion == pytest.approx(0.00628)
-        run = FilteredRun(scene, grid_of(scene, 2, (6,), 16), 1e-8)
-        differences.append(run.evolve(scene.period * np.arange(5)).inside[4] - wanted)
+        run = FilteredPropagator(scene, grid_of(scene, 2, (6,), 16), 1e-8)
+        differences.append(run.propagate(scene.period * np.arange(5)).survival[4] - wanted)
     assert abs(differences[2]) < 1.5e-3
     first, second = np.array(differences[:2]) - differences[2]
     assert first > second > 0.5e-3
@@ -185,7 +183,9 @@ def test_slow_noise_is_a_mixture_over_constant_forces():
     """A noise that hardly changes: each node moves as under its own constant force."""
     start = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
     scene = MAIN.varied(noise=FilteredNoise("exponential", 0.04, 1e-3), start=start)
-    found = FilteredRun(scene, grid_of(scene, 1, (16,), 12), 1e-8).evolve(scene.period * np.arange(3)).inside[2]
+    found = (
+        FilteredPropagator(scene, grid_of(scene, 1, (16,), 12), 1e-8).propagate(scene.period * np.arange(3)).survival[2]
+    )
     sample = simulate(scene, cycles=2, realizations=20_000, seed=5).survival[2]
     assert found == pytest.approx(sample, abs=3.5 * math.sqrt(sample * (1.0 - sample) / 20_000) + 0.01)
 
@@ -193,7 +193,7 @@ def test_slow_noise_is_a_mixture_over_constant_forces():
 def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
     """It was solved for minutes before, wrong by .03 and more, and refused in the end for its negative mass."""
     scene = Scene(Block(0.6), Harmonic(3.0, 2.7, math.pi), FilteredNoise("exponential", 0.03, 0.1))
-    monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
+    monkeypatch.setattr(solver, "explore", lambda *_: 1 / 0)
     with pytest.raises(ValueError, match=r"noise.frequency: got 0.1, accepted: at least about 0.17 .* Monte Carlo"):
         solve_fpk(scene, cycles=1)
     with pytest.raises(ValueError, match=r"noise.frequency: got 0.001, accepted: at least about 0.17 "):
@@ -209,7 +209,7 @@ def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
 
 def test_a_filter_of_more_states_is_refused_before_the_work(monkeypatch):
     scene = MAIN.varied(noise=FilteredNoise(CloughPenzien(15.0, 0.6, 1.5, 0.6), 0.04))
-    monkeypatch.setattr(solver, "motion_of", lambda *_: 1 / 0)
+    monkeypatch.setattr(solver, "explore", lambda *_: 1 / 0)
     refused = r"noise\.filter: got Clough-Penzien noise.* \(4 states\), accepted: filters of up to 2 states.*simulate"
     with pytest.raises(ValueError, match=refused):
         solve_fpk(scene, cycles=1)
@@ -224,11 +224,13 @@ def test_a_filter_of_ones_own_is_solved_as_the_named_one_is():
     output = np.linalg.inv(states)[0]
     own = FilteredNoise(LinearFilter(drift.tolist(), states[:, 1].tolist(), output.tolist()), 0.04)
     ours, theirs = Nodes(own, (5, 5)), Nodes(named, (5, 5))
-    assert ours.mixing(0.2) @ theirs.weights.ravel() == pytest.approx(theirs.weights.ravel(), abs=1e-12)
+    assert ours.transition_matrix(0.2) @ theirs.weights.ravel() == pytest.approx(theirs.weights.ravel(), abs=1e-12)
     eta = np.repeat(theirs.values, 5)
     for step in (0.02, 0.3):
-        assert ours.held(step) == pytest.approx(theirs.held(step), rel=1e-12)
-        found, wanted = (eta @ nodes.mixing(step) @ (eta * theirs.weights.ravel()) for nodes in (ours, theirs))
+        assert ours.piecewise_constant_factor(step) == pytest.approx(theirs.piecewise_constant_factor(step), rel=1e-12)
+        found, wanted = (
+            eta @ nodes.transition_matrix(step) @ (eta * theirs.weights.ravel()) for nodes in (ours, theirs)
+        )
         assert found == pytest.approx(wanted, rel=1e-10)
     slow = MAIN.varied(noise=own.scaled(1.0, 0.05))
     with pytest.raises(ValueError, match=r"noise\.filter: got .*at least about .* times as fast"):
@@ -281,14 +283,16 @@ LIFTED = Scene(Block(0.5), Harmonic(0.8, 1.5), FilteredNoise("exponential", 0.04
 
 def test_rest_and_motion_add_up_on_a_coarse_mesh():
     """Of 20,000 paths about as much rests: within .015, five of their standard errors."""
-    run = FilteredRun(LIFTED, node_grid(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
-    found = run.evolve(run.scene.period * np.arange(2))
-    assert run.space.masses(found.coefficients[1]).sum() == pytest.approx(found.inside[1] - found.at_rest[1], abs=1e-9)
-    assert np.abs(found.inside + found.gone.sum(axis=1) - 1.0).max() < 1e-12
+    run = FilteredPropagator(LIFTED, filtered_discretization(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
+    found = run.propagate(run.scene.period * np.arange(2))
+    assert run.space.masses(found.coefficients[1]).sum() == pytest.approx(
+        found.survival[1] - found.at_rest[1], abs=1e-9
+    )
+    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
     at_rest, survival = sampled_rest()
     assert found.at_rest[1] == pytest.approx(at_rest, abs=0.015)
-    assert 0.0 < run.unseen < 0.1
-    assert np.all(np.abs(found.inside - survival) <= 1e-2)
+    assert 0.0 < run.node_error < 0.1
+    assert np.all(np.abs(found.survival - survival) <= 1e-2)
 
 
 def sampled_rest():
@@ -315,9 +319,9 @@ def test_rest_and_motion_add_up():
 
 def test_steps_shorten_to_the_end_of_a_cycle_where_blocks_may_rest():
     resting, moving = (grid_with_rest(Harmonic(amplitude, 2.7, math.pi)) for amplitude in (0.9, 3.0))
-    assert moving.marks == pytest.approx(np.linspace(0.0, 0.5, len(moving.marks)), abs=1e-15)
-    steps = np.diff(resting.marks)
-    assert resting.marks[[0, -1]] == pytest.approx([0.0, 0.5], abs=1e-15)
+    assert moving.time_grid == pytest.approx(np.linspace(0.0, 0.5, len(moving.time_grid)), abs=1e-15)
+    steps = np.diff(resting.time_grid)
+    assert resting.time_grid[[0, -1]] == pytest.approx([0.0, 0.5], abs=1e-15)
     assert np.all(np.diff(steps) < 1e-15)
     assert steps[-1] < 0.2 * steps[0]
     # A block falling back at the speed of the finest cell rests within the last step.
@@ -327,14 +331,14 @@ def test_steps_shorten_to_the_end_of_a_cycle_where_blocks_may_rest():
 
 def grid_with_rest(forcing):
     scene = MAIN.varied(forcing=forcing)
-    return node_grid(scene, grid_of(scene, 1, (1,), 4).plane, 2)
+    return filtered_discretization(scene, grid_of(scene, 1, (1,), 4).plane, 2)
 
 
 def test_blocks_come_to_rest():
     """After a push under a constant force of next to nothing every block ends at rest."""
     scene = Scene(Block(0.3), Harmonic(0.2, 1.0), FilteredNoise("exponential", 1e-4, 1.0), Start(0.0, 0.5))
-    run = FilteredRun(scene, grid_of(scene, 1, (3,), 32), 1e-9)
-    found = run.evolve(run.scene.period * np.arange(2))
+    run = FilteredPropagator(scene, grid_of(scene, 1, (3,), 32), 1e-9)
+    found = run.propagate(run.scene.period * np.arange(2))
     assert found.at_rest[0] == 0.0
     assert found.at_rest[1] == pytest.approx(1.0, abs=1e-3)
 
@@ -342,7 +346,7 @@ def test_blocks_come_to_rest():
 def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
     band = load_scene(SCENES / "main.toml")
     seen = []
-    monkeypatch.setattr(FilteredRun, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
+    monkeypatch.setattr(FilteredPropagator, "__init__", lambda _, scene, *__: seen.append(scene.noise) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
         solve_fpk(band, cycles=1, tol=1e-2, noise_replacement="filtered")
     assert seen == [band.filtered_equivalent().noise]
@@ -352,9 +356,9 @@ def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
 
 def test_memory_is_known_before_the_work():
     scene = MAIN.varied(noise=NOISES[1])
-    grid = node_grid(scene, grid_of(scene, 1, (1,), 4).plane, 1)
-    run = FilteredRun(scene, grid, 1e-8)
-    run.evolve(run.scene.period * np.arange(2))
+    grid = filtered_discretization(scene, grid_of(scene, 1, (1,), 4).plane, 1)
+    run = FilteredPropagator(scene, grid, 1e-8)
+    run.propagate(run.scene.period * np.arange(2))
     assert 0.2 < run.memory / grid.memory < 1.1
     with pytest.raises(ValueError, match=r"scene: got a mesh .* bytes, accepted: up to 4e\+09"):
         solve_fpk(scene.varied(noise=FilteredNoise("low-pass", 0.04, 3000.0, 0.01)), cycles=1)

@@ -9,22 +9,23 @@ import numpy as np
 import pytest
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density import outlook, refinement, solver
-from fpk_rocking.density.pilot import Motion, motion_of
+from fpk_rocking.density import notices, refinement, resolution, solver
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.propagator import Solution
 from fpk_rocking.density.refinement import safe_difference
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.density.run.periodic import PeriodicRun
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, StateRange, explore
 from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.space.solution import Solution
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Block, Harmonic, Pulse, Start, WhiteNoise
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml").white_equivalent()
 
 
-def grid_of(scene, resolution, cycles=10):
-    """The grid that `solve_fpk` uses."""
-    motion = motion_of(scene, scene.period * np.arange(cycles + 1))
-    return resolution.of(scene, velocity_bound(scene, scene.noise.diffusion), motion)
+def mesh_of(scene, fineness, cycles=10):
+    """The mesh and steps that `solve_fpk` uses."""
+    motion = explore(scene, scene.period * np.arange(cycles + 1))
+    return fineness.adapted(scene, velocity_bound(scene, scene.noise.diffusion), motion)
 
 
 @pytest.mark.parametrize(
@@ -39,28 +40,27 @@ def grid_of(scene, resolution, cycles=10):
     ],
 )
 def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
-    gone = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
-    level = types.SimpleNamespace(solution=Solution(np.ones(2), gone, None))
-    found = solver.Solved.error(level, safe_difference(distances), bins)
-    assert found == pytest.approx(expected, rel=1e-12)
+    outflow = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
+    space, rows = Space(np.linspace(-1.0, 1.0, 3), np.linspace(-1.0, 1.0, 3), 0), np.array([False, True])
+    solution = Solution(np.ones(2), outflow, np.zeros((2, *space.shape)), None, rows)
+    propagator = types.SimpleNamespace(space=space, memory=0.0)
+    level = solver._level_of(propagator, solution, [np.linspace(-1.0, 1.0, 4)] * 2)
+    assert level.error(safe_difference(distances), bins) == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_error_at_rest_is_what_levels_tell_and_what_nodes_leave_unseen():
     rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
-    level = types.SimpleNamespace(
-        solution=Solution(np.ones(2), np.zeros((2, 3)), None, rests[-1]),
-        run=types.SimpleNamespace(unseen=0.05),
-        _rests=rests,
-    )
-    assert solver.Solved.rest_error.fget(level) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
+    solutions = [Solution(np.ones(2), np.zeros((2, 3)), None, rest, np.array([False, True])) for rest in rests]
+    levels = [types.SimpleNamespace(solution=(types.SimpleNamespace(node_error=0.05), one)) for one in solutions]
+    assert solver._rest_error(levels) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
 
 
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})
-    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
-    one = motion_of(scene, scene.period * np.arange(4))
-    monkeypatch.setattr(solver, "motion_of", lambda *_: one)  # one mesh for both
+    monkeypatch.setattr(solver, "TUNING", TUNING._replace(finer_white=0.0))
+    one = explore(scene, scene.period * np.arange(4))
+    monkeypatch.setattr(solver, "explore", lambda *_: one)  # one mesh for both
     first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
     assert last.survival[3] < 0.1
     assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
@@ -68,9 +68,9 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
 
 def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
-    monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
+    monkeypatch.setattr(resolution, "USUAL", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
-    cells = [grid_of(MAIN, resolution, 1).cells[0] for resolution in RESOLUTIONS]
+    cells = [mesh_of(MAIN, fineness, 1).cells[0] for fineness in RESOLUTIONS]
     assert cells.index(found.settings["angle_cells"]) > 2
     assert found.error_estimate <= 1e-3
     assert found.bins_error_estimate <= 5e-3
@@ -81,19 +81,19 @@ def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
         with pytest.raises(ValueError, match=r"^bins_tol: got "):
             solve_fpk(MAIN, cycles=1, tol=1e-2, bins_tol=wrong)
     left_out, wanted = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 5e-3))
-    assert left_out.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+    assert left_out.settings["angle_cells"] == mesh_of(MAIN, RESOLUTIONS[2], 2).cells[0]
     assert left_out.bins_error_estimate > 5e-3 >= wanted.bins_error_estimate
 
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):
-    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
-    monkeypatch.setattr(refinement, "USUAL", {1e-4: 2})
+    monkeypatch.setattr(solver, "TUNING", TUNING._replace(finer_white=0.0))
+    monkeypatch.setattr(resolution, "USUAL", {1e-4: 2})
     with pytest.warns(
         RuntimeWarning, match=r"not within the tolerance: estimated error .* in survival \(1.0e-04 wanted\)"
     ) as caught:
         found = solve_fpk(MAIN, cycles=2, tol=1e-4)
     assert caught[0].filename == __file__
-    assert found.settings["angle_cells"] == grid_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+    assert found.settings["angle_cells"] == mesh_of(MAIN, RESOLUTIONS[2], 2).cells[0]
 
 
 @pytest.mark.parametrize(
@@ -106,13 +106,13 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
     ],
 )
 def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allowed):
-    found = refinement.Refined(None, None, error, bins, 0)
+    found = refinement.Refined([], error, bins, 0)
     with pytest.warns(RuntimeWarning, match=f"; allow {allowed} run$"):
         solver.warn_beyond("survival", found, 0.1, 0.3, "run", stacklevel=1, **names)
 
 
 @pytest.mark.parametrize(
-    ("now", "before", "left", "hopeless"),
+    ("now", "before", "left", "stagnated"),
     [
         (0.04, 0.04, 1, False),  # resolved
         (0.2, 0.4, 1, False),  # 0.2 / 4 next
@@ -125,21 +125,21 @@ def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allo
         (0.06, 0.1, 0, True),  # no finer one
     ],
 )
-def test_hope_ends_where_negative_mass_falls_too_slowly(now, before, left, hopeless):
+def test_hope_ends_where_negative_mass_falls_too_slowly(now, before, left, stagnated):
     fine, coarse = (types.SimpleNamespace(negative_mass=mass) for mass in (now, before))
-    assert solver._hopeless(refinement.Refined(fine, coarse, 0.0, 0.0, left)) is hopeless
+    assert solver._is_stagnated(refinement.Refined([coarse, fine], 0.0, 0.0, left)) is stagnated
 
 
 def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     """Seconds of one processor grow with the cycles; the paths are those of a standard error below the tolerance."""
     times = MAIN.period * np.arange(11)
-    grid = grid_of(MAIN, RESOLUTIONS[2])
-    few, many = (outlook.seconds_of(MAIN, grid, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
+    mesh = mesh_of(MAIN, RESOLUTIONS[2])
+    few, many = (notices.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
     assert 10.0 * few < many < 100.0 * few
-    outlook.tell(MAIN, [grid], times, 1e-2)
+    notices.announce(MAIN, [mesh], times, 1e-2)
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(outlook, "seconds_of", lambda *_: 26.0)
-    outlook.tell(MAIN, [grid, grid], times, 1e-2)
+    monkeypatch.setattr(notices, "estimated_seconds", lambda *_: 26.0)
+    notices.announce(MAIN, [mesh, mesh], times, 1e-2)
     said = capsys.readouterr().err
     assert "about 50 s of one processor" in said
     assert "10,000 sampled paths give a standard error of 0.005" in said
@@ -147,27 +147,27 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
 
 def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys):
     """By what the one before took; the first three are told of together."""
-    monkeypatch.setattr(outlook, "seconds_of", lambda _scene, grid, _times: float(grid))
-    outlook.tell_finer(MAIN, 2.0, 5.0, None, 7.9)
+    monkeypatch.setattr(notices, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
+    notices.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
     assert capsys.readouterr().err == ""
-    outlook.tell_finer(MAIN, 2.0, 5.0, None, 16.1)
+    notices.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
     assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
     told = []
-    monkeypatch.setattr(solver, "tell", lambda *_: None)
-    monkeypatch.setattr(solver, "tell_finer", lambda *given: told.append(given))
-    monkeypatch.setattr(refinement, "USUAL", {1e-3: 2})
+    monkeypatch.setattr(solver, "announce", lambda *_: None)
+    monkeypatch.setattr(solver, "announce_finer", lambda *given: told.append(given))
+    monkeypatch.setattr(resolution, "USUAL", {1e-3: 2})
     found = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
     assert told[-1][2].cells[0] == found.settings["angle_cells"]
     assert all(seconds > 0.0 for *_, seconds in told)
-    first = grid_of(MAIN, RESOLUTIONS[2], 1).cells[0]
+    first = mesh_of(MAIN, RESOLUTIONS[2], 1).cells[0]
     assert told[0][1].cells[0] == first
 
 
 def test_a_mesh_goes_beyond_the_fastest_paths_where_the_scene_does_not_repeat():
     """By a tenth; blocks that are bound to overturn may be faster than any bound of those that are not."""
-    motion = motion_of(MAIN, MAIN.period * np.arange(3))._replace(fastest=50.0)
+    motion = explore(MAIN, MAIN.period * np.arange(3))._replace(fastest=50.0)
     pulse = MAIN.varied(forcing=Pulse("one-sine", 1.0, 2.0))
-    ends = [solver._grids(one, one, motion, RESOLUTIONS[:1])[0].velocity_lines[-1] for one in (MAIN, pulse)]
+    ends = [solver._discretizations(one, one, motion, RESOLUTIONS[:1])[0].velocity_lines[-1] for one in (MAIN, pulse)]
     assert ends[0] < 10.0
     assert ends[1] == pytest.approx(55.0)
 
@@ -184,12 +184,12 @@ def test_default_tolerances_depend_on_whether_the_scene_repeats():
 @pytest.mark.slow
 def test_a_density_that_is_not_resolved_is_refused(monkeypatch):
     """At rest under weak forcing and weak noise: a layer far below the cells."""
-    monkeypatch.setitem(solver.SOLUTION_MEMORY, "white", 0.0)
+    monkeypatch.setattr(solver, "TUNING", TUNING._replace(finer_white=0.0))
     with pytest.raises(ValueError, match=r"scene: got a density .*negative mass .*diffusion 0.00628.*Monte"):
         solve_fpk(dataclasses.replace(MAIN, forcing=Harmonic(0.7, 2.7, math.pi)), cycles=1, tol=1e-2)
 
 
-def test_a_gaussian_that_its_window_does_not_resolve_is_refused():
+def test_a_gaussian_that_its_patch_does_not_resolve_is_refused():
     start = Start(0.3, 0.0, ((0.09, 0.089973), (0.089973, 0.09)))
     with pytest.raises(ValueError, match=r"start.covariance: got .*, accepted: a wider Gaussian"):
         solve_fpk(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)
@@ -199,7 +199,7 @@ def test_slow_and_exact_blocks_take_more_steps_unless_blocks_rest():
     """As the root of the usual speed below 1, and 1 + 10 α² times as many; nothing changes for a pulse."""
 
     def steps(scene, speed):
-        return RESOLUTIONS[6].of(scene, 4.0, Motion(1.2, speed, (-1.2, 1.2), (-1.8, 1.8), 2.0)).steps
+        return RESOLUTIONS[6].adapted(scene, 4.0, StateRange(1.2, speed, (-1.2, 1.2), (-1.8, 1.8), 2.0)).steps
 
     assert steps(MAIN, 1.8) == steps(MAIN, 1.0) == 40
     assert steps(MAIN, 0.25) == pytest.approx(80, abs=2)
@@ -210,19 +210,19 @@ def test_slow_and_exact_blocks_take_more_steps_unless_blocks_rest():
 
 
 def test_meshes_and_steps_follow_what_the_block_does():
-    """Fine cells where the pilot saw the motion, growing ones up to the bounds; short steps where blocks rest."""
+    """Fine cells where exploratory paths went, growing ones up to the bounds; short steps where blocks rest."""
 
     def scene(amplitude, frequency, diffusion):
         forcing = dataclasses.replace(MAIN.forcing, amplitude=amplitude, frequency=frequency)
         return dataclasses.replace(MAIN, forcing=forcing, noise=WhiteNoise(diffusion))
 
     whole, small, slow = (
-        grid_of(one, RESOLUTIONS[2]) for one in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
+        mesh_of(one, RESOLUTIONS[2]) for one in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
     )
     assert whole.steps == 12
     assert slow.steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
     quick = scene(2.8, 9.5, 0.002)
-    motion = motion_of(quick, quick.period * np.arange(11))
+    motion = explore(quick, quick.period * np.arange(11))
     assert motion.angle < 0.2
     for lines, usual in ((small.angle_lines, motion.angle), (small.velocity_lines, motion.velocity)):
         assert usual in lines
@@ -233,15 +233,15 @@ def test_meshes_and_steps_follow_what_the_block_does():
     assert np.diff(small.angle_lines).min() < 0.05 * np.diff(whole.angle_lines).min()
 
 
-def test_what_is_not_covered_is_little_and_counted_as_lost():
-    """A run that covers all cells from the start, against one that covers what holds something."""
-    grid, found = grid_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
+def test_what_is_not_active_is_little_and_counted_as_truncated():
+    """With all cells active from the start, and with those that hold something."""
+    mesh, found = mesh_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
     for negligible in (0.0, 1e-8):
-        run = PeriodicRun(MAIN, grid, negligible)
-        found.append(run.evolve(MAIN.period * np.arange(3)))
-        covered = np.mean([step.characteristics.active.mean() for step in run.leg])
+        run = PeriodicPropagator(MAIN, mesh, negligible)
+        found.append(run.propagate(MAIN.period * np.arange(3)))
+        active = np.mean([step.characteristics.active.mean() for step in run.steps])
     whole, part = found
-    assert covered < 0.6
-    assert 0.0 < abs(part.gone[2, 2] - whole.gone[2, 2]) < 1e-5
-    assert np.abs(part.inside - whole.inside).max() < 1e-5
-    assert part.inside + part.gone.sum(axis=1) == pytest.approx(np.ones(3), abs=1e-13)
+    assert active < 0.6
+    assert 0.0 < abs(part.outflow[2, 2] - whole.outflow[2, 2]) < 1e-5
+    assert np.abs(part.survival - whole.survival).max() < 1e-5
+    assert part.survival + part.outflow.sum(axis=1) == pytest.approx(np.ones(3), abs=1e-13)

@@ -1,37 +1,31 @@
-"""Refusals and warnings of the density solver: scenes that it cannot solve, and results that miss the tolerance."""
+"""What the density solver says: scenes that it refuses, how long it will take, and results that miss the tolerance."""
 
 import itertools
+import math
+import sys
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import known
+from fpk_rocking.base.types import Array, known
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.memory.start import spread_left
+from fpk_rocking.density.filtered_start import spread_left
 from fpk_rocking.density.refinement import Refined
+from fpk_rocking.density.resolution import Discretization, cycle_of
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.step import Characteristics, Dynamics
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
-
-LARGEST = {"white": 8e9, "filtered": 4e9}
-"""Bytes that a solution may be expected to take, by the noise that is solved for."""
-
-_FLIGHT, _SPREAD_LEFT = 2.33, {1: 0.6, 2: 0.95}
-"""Least time that filtered noise has to spread a density, and the least part of the angle's spread that must then be
-left where the states of the filter are known, by their number; measured (docs/numerics.md, "Filtered noise")."""
-
-MOST_STATES = 2
-"""States of a filter that the density may have as further variables."""
-
-_FASTER = 1.05
-"""Ratio of the frequencies that are tried for one that is accepted."""
 
 
 def refuse_filtered(scene: Scene) -> None:
     """Refuse filtered noise: the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
-        takes = f"solve_fpk() takes filters of up to {MOST_STATES} states"
+        takes = "solve_fpk() takes filters of up to 2 states"
         accepted = (
             f"'band' or 'white', as the one-cycle operator has no states of a filter; {takes}, and "
             "scene.white_equivalent() replaces filtered noise by white noise, under which no block rests"
@@ -46,9 +40,9 @@ def refuse_unsolvable(scene: Scene) -> None:
     """
     limits.check(scene)
     noise = scene.noise
-    if noise.kind == "filtered" and noise.space.order > MOST_STATES:
+    if noise.kind == "filtered" and noise.space.order > 2:
         accepted = (
-            f"filters of up to {MOST_STATES} states, each of which is one more variable of the density; use Monte "
+            "filters of up to 2 states, each of which is one more variable of the density; use Monte "
             "Carlo, simulate(), or scene.white_equivalent(), white noise of equal Melnikov variance"
         )
         raise ValueError(f"noise.filter: got {noise.filter} ({noise.space.order} states), accepted: {accepted}")
@@ -69,10 +63,11 @@ def refuse_slow(scene: Scene) -> None:
     noise = scene.noise
     if noise.kind != "filtered":
         return
-    time = max(known(scene.period), _FLIGHT)
-    wanted, faster = _SPREAD_LEFT[noise.space.order], 1.0
+    time = max(known(scene.period), TUNING.spreading_time)
+    wanted = TUNING.spread_left_of_one if noise.space.order == 1 else TUNING.spread_left_of_two
+    faster = 1.0
     while spread_left(noise.scaled(1.0, faster), scene.start.covariance, time) < wanted:
-        faster *= _FASTER
+        faster *= 1.05
     if faster > 1.0:
         frequency = noise.frequency
         least = f"{frequency * faster:.2g}" if frequency is not None else f"{faster:.2g} times as fast"
@@ -85,8 +80,8 @@ def refuse_slow(scene: Scene) -> None:
 
 
 def refuse_large(held: float, stored: float, scene: Scene, rows: int) -> None:
-    """Refuse more than `LARGEST` bytes: `held` by a solution, `stored` of its density after all `rows` times."""
-    largest = LARGEST[scene.noise.kind]
+    """Refuse too many bytes: `held` by a solution, `stored` of its density at all `rows` times."""
+    largest = TUNING.largest_filtered if scene.noise.kind == "filtered" else TUNING.largest_white
     if held > largest:
         raise ValueError(
             f"scene: got a mesh and time steps that take {held:.1e} bytes, accepted: up to {largest:g}; stronger "
@@ -109,7 +104,7 @@ def refuse_broken(result: Evolution) -> None:
 
 def warn_beyond(
     what: str,
-    found: Refined,
+    refined: Refined,
     wanted: float,
     bins_wanted: float,
     instead: str,
@@ -122,7 +117,7 @@ def warn_beyond(
     ----------
     what : str
         The quantity that the first error is of.
-    found : Refined
+    refined : Refined
         Its estimates.
     wanted, bins_wanted : float
         What they should be.
@@ -133,12 +128,12 @@ def warn_beyond(
     names : tuple of str
         Parameters that tell what is wanted.
     """
-    if found.error > wanted or found.bins_error > bins_wanted:
-        missed = itertools.compress(names, (found.error > wanted, found.bins_error > bins_wanted))
+    if refined.error > wanted or refined.bins_error > bins_wanted:
+        missed = itertools.compress(names, (refined.error > wanted, refined.bins_error > bins_wanted))
         allowed = " and ".join(dict.fromkeys(missed))
         warnings.warn(
-            f"not within the tolerance: estimated error {found.error:.1e} in {what} ({wanted:.1e} wanted) and "
-            f"{found.bins_error:.1e} in the binned density ({bins_wanted:.1e} wanted) on the finest mesh for this "
+            f"not within the tolerance: estimated error {refined.error:.1e} in {what} ({wanted:.1e} wanted) and "
+            f"{refined.bins_error:.1e} in the binned density ({bins_wanted:.1e} wanted) on the finest mesh for this "
             f"scene; allow a larger {allowed}, or {instead}",
             RuntimeWarning,
             stacklevel=stacklevel,
@@ -150,3 +145,55 @@ def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
     sentence = result.unresolved_beyond(wanted)
     if sentence:
         warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)
+
+
+def estimated_seconds(scene: Scene, discretization: Discretization, times: Array) -> float:
+    """Seconds of one processor that a solution takes, to about a factor of two.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white noise.
+    discretization : Discretization
+    times : ndarray, shape (rows,)
+        That it is wanted for.
+
+    Returns
+    -------
+    float
+    """
+    space = Space(discretization.angle_lines, discretization.velocity_lines, discretization.degree)
+    dynamics, rule = Dynamics.of(scene), discretization.quadrature
+    duration = cycle_of(scene) / discretization.steps
+    # The cells that events can reach are counted in eight of the steps.
+    begins = np.linspace(0.0, scene.period or times[-1], 8, endpoint=False)
+    traces = [Characteristics(space, begin, duration, dynamics, rule, cells=False) for begin in begins.tolist()]
+    paths = np.mean([trace.event_cells.sum() for trace in traces]) * rule.angle * rule.velocity * rule.long * rule.short
+    steps = times[-1] / duration
+    different = discretization.steps / (2.0 if scene.forcing.half_antisymmetric else 1.0) if scene.repeats else steps
+    path = TUNING.seconds_exact_path if scene.block.critical_angle else TUNING.seconds_path
+    preparation = paths * path + space.unknowns * TUNING.seconds_preparation
+    application = paths * TUNING.seconds_deposit + space.unknowns * TUNING.seconds_flight
+    return float(different * preparation + steps * application)
+
+
+def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:
+    """Say on standard error how long some solutions will take together, and what sampling would, if it is long."""
+    if scene.noise.kind != "white":
+        return
+    seconds = sum(estimated_seconds(scene, discretization, times) for discretization in discretizations)
+    if seconds >= TUNING.long_seconds:
+        rounded, paths = float(f"{seconds:.1g}"), 10 ** math.ceil(math.log10(0.25 / tol**2) - 1e-9)
+        sys.stderr.write(
+            f"density: about {rounded:,.0f} s of one processor, more where the tolerance asks for a finer solution; "
+            f"{paths:,} sampled paths give a standard error of {0.5 / math.sqrt(paths):.1g}\n"
+        )
+
+
+def announce_finer(scene: Scene, before: Discretization, finer: Discretization, times: Array, taken: float) -> None:
+    """Say how long a finer solution will take if it is long, by the seconds `taken` by the one before."""
+    if scene.noise.kind != "white":
+        return
+    seconds = taken * estimated_seconds(scene, finer, times) / estimated_seconds(scene, before, times)
+    if seconds >= TUNING.long_seconds:
+        sys.stderr.write(f"density: the tolerance asks for a finer solution, about {float(f'{seconds:.1g}'):,.0f} s\n")

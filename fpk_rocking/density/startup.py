@@ -1,0 +1,349 @@
+"""The start-up: from the start of a scene to the first density that the main mesh resolves.
+
+A start that is a point, or a Gaussian finer than the mesh, is carried on moving patches (`patches`): small meshes that
+follow the density and grow with it. While nothing can happen to the block the density is a Gaussian in closed form.
+Next to x = 0 it is not: at rest under |f| > 1 noise beats drift until about t* = D / (|f| - 1)^2, the block rattles
+through x = 0 and only then lifts off; under |f| <= 1 it keeps rattling. There steps are in proportion to the time
+elapsed.
+"""
+
+import bisect
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.basis import find_cells
+from fpk_rocking.density.patches import PatchSettings, next_patch, patch_of
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.characteristics import event_cells
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.tuning import TUNING
+
+
+class Gaussian:
+    """A Gaussian density of angle and velocity: mean (2,), covariance (2, 2); nondimensional."""
+
+    def __init__(self, mean, covariance):
+        self.mean, self.covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
+
+    @classmethod
+    def of(cls, start):
+        """Take the start of a scene; a point has covariance 0."""
+        return cls((start.angle, start.velocity), np.zeros((2, 2)) if start.covariance is None else start.covariance)
+
+    def __call__(self, angle, velocity):
+        """Density at points (broadcast)."""
+        xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
+        determinant = xx * vv - xv * xv
+        x, v = angle - self.mean[0], velocity - self.mean[1]
+        exponent = (vv * x * x - 2.0 * xv * x * v + xx * v * v) / determinant
+        return np.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(determinant))
+
+    def tails(self, cutoff):
+        """Masses beyond the cut-off, to the left and to the right."""
+        spread = math.sqrt(2.0 * self.covariance[0, 0])
+        return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
+
+    def resolution(self, space):
+        """Least conditional standard deviation over the size of the cell of a mesh that the mean is in."""
+        return resolution_of(self.mean, self.covariance, space)
+
+    def after_flight(self, dynamics: Dynamics, start, duration, side):
+        """Gaussian after a flight on one side in which nothing happens, of a slender block."""
+        flight = dynamics.affine(start, duration)
+        xx, xv, vv = dynamics.covariance(start, duration)
+        covariance = flight.matrix @ self.covariance @ flight.matrix.T + [[xx, xv], [xv, vv]]
+        return Gaussian(flight.matrix @ self.mean + flight.shifts[side], covariance)
+
+
+def resolution_of(mean, covariance, space):
+    """Least conditional standard deviation of a Gaussian over the size of the cell of a mesh that its mean is in."""
+    (xx, xv), (_, vv) = covariance
+    if min(xx, vv) <= 0.0:
+        return 0.0
+    angle, velocity = (_cell_size(lines, point) for lines, point in zip(space.lines, mean, strict=True))
+    return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
+
+
+def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
+    """Gaussian of an exact block as a function of the time up to an end, in a flight in which nothing happens.
+
+    Its moments obey ordinary differential equations of first order in its spread, which are integrated as far as asked.
+    """
+    from scipy.integrate import DOP853  # takes longer to import than all else here
+
+    alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
+
+    def rates(time, state):
+        x, v, xx, xv, vv = state
+        phi, force = alpha * (1.0 - side * x), forcing.value(time)
+        sine, cosine = math.sin(phi), math.cos(phi)
+        stiff = cosine + side * force * alpha * sine
+        noise = 2.0 * dynamics.diffusion * cosine**2
+        if envelope is not None:
+            noise *= max(envelope.value(time) ** 2, dynamics.least_intensity)
+        return [v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise]
+
+    (xx, xv), (_, vv) = gaussian.covariance
+    solver = DOP853(rates, 0.0, np.array([*gaussian.mean, xx, xv, vv]), end, rtol=1e-8, atol=1e-30)
+    ends, pieces = [], []
+
+    def at(time):
+        # Most starts meet the mesh long before the end, and a record makes many steps.
+        while solver.status == "running" and solver.t < max(time, 1e-300):
+            solver.step()
+            ends.append(solver.t)
+            pieces.append(solver.dense_output())
+        x, v, xx, xv, vv = pieces[min(bisect.bisect_left(ends, time), len(pieces) - 1)](time)
+        return Gaussian((x, v), [[xx, xv], [xv, vv]])
+
+    return at
+
+
+def initial_density(start, space, cutoff):
+    """Coefficients of a start on a mesh, for looking at it, and masses beyond the cut-off (2,); zeros for a point."""
+    if start.covariance is None:
+        return np.zeros(space.shape), [0.0, 0.0]
+    gaussian = Gaussian.of(start)
+    return space.project(gaussian, 2 * space.degree + 2), gaussian.tails(cutoff)
+
+
+class PatchDensity(NamedTuple):
+    """A density on a patch: its time, the patch, the coefficients, and the outflow (3,) on the way."""
+
+    time: float
+    patch: Space
+    coefficients: np.ndarray
+    outflow: np.ndarray
+
+
+class StartUp:
+    """A start carried from patch to patch, as far as is asked; all meshes that take it over share it.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    start : Start
+        Of the scene.
+    settings : PatchSettings
+        Fineness of the patches.
+    period : float
+        Of the forcing: nothing is carried further, but for `waiting`.
+    waiting : float
+        Time until which the forcing is known not to lift a block off that is at rest.
+
+    Attributes
+    ----------
+    longest : float
+        Longest time that the start is carried for.
+    """
+
+    def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=0.0):
+        self.dynamics, self.settings, self._cycle = dynamics, settings, period
+        self._waiting, self.longest = waiting, period + waiting
+        self._initial = Gaussian.of(start)
+        x, v = self._initial.mean
+        self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
+        self._exact = dynamics.critical_angle is not None
+        self._flight = exact_flight(self._initial, dynamics, self.longest, self._side) if self._exact else None
+        self._longest_flight = TUNING.exact_flight * settings.growth if self._exact else math.inf
+        self._noise_time = self._initial.covariance[1, 1] / (2.0 * dynamics.averaged_over(0.0, 1e-9 * period).diffusion)
+        self._gaussian_until = self._last_gaussian_time()
+        self._carried = [self._on_patch(self._gaussian_until)]
+
+    @property
+    def starts_at_rest(self):
+        """Whether the block is at rest and the forcing does not lift it off."""
+        still = not self._initial.mean.any() and not self._initial.covariance.any()
+        return still and abs(self.dynamics.forcing.value(0.0)) <= self.dynamics.lift_off
+
+    def flight(self, time):
+        """Gaussian at a time of a flight in which nothing happens."""
+        if time <= 0.0:
+            return self._initial
+        return self._flight(time) if self._exact else self._initial.after_flight(self.dynamics, 0.0, time, self._side)
+
+    def spread(self, time):
+        """Gaussian that tells how far a start has spread: about rest where the forcing has not lifted the block off."""
+        gaussian = self.flight(time)
+        if self.starts_at_rest and self.dynamics.since_lift_off(time)[0] > time:
+            gaussian.mean = np.zeros(2)
+        return gaussian
+
+    def resolution(self, time, space):
+        """Least conditional standard deviation of the density at a time over the size of a cell of a mesh."""
+        if not self._waiting:
+            return self.spread(time).resolution(space)
+        patch, settings = self._before(time).patch, self.settings
+        sizes = [np.diff(lines).min() * settings.cells / (2.0 * settings.reach) for lines in patch.lines]
+        mean = self.flight(time).mean if self.dynamics.since_lift_off(time)[0] <= time else np.zeros(2)
+        return min(size / _cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
+
+    def mass_within(self, time, angle, velocity):
+        """Mass at a time that is within an angle and a velocity of the origin."""
+        now = self._before(time)
+        return float(now.patch.bin_integrals(now.coefficients[None], [-angle, angle], [-velocity, velocity]).sum())
+
+    def undisturbed(self, gaussian):
+        """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
+        reach = self.settings.reach * math.sqrt(gaussian.covariance[0, 0])
+        return reach < self._side * gaussian.mean[0] < self.dynamics.cutoff - reach
+
+    def project(self, end, target: Space):
+        """Density at a time on a mesh: coefficients, and the outflow (3,) since the start."""
+        now = self._before(end)
+        duration = end - now.time
+        quiet = self._free_time(now, duration) >= duration
+        coefficients, outflow = Step(self._trace(now, duration, quiet), target).apply(now.coefficients)
+        return coefficients, now.outflow + outflow
+
+    def _before(self, end):
+        """Last density on a patch from which one step leads to a time."""
+        part = TUNING.closed_form_part
+        if end <= self._gaussian_until / part:
+            return self._on_patch(min(self._gaussian_until, max(part * end, end - self._longest_flight)))
+        while self._carried[-1].time < end:
+            self._carried.append(self._further(self._carried[-1]))
+        return next(now for now in reversed(self._carried) if now.time < end)
+
+    def _further(self, now):
+        """Carry a density by one step, as long as its spread and what may happen to it allow."""
+        longest = self.dynamics.forcing.shortest_period / TUNING.patch_steps_per_harmonic
+        duration = min(self.settings.growth * (now.time + self._noise_time), longest)
+        if self._rattles(now, duration):
+            duration = min(duration, self._longest_step_near_rest(now.time))
+        left = self.longest - now.time
+        free = self._free_time(now, min(left, self._longest_flight)) if left > 0.0 else 0.0
+        quiet = free >= duration
+        duration, dynamics = max(free, duration), self.dynamics
+        trace = self._trace(now, duration, quiet)
+        target = next_patch(self.settings, trace, now.coefficients, dynamics.cutoff)
+        coefficients, outflow = Step(trace, target).apply(now.coefficients)
+        # Masses of either sign that together are a hundred times all of it: the density grows without bound.
+        if not np.abs(target.masses(coefficients)).sum() < 100.0:
+            raise ValueError(
+                "scene: got a density that the meshes of the start do not resolve, accepted: stronger noise than the "
+                f"diffusion {dynamics.diffusion:.3g}, or another start; or use Monte Carlo"
+            )
+        return PatchDensity(now.time + duration, target, coefficients, now.outflow + outflow)
+
+    def _trace(self, now, duration, quiet):
+        """Paths of one step from the cells of a patch that hold something; without events if it is quiet."""
+        # A block that the forcing cannot lift off rattles: many short steps follow, of one Gauss point more.
+        rattles = abs(self.dynamics.forcing.value(now.time)) <= self.dynamics.lift_off
+        points, noise = self.settings.points + rattles, TUNING.free_patch_nodes if quiet else TUNING.patch_nodes
+        active = np.abs(now.coefficients).max(axis=(2, 3)) * now.patch.areas > TUNING.no_mass
+        rule = Quadrature(points, points, *noise)
+        return Characteristics(now.patch, now.time, duration, self.dynamics, rule, active, to_other_mesh=True)
+
+    def _on_patch(self, time):
+        """Gaussian of a flight in which nothing happens, at a time, on a patch of its own."""
+        gaussian, cutoff = self.flight(time), self.dynamics.cutoff
+        patch = patch_of(self.settings, gaussian.mean, gaussian.covariance, cutoff)
+        coefficients, tails = patch.project(gaussian, self.settings.points + 1), gaussian.tails(cutoff)
+        missing = 1.0 - sum(tails) - patch.masses(coefficients).sum()
+        if abs(missing) > TUNING.missing_mass:
+            accepted = "a wider Gaussian, or one with less correlation, as the mesh does not resolve this one"
+            raise ValueError(checks.refusal("start.covariance", gaussian.covariance.tolist(), accepted))
+        return PatchDensity(time, patch, coefficients, np.array([*tails, missing]))
+
+    def _last_gaussian_time(self):
+        """Last time until which the density is a Gaussian that nothing has disturbed."""
+        initial, least = self._initial, 1e-9 * self._cycle
+        if not initial.mean.any() and not initial.covariance.any():
+            return self.settings.early * _drift_time(self.dynamics)
+        quiet = 0.0 if initial.covariance.any() else least
+        for time in np.geomspace(least, TUNING.closed_form_part * self.longest, 100):
+            gaussian = self.flight(time)
+            if not self.undisturbed(gaussian) or self._bent(gaussian, time):
+                break
+            quiet = time
+        return quiet
+
+    def _bent(self, gaussian, time):
+        """Whether a Gaussian is so wide that the curvature of an exact block's acceleration matters to its mean."""
+        if not self._exact:
+            return False
+        alpha, force = self.dynamics.critical_angle, self.dynamics.forcing.largest
+        # The mean moves by about the curvature α² (1 + |f|), times an eighth of the variance, times t².
+        shift = 0.125 * alpha**2 * (1.0 + force) * gaussian.covariance[0, 0] * time**2
+        return shift > TUNING.bent_gaussian * self.settings.growth
+
+    def _longest_step_near_rest(self, time):
+        """Longest step for a block that rattles at x = 0, and while it is lifted off.
+
+        Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
+        are a part of that; from |f| = 1 on they also grow with the time since.
+        """
+        dynamics, growth = self.dynamics.averaged_over(time, 1e-6 * self._cycle), self.settings.growth
+        gap, change = dynamics.lift_off - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
+        if gap > 0.0:
+            lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
+            part = TUNING.rattle_step * lifting
+            return growth * max(part, self._cycle / TUNING.rattle_steps, TUNING.waiting_step * (self._waiting - time))
+        since, change = dynamics.since_lift_off(time)
+        if since > time:
+            return math.inf
+        return growth * (TUNING.lifted_step * since + TUNING.rattle_step * _crossing_time(dynamics, change))
+
+    def _rattles(self, now, duration):
+        """Whether mass that matters may come to rest at x = 0 within a step."""
+        slow = max(self.dynamics.lift_off - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
+        slow += self.settings.reach * math.sqrt(
+            2.0 * self.dynamics.averaged_over(now.time, duration).diffusion * duration
+        )
+        angle, velocity = (
+            (lines[:-1] < size) & (lines[1:] > -size)
+            for lines, size in zip(now.patch.lines, (slow * duration, slow), strict=True)
+        )
+        return np.abs(now.patch.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > TUNING.missing_mass
+
+    def _free_time(self, now, longest):
+        """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
+        dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
+        for duration in longest * 0.5 ** np.arange(7):
+            reach = self.settings.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
+            segment = dynamics.segment(now.time, duration)
+            events = event_cells(*patch.lines, segment, duration, dynamics.block, (reach, math.inf))
+            if masses[events].sum() < TUNING.no_mass:
+                return duration
+        return 0.0
+
+
+def takeover_step(startup: StartUp, space: Space, edges, settled=None):
+    """Return the number of the step edge, of those (n,) of a cycle at most, at which a mesh takes over from patches.
+
+    It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
+    barely resolved there: the patches would have to follow it through the event. Or it is the first at whose time
+    `settled` is true.
+    """
+    before, last = None, len(edges) - 1
+    for step in range(1, last):
+        resolution = startup.resolution(edges[step], space)
+        if resolution >= TUNING.resolved or (settled and settled(edges[step])):
+            return step
+        if startup.undisturbed(startup.flight(edges[step])):
+            before = step if resolution >= TUNING.barely_resolved else None
+        elif before:
+            return before
+    return last
+
+
+def _drift_time(dynamics: Dynamics):
+    """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    dynamics = dynamics.averaged_over(0.0, 1e-9)
+    drift = abs(abs(dynamics.forcing.value(0.0)) - dynamics.lift_off)
+    steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
+    return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)
+
+
+def _crossing_time(dynamics: Dynamics, change):
+    """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
+    return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf
+
+
+def _cell_size(lines, point):
+    cell = find_cells(lines, point, "left")
+    return lines[cell + 1] - lines[cell]

@@ -1,0 +1,217 @@
+"""Scenes with white noise that do not repeat: a step is set up once, for the cells that hold something, and dropped.
+
+A block at rest may stick there while the force cannot lift it off (`sticking`). Then it is re-injected: it starts up
+again, from rest, on moving patches (`startup`) until the mesh resolves it.
+"""
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.types import Array
+from fpk_rocking.density.propagator import Propagator, Snapshot
+from fpk_rocking.density.resolution import cycle_of
+from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.startup import StartUp, takeover_step
+from fpk_rocking.density.step.step import Characteristics, Dynamics, Step, mark_massive_cells
+from fpk_rocking.density.sticking import Sticking, density_at_rest
+from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.scene.parts import Start
+
+
+class ReInjection(NamedTuple):
+    """A mass that was at rest, or at the start of the scene, on its way to the mesh.
+
+    Parameters
+    ----------
+    startup : StartUp
+        Its times count from `origin`.
+    origin, takeover : float
+        Time at which it begins, and that at which the mesh takes over.
+    mass : float
+        Its probability.
+    """
+
+    startup: StartUp
+    origin: float
+    takeover: float
+    mass: float
+
+    def at(self, time: float, space: Space) -> tuple[Array, Array]:
+        """Coefficients on a mesh at a time since it began, and outflow (3,) since then."""
+        if time <= self.origin:
+            return self.mass * density_at_rest(space), np.zeros(3)
+        coefficients, outflow = self.startup.project(time - self.origin, space)
+        return self.mass * coefficients, self.mass * outflow
+
+
+@dataclasses.dataclass
+class TransientState:
+    """Parts of the probability between two steps; a step changes them in place.
+
+    Parameters
+    ----------
+    edges : ndarray
+        Times at which the steps to come begin, and the end of the last; the first is now.
+    density : ndarray, shape ``space.shape``
+        Coefficients of what is on the mesh.
+    outflow : ndarray, shape (3,)
+        Masses absorbed at the left and at the right cut-off, and truncated.
+    sticking : float
+        Mass that sticks at rest.
+    injections : list of ReInjection
+        What is on its way to the mesh.
+    reinjected : float
+        Largest mass that had come to rest and was lifted off again.
+    came_to_rest : bool
+        Whether something came to rest on the way: a start at rest is exact.
+    spent : float
+        Sum of the masses that were too small to be treated exactly.
+    """
+
+    edges: Array
+    density: Array
+    outflow: Array
+    sticking: float = 0.0
+    injections: list[ReInjection] = dataclasses.field(default_factory=list)
+    reinjected: float = 0.0
+    came_to_rest: bool = False
+    spent: float = 0.0
+
+    @property
+    def time(self):
+        """Time τ of the state."""
+        return self.edges[0]
+
+    def spend(self, mass, most):
+        """Whether a mass may be treated as small: all such masses together are at most a bound."""
+        small = self.spent + mass <= most
+        self.spent += mass if small else 0.0
+        return small
+
+
+class TransientPropagator(Propagator):
+    """A scene with white noise that does not repeat, at one resolution; parameters as of `Propagator`.
+
+    It assumes less than the coarser propagator of sticking, and of noise that has faded.
+    """
+
+    def __init__(self, scene, discretization, negligible, coarse=None):
+        super().__init__(scene, discretization, discretization, negligible)
+        if coarse:
+            self._forgetting = TUNING.forgetting_growth * coarse._forgetting
+            least_intensity = TUNING.faintest_ratio * coarse.dynamics.least_intensity
+        else:
+            # At the third resolution what a block may remember of having stuck is the tolerance, exp(-M) = 1e6 times
+            # the negligible mass; M grows by about 1.4 from one resolution to the next.
+            self._forgetting, least_intensity = -0.5 * math.log(1e6 * negligible), Dynamics.least_intensity
+        self.dynamics = dataclasses.replace(Dynamics.of(scene), least_intensity=least_intensity)
+        self.duration = cycle_of(scene) / discretization.steps
+        # Small masses may in all be a hundredth of the tolerance.
+        self._small = 1e4 * negligible
+
+    @property
+    def memory(self) -> float:
+        """Bytes that a step takes."""
+        return 2 * self.buffers.nbytes
+
+    def initial_state(self, start: Start, times: Array) -> TransientState:
+        """State at τ = 0: a start at rest sticks, any other is on its way to the mesh."""
+        self._sticking = Sticking(self.dynamics, times[-1], self._forgetting)
+        edges = step_edges(self.scene, self.duration, times)
+        state = TransientState(edges, np.zeros(self.space.shape), np.zeros(3))
+        if start.angle or start.velocity or start.covariance:
+            state.injections.append(self._injection(0.0, 1.0, start, edges))
+        else:
+            state.sticking = 1.0
+        return state
+
+    def advance(self, state: TransientState, latest: float) -> TransientState:
+        """Carry all parts of a state over one step, or over two at once, and take over what the mesh then resolves."""
+        edges, time = state.edges, state.time
+        pair = 2 if self._steps_may_be_long and edges[1] < latest else 1
+        until = self._sticking.until(time)
+        if until >= edges[pair] * (1.0 - 1e-12):
+            self._stick(state, time)
+        elif state.sticking and state.spend(state.sticking, self._small):
+            state.density, state.sticking = state.density + state.sticking * density_at_rest(self.space), 0.0
+        elif state.sticking:
+            state.injections.append(self._injection(max(until, time), state.sticking, Start(), edges))
+            state.reinjected = max(state.reinjected, state.sticking if state.came_to_rest else 0.0)
+            state.sticking = 0.0
+        count = pair if state.sticking else 1
+        if state.density.any():
+            state.density, outflow = self._step(time, edges[count], state.density).apply(state.density)
+            state.outflow = state.outflow + outflow
+        state.edges = edges[count:]
+        for arrived in [injection for injection in state.injections if injection.takeover <= state.time]:
+            state.injections.remove(arrived)
+            coefficients, outflow = arrived.at(state.time, self.space)
+            state.density, state.outflow = state.density + coefficients, state.outflow + outflow
+        return state
+
+    def snapshot(self, state: TransientState) -> Snapshot:
+        """Density and outflow of all parts of a state together; resolved where all is on the mesh and noise acts."""
+        coefficients, outflow = state.density + state.sticking * density_at_rest(self.space), state.outflow
+        for injection in state.injections:
+            more, left = injection.at(state.time, self.space)
+            coefficients, outflow = coefficients + more, outflow + left
+        envelope = self.dynamics.envelope
+        strength = 1.0 if envelope is None else envelope.value(state.time) ** 2
+        resolved = strength > TUNING.faded_noise and not state.injections
+        return Snapshot(coefficients, outflow, resolved=resolved, reinjected=state.reinjected)
+
+    def _stick(self, state, time):
+        """Let those blocks of a state stick that come to rest before the next lift-off."""
+        masses, stopping = self.space.masses(state.density), self._sticking.stopping_cells(time, self.space)
+        if state.spend(np.abs(masses[~stopping]).sum(), self._small):
+            stopping = np.ones_like(stopping)
+        state.sticking += masses[stopping].sum()
+        state.came_to_rest = state.came_to_rest or bool(state.density.any())
+        state.density = np.where(stopping[..., None, None], 0.0, state.density)
+
+    def _injection(self, origin, mass, start, edges):
+        """Re-injection of a mass from a start, at a time before the second of some edges of steps."""
+        dynamics = self.dynamics.later(origin) if origin > 0.0 else self.dynamics
+        lift_off = self._sticking.next_lift_off(origin)
+        startup = StartUp(dynamics, start, self.discretization.patches, cycle_of(self.scene), lift_off - origin)
+        after = np.append(origin, edges[edges > origin * (1.0 + 1e-9)]) - origin
+
+        def settled(since):
+            """Whether so much is at rest again, at a time at which it may stick, that it is taken over to do so."""
+            time = origin + since
+            sticks = time > lift_off and self._sticking.until(time) > time
+            near = startup.mass_within(since, TUNING.rest_angle, TUNING.rest_velocity) if sticks else 0.0
+            return near > TUNING.settled_part
+
+        step = takeover_step(startup, self.space, after[: np.searchsorted(after, startup.longest) + 1], settled)
+        return ReInjection(startup, origin, origin + after[step], mass)
+
+    @property
+    def _steps_may_be_long(self):
+        """Whether steps may be twice as long while what is slow, and asks for short steps, sticks at rest."""
+        return 2.0 * TUNING.steps_per_harmonic * self.duration <= self.dynamics.forcing.shortest_period
+
+    def _step(self, begin, end, density):
+        """Step from one time to another, for the cells in which a density holds something."""
+        active = np.zeros(self.space.shape[:2], dtype=bool)
+        # What is not active is truncated anew in every step, so less counts as negligible than in a cycle's own steps.
+        mark_massive_cells(density, self.space.areas, 0.1 * self.negligible, active, active)
+        rule = self.discretization.quadrature
+        return Step(
+            Characteristics(self.space, begin, end - begin, self.dynamics, rule, active), self.space, self.buffers
+        )
+
+
+def step_edges(scene, duration, times):
+    """Edges of steps of about a duration, to the last of the times (rows,).
+
+    All times and the end of the forcing are among them; each takes the place of an edge within .3 of a step.
+    """
+    fixed = np.unique([time for time in (*times[1:], scene.forcing.duration) if time <= times[-1]])
+    fixed = fixed[np.append(True, np.diff(fixed) > 1e-9)]
+    even = np.arange(np.ceil(times[-1] / duration)) * duration
+    apart = np.abs(even[:, None] - fixed).min(axis=1) if fixed.size else np.full(even.size, np.inf)
+    return np.unique(np.append(even[(apart > 0.3 * duration) | (even == 0.0)], fixed))

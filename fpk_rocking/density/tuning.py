@@ -1,0 +1,225 @@
+"""The numbers of the density solver that are tuned: what each does, its unit, and how it came about.
+
+Where nothing else is said a number has no unit, and was chosen by trial on the scenes of tests and benchmarks.
+Numbers of the step itself are in `step` and `space`.
+"""
+
+from typing import NamedTuple
+
+
+class Tuning(NamedTuple):
+    """Tuned numbers of solver, start-up, propagators and one-cycle operator."""
+
+    # Regions that count as rest, and what is compared in bins.
+    rest_angle: float = 0.005
+    """Angle within which a block counts as being at rest, nondimensional. No mesh is made for less."""
+    rest_velocity: float = 0.1
+    """Velocity within which a block counts as being at rest: at x ~ v² of the angle above."""
+    least_angle_range: float = 0.1
+    """Least width of the range of the angle in which two solutions are compared: less counts as being at rest."""
+    least_velocity_range: float = 0.5
+    """The same of the velocity."""
+
+    # Tolerance and refinement.
+    negligible_mass: float = 1e-6
+    """Mass over `tol` that a cell must have held to be active: 1e4 cells together truncate a hundredth of `tol`."""
+    safety: float = 1.4
+    """Factor of `safe_difference`, of both distances; benchmarks/estimates.py holds it against true errors."""
+    difference_before: float = 0.3
+    """Factor of the distance of the solution before the one before: errors fall at least so much over two solutions."""
+    bins_before: float = 0.4
+    """The same for the binned density."""
+    bins_at_most: float = 1.5
+    """Most that the distance before raises the error of the binned density, over the last distance."""
+    bins_part: float = 0.01
+    """Least estimate of the error in survival over that of the binned density."""
+    rest_error_factor: float = 4.0
+    """Error of the last solution over its difference from the one before, where blocks rest under piecewise constant
+    noise, or come to rest and are lifted off again: cells decide which of them rest by then, of first order or less.
+    2.5 would be an error of first order; with smooth noise it falls more slowly (docs/numerics.md, "Filtered
+    noise")."""
+    unresolved_negative_mass: float = 0.05
+    """Negative mass above which a density counts as not resolved."""
+    negative_mass_ratio: float = 0.8
+    """Negative mass over that of the solution before, at most, that finer ones are taken to have: soon after a start it
+    may stay as large over two solutions and then fall by ten."""
+    operator_negative_ratio: float = 0.7
+    """Negative mass of the operator's density over that on the mesh before, above which finer meshes do not help."""
+
+    # Memory, bytes.
+    finer_white: float = 3e9
+    """Bytes that a finer solution under white noise may be expected to need."""
+    finer_filtered: float = 4e9
+    """The same under filtered noise."""
+    finer_operator: float = 8e9
+    """The same for the one-cycle operator; every cell of it is active."""
+    largest_white: float = 8e9
+    """Bytes above which a solution under white noise is refused."""
+    largest_filtered: float = 4e9
+    """The same under filtered noise."""
+    bytes_per_unknown: float = 2.0
+    """Bytes that a solution takes, about, for each unknown of a density and each path of a step."""
+
+    # Time, seconds on one core of 2024, for the part of the mesh that usually holds something.
+    long_seconds: float = 20.0
+    """Seconds from which on a call says how long it will take."""
+    seconds_path: float = 8e-8
+    """Seconds for a path of a slender block."""
+    seconds_exact_path: float = 1.6e-7
+    """Seconds for a path of an exact block."""
+    seconds_deposit: float = 4e-9
+    """Seconds for the mass of a path."""
+    seconds_preparation: float = 4e-7
+    """Seconds for an unknown in a step to be set up."""
+    seconds_flight: float = 2e-8
+    """Seconds for an unknown in a step to be taken."""
+
+    # Exploratory paths.
+    exploratory_paths: int = 256
+    """Number of paths, even: their ranges scatter by some per cent."""
+    exploratory_cycles: int = 12
+    """Most cycles that they are followed for."""
+    exploratory_step: float = 0.12
+    """Longest step, in τ; the shortest period of the forcing has at least 6."""
+
+    # Resolutions: they are made for the main scene, with these values of it, rounded.
+    main_diffusion: float = 0.00628
+    """Diffusion of the main scene."""
+    main_period: float = 2.33
+    """Its period, in τ."""
+    main_cutoff: float = 1.57
+    """Its cut-off."""
+    main_speed: float = 1.78
+    """Its `StateRange.velocity`."""
+    coarsest: float = 0.5
+    """Cells an axis over those for the main scene, at least, where stronger noise would allow fewer."""
+    far_motion: float = 0.6
+    """A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
+    tail_cells: float = 32.0
+    """With up to so many cells an axis for the motion, the cells beyond it grow by `TAIL` each; with more, by less."""
+    moving_step: float = 2.33 / 16
+    """Longest step, in τ, at 16 steps a cycle, where impacts are fast: that of the main scene."""
+    resting_step: float = 0.07
+    """The same where impacts are slow for long."""
+    long_rest: float = 0.5
+    """Time τ with |f| ≤ 1 from which on impacts are slow for long."""
+    exact_steps: float = 10.0
+    """Where blocks do not rest an exact block of critical angle α takes 1 + this α² times a slender one's steps."""
+    noisy_step: float = 0.03
+    """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed²."""
+    steps_per_harmonic: float = 6.0
+    """Least steps in a period of the forcing's highest harmonic: it is a polynomial to 1e-13 in each."""
+
+    # Start-up on moving patches; steps are in units of `PatchSettings.growth` where that is said.
+    patch_nodes: tuple[int, int] = (5, 2)
+    """Nodes of the noise, along its long and its short axis, in a step between patches."""
+    free_patch_nodes: tuple[int, int] = (9, 3)
+    """The same in a step without events."""
+    no_mass: float = 1e-13
+    """Mass below which nothing is left in a cell of a patch, or of a patch."""
+    visible_mass: float = 1e-10
+    """Mass of a node of the noise below which a patch need not cover it."""
+    missing_mass: float = 1e-5
+    """Most that the projection of a Gaussian on its patch may miss of its mass."""
+    resolved: float = 0.2
+    """The mesh resolves a Gaussian whose conditional standard deviations are at least this part of its cells."""
+    barely_resolved: float = 0.15
+    """The same, where the patches would otherwise have to follow the density through an event."""
+    closed_form_part: float = 0.75
+    """Part of the time to the main mesh, or of a cycle, up to which an undisturbed Gaussian is taken in closed form."""
+    rattle_step: float = 0.25
+    """Longest step next to rest, over growth, in units of the time in which noise lifts the block off."""
+    lifted_step: float = 0.4
+    """The same in units of the time since the forcing lifted the block off."""
+    waiting_step: float = 0.1
+    """The same in units of the time until the forcing lifts the block off."""
+    rattle_steps: float = 320.0
+    """Most steps, over growth, of a cycle in which a block rattles."""
+    patch_steps_per_harmonic: float = 16.0
+    """Least steps of a patch in the forcing's shortest period."""
+    exact_flight: float = 0.3
+    """Longest flight τ of an exact block between patches, over growth."""
+    bent_gaussian: float = 1e-4
+    """Most that the curvature of its acceleration may shift the mean of an exact block as a Gaussian, over growth."""
+
+    # Sticking at rest under white noise.
+    sticking_interval: float = 0.02
+    """Longest interval of τ in which force and diffusion are taken as constant."""
+    layer_inside: float = 8.0
+    """Scales w of the layer at rest that have to be within `rest_velocity` and the speed up to which hops die out, so
+    that all of the layer sticks."""
+    layer_safe: float = 25.0
+    """Scales w that have to be within the least speed over the saddle: noise alone overturns exp(-25)."""
+    hop_gain: float = 0.5
+    """Part of the speed which impacts take that a changing force may give back, where hops are to die out. This part
+    falls like the square of the speed, so that they take a quarter longer."""
+    forgetting_growth: float = 1.4
+    """What a block must forget before it may stick, -log of what it remembers, over that at the resolution before."""
+    faintest_ratio: float = 0.5
+    """Least diffusion that stands for noise that has faded, over that at the resolution before."""
+    faded_noise: float = 0.05
+    """Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
+    settled_part: float = 0.5
+    """Part of a re-injected mass that is at rest again, from which on it is taken over to stick."""
+
+    # Filtered noise: values by the number of the resolution, from coarse to fine.
+    nodes_of_one: tuple[int, ...] = (5, 6, 8, 10, 12, 14, 16)
+    """Nodes of a filter of one state."""
+    nodes_of_two: tuple[int, ...] = (4, 5, 6, 8, 10, 12, 14)
+    """Nodes in each state of a filter of two."""
+    resting_spacing: tuple[float, ...] = (0.55, 0.46, 0.4, 0.34, 0.29, 0.25, 0.21)
+    """Most spacing of the nodes in y1, in standard deviations, where blocks may rest at the end of a cycle."""
+    resting_nodes_beside: tuple[int, ...] = (4, 5, 6, 7, 8, 9, 10)
+    """Gauss-Hermite nodes in y2 then."""
+    last_step_smooth: tuple[int, ...] = (100, 140, 200, 300, 420, 600, 840)
+    """Cycle over the last step, where a block may rest, for noise that has a derivative."""
+    last_step_rough: tuple[int, ...] = (200, 400, 800, 1600, 3200, 6400, 12800)
+    """The same for noise that has none: excursions beyond lift-off within a step are missed, an error of order 1/2."""
+    filter_turn: float = 1.2
+    """Longest step times the frequency at which a filter swings."""
+    rest_cell_velocity: float = 0.35
+    """Velocity of the cells at rest over the speed from which a block comes to rest in the last step of a cycle."""
+    rest_cell_angle: float = 10.0
+    """Angle of the cells at rest over the square of their velocity."""
+    unseen_between_nodes: float = 0.1
+    """What nodes may leave unseen of blocks at rest, over the weight of a node where the level of lift-off is; up to
+    .05 was measured, under three filters."""
+    filtered_reach: float = 8.0
+    """Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""
+    filtered_resolved: float = 0.3
+    """As `resolved`, for the Gaussian at a node of the filter's states."""
+    spreading_time: float = 2.33
+    """Least time τ that filtered noise has to spread a density, where it is judged as too slow."""
+    spread_left_of_one: float = 0.6
+    """Least part of the angle's spread that is left then where the state of a filter of one state is known."""
+    spread_left_of_two: float = 0.95
+    """The same for a filter of two states."""
+
+    # One-cycle operator.
+    modes: int = 6
+    """Modes that are computed: those left out have fallen to 1e-9 within some ten cycles in the main scene."""
+    subspace: int = 30
+    """Vectors of the Arnoldi iteration."""
+    mode_precision: float = 1e-11
+    """Relative residual that is asked of the iteration."""
+    mode_residual: float = 1e-8
+    """Largest relative residual of a leading mode; and most by which the leading eigenvalues of the map and of its
+    adjoint may differ."""
+    steps_before_modes: int = 40
+    """Applications of the map for which no modes are asked."""
+    steps_until_modes: int = 4000
+    """Applications within which the modes have to take over."""
+    modes_left_out: float = 1e-10
+    """Part of a vector that the modes may leave out, in L1, when they take over."""
+    smoothing_periods: int = 10
+    """Symmetry periods after the iteration, which leave the tails of the quasi-stationary density to the map itself."""
+    least_eigenvalue: float = 1e-6
+    """Least probability of surviving a cycle in the long run for which there is an operator to speak of."""
+    least_rate: float = 1e-15
+    """Least escape rate a cycle that is looked for on ever finer meshes."""
+    reached_part: float = 1e-6
+    """Part of the largest product of reach and survival below which a cell does not count for the velocity bound."""
+
+
+TUNING = Tuning()
+"""The values that are used."""

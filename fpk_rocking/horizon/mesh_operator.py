@@ -1,0 +1,351 @@
+"""The one-cycle operator on one mesh, made of the solver's own steps, and its refinement to a tolerance.
+
+Where the forcing is its own mirror image half a cycle later, (x, v) -> (-x, -v), the symmetry period is that half: with
+H the map over it and R the reflection, a cycle is R H R H = K², K = R H. Else it is the whole cycle, K = H.
+"""
+
+import functools
+import math
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.density.notices import warn_beyond
+from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.refinement import SOLUTIONS, Level, bins_tolerance, refine
+from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
+from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space.space import reflected
+from fpk_rocking.density.space.tuning import TUNING as MESH
+from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.horizon.modes import Powers, leading_modes
+from fpk_rocking.physics.motion.block import largest_correction
+
+
+class MeshOperator:
+    """The map K of densities over a symmetry period of a scene on one mesh, its adjoint, and its modes.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    resolution : Resolution
+    motion : StateRange
+        Where the mesh has to be fine.
+    bound, beyond : float
+        Velocity bound of the mesh, and that to which coarser cells continue it.
+
+    Attributes
+    ----------
+    propagator : PeriodicPropagator
+        Of the scene, every cell active, so that nothing is truncated but beyond the velocity bound.
+    space : Space
+    periods : int
+        Symmetry periods in a cycle, 1 or 2.
+    one : ndarray, shape ``space.shape``
+        Coefficients of the function 1.
+    """
+
+    def __init__(self, white, resolution, motion, bound, beyond=0.0):
+        self._white, self._inputs = white, (resolution, motion, bound)
+        discretization = resolution.adapted(white, bound, motion, beyond, MESH.growth)
+        self.propagator = PeriodicPropagator(white, discretization, negligible=0.0)
+        self.space, self.periods = self.propagator.space, self.propagator.periods_per_cycle
+        self._root = np.sqrt(self.space.areas)[:, :, None, None]
+        self.one = np.zeros(self.space.shape)
+        self.one[:, :, 0, 0] = 1.0
+        everything = np.ones(self.space.shape[:2], dtype=bool)
+        for step in self.propagator.steps:
+            step.activate(everything)
+
+    def vector(self, coefficients):
+        """Vector (unknowns,) of a function; Euclidean products of vectors are integrals of products of functions."""
+        return (coefficients * self._root).ravel()
+
+    def coefficients(self, vector):
+        """Coefficients of the function that a real vector (unknowns,) stands for."""
+        return vector.reshape(self.space.shape) / self._root
+
+    def reflected(self, coefficients):
+        """Coefficients of a function at the end of a symmetry period as the next period begins with them."""
+        return reflected(coefficients) if self.periods == 2 else coefficients
+
+    def forward(self, coefficients):
+        """Density after a symmetry period, reflected, and the outflow (3,): absorbed left and right, truncated."""
+        outflow = np.zeros(3)
+        for step in self.propagator.steps:
+            coefficients, masses = step.apply(coefficients)
+            outflow += masses
+        return self.reflected(coefficients), outflow
+
+    def backward(self, values):
+        """Mean, before a symmetry period, of a function of the reflected state after it."""
+        values = self.reflected(values)
+        for step in reversed(self.propagator.steps):
+            values = step.apply_adjoint(values, np.zeros(3))
+        return values
+
+    def time_inside(self):
+        """Mean time until overturning or the end of the symmetry period, in cycles, from every state.
+
+        Coefficients of a function; by the trapezoidal rule over the steps.
+        """
+        half_step = 0.5 / self.propagator.steps_per_cycle * self.one
+        spent = np.zeros(self.space.shape)
+        for step in reversed(self.propagator.steps):
+            spent = half_step + step.apply_adjoint(half_step + spent, np.zeros(3))
+        return spent
+
+    def matvec(self, vector):
+        """Apply K to a vector (unknowns,)."""
+        return self.vector(self.forward(self.coefficients(vector))[0])
+
+    def rmatvec(self, vector):
+        """Apply the transpose of K to a vector (unknowns,)."""
+        return self.vector(self.backward(self.coefficients(vector)))
+
+    def l1(self, vector):
+        """Bound on the integral of the absolute value of a function, by Schwarz in every cell."""
+        squares = np.sum(vector.reshape(self.space.shape) ** 2, axis=(2, 3))
+        return float(np.sqrt(squares * self.space.areas).sum())
+
+    @functools.cached_property
+    def modes(self):
+        """Leading modes of K, from what two cycles leave of a uniform density."""
+        start, one, remaining = self.vector(self.one), self.vector(self.one), 1.0
+        for _ in range(2 * self.periods):
+            start = self.matvec(start)
+            remaining = one @ start / (one @ one)
+        if not remaining > TUNING.least_eigenvalue**2:
+            got = f"a probability of {remaining:.1e} to survive two cycles"
+            accepted = "a scene in which not every block overturns within a cycle; solve_fpk() takes this one"
+            raise ValueError(checks.refusal("scene", got, accepted))
+        return leading_modes(self.matvec, start)
+
+    @functools.cached_property
+    def left_modes(self):
+        """Leading modes of the adjoint, from another start: their eigenvalues agree, or they are refused."""
+        start = np.random.default_rng(1).random(self.space.unknowns)
+        modes = leading_modes(self.rmatvec, start)
+        first, second = (each.values[0].real for each in (self.modes, modes))
+        if abs(first - second) > TUNING.mode_residual:
+            accepted = "a scene for which the operator and its adjoint have the same leading eigenvalue"
+            raise ValueError(checks.refusal("scene", f"eigenvalues {first:.12f} and {second:.12f}", accepted))
+        return modes
+
+    @functools.cached_property
+    def _smoothed(self):
+        """Quasi-stationary density of mass 1, after some more symmetry periods, and its outflow (3,) in one."""
+        density = self.coefficients(self.modes.basis[:, 0])
+        for _ in range(TUNING.smoothing_periods):
+            density = density / self.space.masses(density).sum()
+            density, outflow = self.forward(density)
+        return density / self.space.masses(density).sum(), outflow
+
+    @property
+    def quasi_stationary(self):
+        """Coefficients of the density that keeps its shape, of mass 1."""
+        return self._smoothed[0]
+
+    @property
+    def leaks(self):
+        """Outflow (3,) of that density in a cycle: left, right, truncated; it leaks the same in both halves."""
+        outflow = self._smoothed[1]
+        return outflow if self.periods == 1 else outflow + (1.0 - outflow.sum()) * outflow[[1, 0, 2]]
+
+    @property
+    def log_eigenvalue(self):
+        """Logarithm of the leading eigenvalue of K."""
+        return math.log1p(-self._smoothed[1].sum())
+
+    @property
+    def rate(self):
+        """Escape rate per cycle."""
+        return -self.periods * self.log_eigenvalue
+
+    @property
+    def settings(self):
+        """Mesh, degree, quadrature and steps."""
+        own = {"unknowns": self.space.unknowns, "velocity_bound": float(self.space.velocity_lines[-1])}
+        return self.propagator.discretization.settings | own
+
+    @functools.cached_property
+    def level(self):
+        """What refinement compares: logarithm of the rate, and quasi-stationary density in 32 x 64 equal bins."""
+        lines = zip(self.space.lines, (32, 64), strict=True)
+        bins = self.space.bin_integrals(self.quasi_stationary, *(np.linspace(x[0], x[-1], n + 1) for x, n in lines))
+        truncated = abs(self.leaks[2]) / abs(self.rate) if self.rate else math.inf
+        return Level(
+            solution=self,
+            quantity=np.array([math.log(self.rate) if self.rate > 0.0 else math.nan]),
+            bins=bins.reshape(1, -1),
+            resolved=np.ones(1, dtype=bool),
+            error=lambda difference, _: max(math.expm1(difference), truncated),
+            negative_mass=self.space.negative_mass(self.quasi_stationary),
+            memory=self.propagator.memory,
+        )
+
+    def at_phase(self, phase):
+        """Operator on a mesh of the same resolution for another forcing phase, radians."""
+        white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
+        return MeshOperator(white, *self._inputs, bound_for_all_starts(white, self._inputs[1]))
+
+    def survival(self, cycles, start):
+        """Survival of a start after numbers of cycles, and an estimate of what the modes leave out: two arrays (n,)."""
+        first = self.propagator.propagate(self._white.period * np.arange(2), start=start)
+        powers, one = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
+        survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
+        for k in np.argsort(cycles, kind="stable"):
+            if cycles[k] < 2:
+                survival[k] = first.survival[cycles[k]]
+            else:
+                count = self.periods * (int(cycles[k]) - 1)
+                survival[k], left_out[k] = one @ powers.after(count), powers.left_out(count)
+        return survival, left_out
+
+    def backward_powers(self):
+        """Powers of the adjoint, applied to the function 1: survival of every start."""
+        return self._powers(self.vector(self.one), adjoint=True)
+
+    def mean_time(self):
+        """Mean time until overturning, in cycles, as a vector: the sum over all symmetry periods to come."""
+        return self._powers(self.vector(self.time_inside()), adjoint=True).total()
+
+    def _powers(self, vector, adjoint=False):
+        """Powers of K, or of its adjoint, applied to a vector."""
+        apply = self.rmatvec if adjoint else self.matvec
+        return Powers(
+            apply, lambda: self.left_modes if adjoint else self.modes, self.l1, lambda: self.log_eigenvalue, vector
+        )
+
+
+def refine_operator(white, tol):
+    """Refine until the estimates of the escape rate and of the quasi-stationary density are acceptable.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    tol : float
+        The relative error of the rate is wanted to exp(1) tol: it changes survival exp(-rate k) by that times
+        (rate k) exp(-rate k), at most by tol whatever k.
+
+    Returns
+    -------
+    Refined
+        Its levels have a `MeshOperator` each as solution.
+
+    Warns
+    -----
+    RuntimeWarning
+        The tolerance is not met.
+
+    Raises
+    ------
+    ValueError
+        Next to everything overturns within a cycle, or no rate can be told from the mesh's own errors.
+    """
+    bound = velocity_bound(white, white.noise.diffusion)
+    motion = explore(white, white.period * np.arange(TUNING.exploratory_cycles + 1))
+    beyond, wanted = bound_for_all_starts(white, motion), math.e * tol
+
+    def solve(resolution, _):
+        return MeshOperator(white, resolution, motion, bound, beyond).level
+
+    def fits(level, resolution):
+        finer = resolution.adapted(white, bound, motion, beyond, MESH.growth)
+        return level.memory * finer.memory / level.solution.propagator.discretization.memory <= TUNING.finer_operator
+
+    def is_done(refined):
+        return refined.within(wanted, bins_tolerance(tol)) or is_stagnated(refined)
+
+    refined = refine(resolutions_for(tol, before=SOLUTIONS - 1), solve, fits, is_done)
+    judge(refined, tol)
+    return refined
+
+
+def is_stagnated(refined):
+    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it."""
+    fine, coarse = refined.fine, refined.coarse
+    still = max(abs(fine.solution.rate), abs(coarse.solution.rate)) < TUNING.least_rate
+    most = max(2.0 * TUNING.unresolved_negative_mass, TUNING.operator_negative_ratio * coarse.negative_mass)
+    return still or fine.negative_mass > most
+
+
+def judge(refined, tol):
+    """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted."""
+    fine, limit = refined.fine, TUNING.unresolved_negative_mass
+    if fine.negative_mass > limit:
+        raise ValueError(
+            "scene: got a quasi-stationary density that the finest mesh does not resolve (negative mass "
+            f"{fine.negative_mass:.1e}), accepted: up to {limit}; the noise is too weak: use Monte Carlo"
+        )
+    if not refined.error < 1.0:
+        raise ValueError(
+            f"scene: got an escape rate of {fine.solution.rate:.2e} a cycle, accepted: one above the error of the "
+            "finest mesh; blocks overturn too rarely: use montecarlo.split(), or more noise"
+        )
+    what = f"the escape rate, {fine.solution.rate:.2e} a cycle, relative"
+    wanted = math.e * tol, bins_tolerance(tol)
+    warn_beyond(what, refined, *wanted, "use montecarlo.split()", stacklevel=5, names=("tol", "tol"))
+
+
+def bound_for_all_starts(white, motion):
+    """Velocity that no block needs that stands for a cycle, wherever it starts at the scene's phase.
+
+    A block that starts inward far faster than one from rest ever moves may lose so much at its impact that it stands.
+    How fast that can be follows in closed form for the worst phase, and for the scene's own phase from a coarse mesh up
+    to that bound: the cells that are reached from a start that stands for the cycle, before they overturn.
+
+    Parameters
+    ----------
+    white : Scene
+        With white noise.
+    motion : StateRange
+        Where a mesh has to be fine.
+
+    Returns
+    -------
+    float
+        At least `velocity_bound`, nondimensional.
+    """
+    own, wide = velocity_bound(white, white.noise.diffusion), bound_for_all_phases(white)
+    coarse = MeshOperator(white, RESOLUTIONS[0], motion, wide)
+    survival = [coarse.one]
+    for _ in range(coarse.periods):
+        survival.append(coarse.reflected(survival.pop()))
+        for step in reversed(coarse.propagator.steps):
+            survival.append(step.apply_adjoint(survival[-1], np.zeros(3)))
+    part = TUNING.reached_part
+    reached, used = np.where(_largest(survival[-1]) > part, 1.0, 0.0), np.zeros(coarse.space.shape[1], dtype=bool)
+    density = coarse.one * reached[:, :, None, None]
+    for _ in range(coarse.periods):
+        for step in coarse.propagator.steps:
+            both = _largest(density) * _largest(survival.pop())
+            used |= (both > part * both.max()).any(axis=0)
+            density, _ = step.apply(density)
+        density = coarse.reflected(density)
+    lines = coarse.space.velocity_lines
+    fastest = max(-lines[:-1][used].min(initial=0.0), lines[1:][used].max(initial=0.0))
+    return max(own, float(fastest))
+
+
+def bound_for_all_phases(white):
+    """Bound for every phase: to stand after an impact at v, e v must be below the speed of a sure escape.
+
+    What is lost on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard
+    deviations of the noise (derived in docs/theory, "One cycle as an operator").
+    """
+    swing, cutoff, noise = (
+        white.forcing.swing,
+        white.overturning.angle,
+        MESH.deviations * math.sqrt(white.noise.diffusion),
+    )
+    exact = largest_correction(white.forcing.largest, white.block.critical_angle)
+    escape = max(1.0, cutoff - 1.0) + swing + exact + noise
+    return escape / white.block.restitution + cutoff + 2.0 * swing + exact + noise
+
+
+def _largest(coefficients):
+    """Largest size of a coefficient in each cell, (angle cells, velocity cells)."""
+    return np.abs(coefficients).max(axis=(2, 3))
