@@ -115,7 +115,7 @@ class Comparison(Result):
     @property
     def realizations(self) -> tuple[int | None, ...]:
         """Numbers of realizations; None for a density and for the one path of a deterministic scene."""
-        return tuple(map(_count, self.results))
+        return tuple(map(_sample_size, self.results))
 
     @property
     def title(self) -> str:
@@ -260,19 +260,19 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     """
     both, cycles = (first, second), min(len(first.times), len(second.times)) - 1
     common_rows = slice(0, cycles + 1)
-    _same_problem(first.scene, second.scene)
+    _refuse_other_scenes(first.scene, second.scene)
     # Of whole cycles the fewer are a part of the more.
     if not np.allclose(first.times[common_rows], second.times[common_rows], rtol=1e-12, atol=0.0):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
-    joint_cycles = _joint_cycles(joint_cycles, cycles)
-    sizes = [float(_count(result) or math.inf) for result in both]
+    joint_cycles = _checked_cycles(joint_cycles, cycles)
+    sizes = [float(_sample_size(result) or math.inf) for result in both]
     survival = np.stack([np.asarray(result.survival)[common_rows] for result in both], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
     standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
     leakage = np.stack([np.diff(np.asarray(result.overturned)[common_rows], axis=0) for result in both], axis=1)
     edges = joint_edges(first.scene)
-    joint = [_joint(both, sizes, cycle, edges) for cycle in joint_cycles]
+    joint = [_bin_distances(both, sizes, cycle, edges) for cycle in joint_cycles]
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
         results=both,
@@ -296,7 +296,8 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     )
 
 
-def _count(result: SurvivalResult) -> int | None:
+def _sample_size(result: SurvivalResult) -> int | None:
+    """Return the number of realizations; None for a density and for the one path of a deterministic scene."""
     return None if result.deterministic else result.realizations
 
 
@@ -305,7 +306,8 @@ def shown_cycles(cycles: int) -> list[int]:
     return sorted({*(cycle for cycle in (1, 2, 4, 10, 20, 40, 60, 100, 200) if cycle <= cycles), cycles})
 
 
-def _same_problem(first, second):
+def _refuse_other_scenes(first, second):
+    """Refuse two scenes that differ in more than the noise."""
     for name in ("block.restitution", "block.critical_angle", "forcing", "start", "overturning"):
         one, other = map(operator.attrgetter(name), (first, second))
         if one != other:
@@ -315,13 +317,15 @@ def _same_problem(first, second):
             )
 
 
-def _joint_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int]:
+def _checked_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int]:
+    """Return the cycles at which bins are compared: those asked for, or the usual ones."""
     if cycles_asked is None:
         return shown_cycles(cycles)
     return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in cycles_asked]
 
 
-def _joint(both, sizes, cycle, edges):
+def _bin_distances(both, sizes, cycle, edges):
+    """L1, its floor, Hellinger distance, its floor, and both probabilities outside the bins, after a cycle."""
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
     common = sampling.pooled(bins[0], bins[1], *sizes)
     return (
@@ -334,6 +338,7 @@ def _joint(both, sizes, cycle, edges):
 
 
 def _melnikov(both) -> dict:
+    """Figures of the Melnikov process by the names of their fields; None where the forcing does not repeat."""
     forcing, block = both[0].scene.forcing, both[0].scene.block
     restitution, angle = block.restitution, block.critical_angle
     if forcing.period is None:
@@ -350,11 +355,13 @@ def _melnikov(both) -> dict:
 
 
 def _interval(result) -> np.ndarray:
+    """95 % limits of survival (rows, 2), nan for what is no sample."""
     empty = np.full((len(result.times), 2), math.nan)
     return empty if result.interval is None else np.asarray(result.interval)
 
 
 def _z(difference, standard_error, sizes) -> np.ndarray:
+    """Difference in standard errors; nan where neither result is a sample."""
     if all(map(math.isinf, sizes)):
         return np.full(difference.shape, math.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -362,6 +369,7 @@ def _z(difference, standard_error, sizes) -> np.ndarray:
 
 
 def _shared_seed(both) -> list[str]:
+    """Sentence that two samples share their random numbers, where they do, as a list."""
     seeds = [(getattr(result, "seed", None), result.engine) for result in both]
     if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in both):
         return []

@@ -64,12 +64,12 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
         panels = figure.subplot_mosaic(rows, height_ratios=(0.9, 1.0))
         labels = [f"{result.label} ({_noise(result)})" for result in results]
         for result, label, colour, marker in zip(results, labels, style.COLOURS, _MARKERS, strict=False):
-            _survival(panels["survival"], result, label, colour, marker)
-            _survival(panels["tail"], result, label, colour, marker)
-            _leakage(panels["leakage"], result, colour, marker)
+            _draw_survival(panels["survival"], result, label, colour, marker)
+            _draw_survival(panels["tail"], result, label, colour, marker)
+            _draw_leakage(panels["leakage"], result, colour, marker)
         for place, (result, comparison) in enumerate(zip(results[1:], compared, strict=True), start=1):
-            _difference(panels["difference"], comparison, result.row_values, place)
-        _label(panels, results[0].engine, results[0].row_label)
+            _draw_difference(panels["difference"], comparison, result.row_values, place)
+        _label_panels(panels, results[0].engine, results[0].row_label)
         handles, names = panels["survival"].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
         figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
@@ -90,38 +90,43 @@ def _noise(result):
     return "noise replaced, see below" if result.noise_replacement else noise_text(result.scene.noise)
 
 
-def _points(marker) -> dict:
+def _open_markers(marker) -> dict:
+    """Return the look of points without a line, open inside."""
     return {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none"}
 
 
-def _survival(axes, result, label, colour, marker):
+def _draw_survival(axes, result, label, colour, marker):
+    """Draw survival against the rows: a line for a density, points with 95 % intervals for a sample."""
     cycles, survival = result.row_values, np.asarray(result.survival)
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
         return
     look = {"color": colour, "label": label, "marker": marker, "markersize": 2.8}
     if result.deterministic:
-        axes.plot(cycles, survival, **_points(marker) | look)
+        axes.plot(cycles, survival, **_open_markers(marker) | look)
         return
     style.error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
 
 
-def _difference(axes, comparison, times, place):
+def _draw_difference(axes, comparison, times, place):
+    """Draw differences of survival with 95 % intervals, those of each result a little beside the others."""
     bars = 1.96 * comparison.standard_error
     times = times[: len(comparison.difference)]
     beside = times + 0.3 * (place - 1) * times[1]
-    axes.errorbar(beside, comparison.difference, bars, color=style.COLOURS[place], **_points(_MARKERS[place]))
+    axes.errorbar(beside, comparison.difference, bars, color=style.COLOURS[place], **_open_markers(_MARKERS[place]))
 
 
-def _leakage(axes, result, colour, marker):
+def _draw_leakage(axes, result, colour, marker):
+    """Draw the probability of overturning in each row, to the right upwards and to the left downwards."""
     cycles = result.row_values[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
-    shape = _points(marker) | {"markersize": 2.8} if result.realizations else {}
+    shape = _open_markers(marker) | {"markersize": 2.8} if result.realizations else {}
     for values in (right, -left):
         axes.plot(cycles, values, color=colour, **shape)
 
 
-def _label(panels, reference, counted):
+def _label_panels(panels, reference, counted):
+    """Write titles and axes of the four panels."""
     survival, tail, leakage, difference = panels.values()
     survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
     tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")

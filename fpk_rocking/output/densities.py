@@ -63,11 +63,11 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
         cells = figure.add_gridspec(rows, columns, **around, wspace=0.0, hspace=0.0)
         for block, in_row in enumerate(blocks):
             for column, cycle in enumerate(in_row):
-                surfaces = [_surface(result, cycle) for result in results]
+                surfaces = [_bin_averages(result, cycle) for result in results]
                 highest = max(values.max() for *_, values in surfaces)
                 for row, (result, surface) in enumerate(zip(results, surfaces, strict=True)):
                     cell = cells[block * len(results) + row, column]
-                    _panel(
+                    _draw_surface(
                         figure.add_subplot(cell, projection="3d", elev=32, azim=-62), result, cycle, surface, highest
                     )
             for row, result in enumerate(results):
@@ -92,8 +92,8 @@ def _row_name(result: SurvivalResult) -> str:
     return result.label.replace(", ", "\n") + "\nnoise replaced" * bool(result.noise_replacement)
 
 
-def _surface(result, cycle):
-    """Angles, velocities and, around each point, the mean density in a bin; the points are a quarter of a bin apart."""
+def _bin_averages(result, cycle):
+    """Angles, velocities and, around each point, the mean density in a bin; points are a quarter of a bin apart."""
     fine = [np.linspace(edges[0], edges[-1], _PIECES * (edges.size - 1) + 1) for edges in joint_edges(result.scene)]
     within = np.cumsum(np.cumsum(result.bin_probabilities(cycle, *fine), axis=0), axis=1)
     within = np.pad(within, ((1, 0), (1, 0)))
@@ -104,7 +104,8 @@ def _surface(result, cycle):
     return *np.meshgrid(*middles, indexing="ij"), bins / area
 
 
-def _panel(axes, result, cycle, surface, highest):
+def _draw_surface(axes, result, cycle, surface, highest):
+    """Draw the density of one row of a result as a surface, with walls for the overturned probability."""
     scene = result.scene
     cut_off, bound = scene.overturning.angle, surface[1].max()
     axes.patch.set_visible(False)
@@ -117,7 +118,7 @@ def _panel(axes, result, cycle, surface, highest):
         axes.plot_surface(*surface, **colours, rstride=1, cstride=1, linewidth=0.0)
     for probability, x in zip(result.overturned[cycle], (-cut_off, cut_off), strict=True):
         # The figure stands where no tick of the axes does: on the left wall in front, on the right wall half way.
-        _wall(axes, x, bound, probability * highest, f"{probability:z.3f}", -bound if x < 0.0 else -0.2 * bound)
+        _draw_wall(axes, x, bound, probability * highest, f"{probability:z.3f}", -bound if x < 0.0 else -0.2 * bound)
     when = "start" if cycle == 0 else f"{cycle} cycle{'s' if cycle > 1 else ''}"
     axes.set_title(f"{when}: survival {result.survival[cycle]:.3f}", y=0.93, pad=0)
     axes.set_xlabel("angle Θ", labelpad=-6)
@@ -128,10 +129,11 @@ def _panel(axes, result, cycle, surface, highest):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         axis.pane.set_facecolor("white")
     if atom:
-        _needle(axes, scene.start, highest)
+        _draw_needle(axes, scene.start, highest)
 
 
-def _wall(axes, x, bound, height, text, place):
+def _draw_wall(axes, x, bound, height, text, place):
+    """Draw a wall at the angle x of overturning, as high as the probability that is written on it."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     corners = [(x, -bound, 0.0), (x, bound, 0.0), (x, bound, height), (x, -bound, height)]
@@ -141,7 +143,8 @@ def _wall(axes, x, bound, height, text, place):
     axes.text(x, place, height, text, ha="left" if x < 0.0 else "right", va="bottom", fontsize=9, bbox=box, zorder=100)
 
 
-def _needle(axes, start, highest):
+def _draw_needle(axes, start, highest):
+    """Draw a start from a point as a needle."""
     axes.plot([start.angle] * 2, [start.velocity] * 2, [0.0, 0.9 * highest], color="black", linewidth=2.0)
     axes.text(start.angle, start.velocity, 0.92 * highest, "probability 1 at one point", ha="center", va="bottom")
     axes.set_zlabel("")
@@ -149,6 +152,7 @@ def _needle(axes, start, highest):
 
 
 def _surface_notes(results, columns):
+    """Lines below the surfaces: the scene, what is drawn, and what speaks against the results."""
     drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
     text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
     return textwrap.wrap(text, 50 * columns)
@@ -212,12 +216,14 @@ def _inner_velocities(edges, masses):
 
 
 def _heading(result, cycle):
+    """Time, survival and overturned probabilities of a row, above its map."""
     left, right = np.asarray(result.overturned)[cycle]
     when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
     return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
 
 
 def _map_notes(results):
+    """Note below the maps: the scene, what is drawn, and what speaks against the results."""
     drawn = (
         "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
         "right the panels end at the cut-off."

@@ -181,6 +181,7 @@ def _film(results):
 
 
 def _film_html(film):
+    """Return the elements that the script draws densities into, with the slider of their rows."""
     drawings = "".join(
         f"<figure><figcaption>{html.escape(one['name'])}</figcaption>"
         f"<canvas id='film{n}' width='460' height='360' role='img' aria-label=''></canvas>"

@@ -91,11 +91,11 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
 
 def _compared(comparisons, place, cycle):
     """Rows of one cycle: the reference, and below it each result held against it."""
-    yield str(cycle), *_survival(comparisons[0], cycle, 1), "", "", ""
+    yield str(cycle), *_survival_cells(comparisons[0], cycle, 1), "", "", ""
     for compared in comparisons:
         yield (
             "",
-            *_survival(compared, cycle, 0),
+            *_survival_cells(compared, cycle, 0),
             "" if math.isnan(compared.z[cycle]) else f"{compared.z[cycle]:+.1f}",
             f"{compared.l1[place]:.4f} ({compared.l1_floor[place]:.4f})",
             f"{compared.hellinger[place]:.4f} ({compared.hellinger_floor[place]:.4f})",
@@ -124,6 +124,7 @@ def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
 
 
 def _sizes(comparisons) -> list[str]:
+    """Sizes of the samples that are compared, as at most one sentence."""
     sizes = {
         name: size
         for compared in comparisons
@@ -134,7 +135,7 @@ def _sizes(comparisons) -> list[str]:
 
 
 def _melnikov(comparisons) -> str:
-    """Figures of the Melnikov process for each noise among the results; empty where they are not defined."""
+    """Return the figures of the Melnikov process for each noise among the results; empty where they are not defined."""
     first = comparisons[0]
     if first.melnikov_amplitude is None:
         return ""
@@ -153,11 +154,13 @@ def _melnikov(comparisons) -> str:
     return f"Melnikov process: amplitude D_m = {first.melnikov_amplitude:.4f} by the forcing {loss}; {noisy}."
 
 
-def _survival(compared, cycle, which):
+def _survival_cells(compared, cycle, which):
+    """Engine, survival and 95 % interval of one of two compared results after a cycle, as texts."""
     limits = compared.interval[cycle, which]
     text = "" if math.isnan(limits[0]) else _limits(limits, 4)
     return compared.names[which], f"{compared.survival[cycle, which]:.4f}", text
 
 
 def _limits(limits, digits) -> str:
+    """Write two limits with some digits."""
     return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"

@@ -60,7 +60,7 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
     folder, entries = pathlib.Path(folder), []
     for cycle in cycles:
         file = folder / f"{name}_{cycle:04d}.vtu"
-        _write_mesh(file, _mesh(result, cycle), _fields(result, cycle))
+        _write_mesh(file, _mesh_of_row(result, cycle), _field_values(result, cycle))
         entries.append((float(result.times[cycle]), file.name))
     listing = folder / f"{name}.pvd"
     write_text(listing, _collection(entries))
@@ -103,14 +103,16 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
     return pathlib.Path(file)
 
 
-def _mesh(result, cycle):
+def _mesh_of_row(result, cycle):
+    """Mesh with the density of a row: of the solver, a histogram of a sample, or the atom of a point start."""
     if cycle == 0 and result.scene.start.covariance is None:
-        return _atom(result.scene)
+        return _mesh_of_point(result.scene)
     law = result.at(cycle)
-    return _histogram(result, cycle) if law is None else _subdivided(law)
+    return _mesh_of_histogram(result, cycle) if law is None else _mesh_of_density(law)
 
 
-def _subdivided(law):
+def _mesh_of_density(law):
+    """Mesh of a density: elements cut into as many pieces a side as its degree, with point values and cell means."""
     pieces = max(law.degree, 1)
     # Interpolated as linspace does, both ends of a cell are the mesh lines themselves, x = 0 among them.
     lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in law.mesh_lines]
@@ -118,19 +120,20 @@ def _subdivided(law):
     edges = [np.append(values[:, :-1].ravel(), values[-1, -1]) for values in lines]
     shape = (len(lines[0]), pieces, len(lines[1]), pieces)
     probability = np.asarray(law.bin_probabilities(*edges)).reshape(shape).swapaxes(1, 2)
-    return _lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
+    return _mesh_of_lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
 
 
-def _histogram(ensemble, cycle):
+def _mesh_of_histogram(ensemble, cycle):
+    """Mesh of the bins of a sample."""
     edges = joint_edges(ensemble.scene)
     probability = np.asarray(ensemble.bin_probabilities(cycle, *edges))
     lines = [np.stack([values[:-1], values[1:]], axis=-1) for values in edges]
     heights = probability / np.multiply.outer(*map(np.diff, edges))
     values = np.broadcast_to(heights[:, :, None, None], (*heights.shape, 2, 2))
-    return _lattices(*lines, values, probability[:, :, None, None])
+    return _mesh_of_lattices(*lines, values, probability[:, :, None, None])
 
 
-def _lattices(angle, velocity, values, probability):
+def _mesh_of_lattices(angle, velocity, values, probability):
     """Mesh of separate lattices, one an element; shapes (n_angle, n), (n_velocity, n), (n_angle, n_velocity, n, n)."""
     points, quads = _lattice_mesh(angle, velocity)
     areas = np.diff(angle)[:, None, :, None] * np.diff(velocity)[None, :, None, :]
@@ -141,7 +144,7 @@ def _lattices(angle, velocity, values, probability):
         "probability": [probability.ravel()],
         "element_density": [np.broadcast_to(element, probability.shape).ravel()],
     }
-    return _mesh_of(points, [("quad", quads)], values.ravel(), cell_data)
+    return _meshio_mesh(points, [("quad", quads)], values.ravel(), cell_data)
 
 
 def _lattice_mesh(angle, velocity):
@@ -155,7 +158,8 @@ def _lattice_mesh(angle, velocity):
     return points, np.stack([corner.ravel() for corner in corners], axis=-1)
 
 
-def _atom(scene):
+def _mesh_of_point(scene):
+    """Empty mesh and one vertex of probability 1, for a start from a point."""
     cut_off, bound = scene.overturning.angle, joint_edges(scene)[1][-1]
     corners = [
         corner
@@ -166,16 +170,18 @@ def _atom(scene):
     cells = [("quad", np.arange(8).reshape(2, 4)), ("vertex", np.array([[8]]))]
     zeros = [np.zeros(2), np.zeros(1)]
     cell_data = {"density": zeros, "probability": [np.zeros(2), np.ones(1)], "element_density": zeros}
-    return _mesh_of(points, cells, np.zeros(9), cell_data)
+    return _meshio_mesh(points, cells, np.zeros(9), cell_data)
 
 
-def _mesh_of(points, cells, values, cell_data):
+def _meshio_mesh(points, cells, values, cell_data):
+    """Mesh of meshio with values at the points and fields of the cells."""
     import meshio
 
     return meshio.Mesh(points, cells, point_data={"density": np.array(values)}, cell_data=cell_data)
 
 
-def _fields(result, cycle) -> dict[str, float]:
+def _field_values(result, cycle) -> dict[str, float]:
+    """Numbers of a row that are the field data of its file, by name."""
     left, right = result.overturned[cycle]
     own = {} if result.realizations else {"negative_mass": result.negative_mass}
     return own | {
@@ -189,6 +195,7 @@ def _fields(result, cycle) -> dict[str, float]:
 
 
 def _write_mesh(file, mesh, fields):
+    """Write a mesh with field data as a .vtu file, whole or not at all."""
     with replaced_atomically(file) as temporary:
         mesh.write(temporary, file_format="vtu")
         # meshio reads field data of a .vtu file but does not write it.
@@ -198,12 +205,14 @@ def _write_mesh(file, mesh, fields):
 
 
 def _field_data(fields) -> str:
+    """Return numbers by name as the XML element of field data."""
     head = '<DataArray type="Float64" NumberOfTuples="1" format="ascii"'
     arrays = (f'{head} Name="{name}">{float(value)!r}</DataArray>' for name, value in fields.items())
     return f"<FieldData>{''.join(arrays)}</FieldData>"
 
 
 def _collection(entries) -> str:
+    """Return the text of a .pvd file that lists (time, file name)."""
     lines = "".join(
         f'    <DataSet timestep="{time!r}" group="" part="0" file={quoteattr(file)}/>\n' for time, file in entries
     )

@@ -146,6 +146,7 @@ def function_panel(
 
 
 def _title(result, cycle):
+    """Time of a row and survival then, as a title of a panel."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
 
 

@@ -146,6 +146,7 @@ def scene_diagnostics(
 
 
 def _sliding(block):
+    """Return with which friction a block slides before it rocks, as a sentence; empty where its size is unknown."""
     least = block.least_friction
     if least is None:
         return ""

@@ -290,6 +290,7 @@ def _array(path, archive, name):
 
 
 def _damaged(path, error):
+    """Return the error for a file whose bytes are damaged."""
     return ValueError(f"{path}: a damaged saved result ({error})")
 
 

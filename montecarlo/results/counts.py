@@ -152,6 +152,7 @@ def _passage(standing, time):
 
 @kernel
 def _add_state(counts, k, angle, velocity, to_quanta):
+    """Add one state of a standing block after cycle k to its count, bin and sums."""
     counts.standing[k] += 1
     i, j = _bin_of(counts.angle_edges, angle), _bin_of(counts.velocity_edges, velocity)
     if i >= 0 and j >= 0:
@@ -166,6 +167,7 @@ def _add_state(counts, k, angle, velocity, to_quanta):
 
 @kernel
 def _add_product(total, product):
+    """Add a product of two numbers of quanta to the sums of its high and its low half."""
     high = product >> _HALF
     total[0] += high
     total[1] += product - (high << _HALF)

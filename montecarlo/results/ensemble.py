@@ -80,6 +80,7 @@ class Sample(SurvivalResult):
         return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
 
     def _time_text(self, time):
+        """Write a time τ, with seconds where the size of the block is known."""
         size = self.scene.block.dimensions
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 

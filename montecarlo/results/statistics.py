@@ -172,6 +172,7 @@ def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
 
 
 def _histogram(edges, counts, trials, interval):
+    """Make a `Histogram` of counts and of limits of the share of each bin."""
     widths = np.diff(edges)
     return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])
 

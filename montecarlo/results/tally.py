@@ -122,6 +122,7 @@ class Tally(Saved, Sample):
 
     @functools.cached_property
     def _moments(self):
+        """Mean and covariance, see `mean` and `covariance`."""
         return moments(self.counts)
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
@@ -146,15 +147,15 @@ class Tally(Saved, Sample):
             There is no such cycle, or an edge is not among those that were counted.
         """
         counts = self.counts.histogram[self._checked_cycle(cycle)]
-        rows = _places("angle_edges", angle_edges, self.counts.angle_edges)
-        columns = _places("velocity_edges", velocity_edges, self.counts.velocity_edges)
+        rows = _edge_numbers("angle_edges", angle_edges, self.counts.angle_edges)
+        columns = _edge_numbers("velocity_edges", velocity_edges, self.counts.velocity_edges)
         inner = counts[rows[0] : rows[-1], columns[0] : columns[-1]]
         inner = np.add.reduceat(inner, rows[:-1] - rows[0], axis=0, dtype=np.int64)
         return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
 
 
-def _places(name, edges, counted):
-    """Return the numbers of the counted edges that the given ones are."""
+def _edge_numbers(name, edges, counted):
+    """Return the numbers that given edges have among the counted ones; refuse an edge that is not among them."""
     accepted = (
         f"two or more of the {counted.size} edges kept, ascending from {counted[0]:g} to {counted[-1]:g} "
         f"with the least distance {np.diff(counted).min():g}; others: tally with {name} of your own"
@@ -232,23 +233,25 @@ def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
         raise ValueError(f"checkpoint: {error}") from error
     counts = Counts(*(array.copy() for array in saved.counts))  # a loaded result cannot be written to
     if not np.array_equal(saved.times, run.times):
-        raise _foreign(path, _counted(saved), _counted(run))
+        raise _other_run_error(path, _rows_text(saved), _rows_text(run))
     for name in ("scene", "seed", "method", "steps_per_cycle"):
         if getattr(saved, name) != getattr(run, name):
-            raise _foreign(path, f"{name} {getattr(saved, name)}", f"{name} {getattr(run, name)}")
+            raise _other_run_error(path, f"{name} {getattr(saved, name)}", f"{name} {getattr(run, name)}")
     for name in ("angle_edges", "velocity_edges"):
         if not np.array_equal(getattr(counts, name), getattr(empty, name)):
-            raise _foreign(path, f"other {name}", f"the {name} that are asked for")
+            raise _other_run_error(path, f"other {name}", f"the {name} that are asked for")
     if saved.realizations > run.realizations:
-        raise _foreign(path, f"realizations {saved.realizations}", f"at most {run.realizations}, as asked for")
+        raise _other_run_error(path, f"realizations {saved.realizations}", f"at most {run.realizations}, as asked for")
     return counts, saved.wall_s
 
 
-def _counted(run):
+def _rows_text(run):
+    """Say how many cycles or times a run or a tally has."""
     if run.scene.period is None:
         return f"{len(run.times) - 1} times up to {run.times[-1]:g}"
     return f"cycles {len(run.times) - 1}"
 
 
-def _foreign(path, got, accepted):
+def _other_run_error(path, got, accepted):
+    """Return the error for a checkpoint that belongs to another run."""
     return ValueError(f"checkpoint: got {path} with {got}, accepted: {accepted}, or the name of a new file")

@@ -70,7 +70,7 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
 
 
 def test_surface_is_the_mean_over_a_bin():
-    angle, velocity, heights = densities._surface(DENSITY, 4)
+    angle, velocity, heights = densities._bin_averages(DENSITY, 4)
     place = np.argmin(np.hypot(angle - 0.2, velocity - 0.3))
     x, v = angle.flat[place], velocity.flat[place]
     inside = DENSITY.bin_probabilities(4, [x - 0.05, x + 0.05], [v - 0.05, v + 0.05])[0, 0]
