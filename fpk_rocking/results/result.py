@@ -87,6 +87,7 @@ class Result:
 
     >>> import dataclasses
     >>> from typing import Annotated, ClassVar
+    >>> import numpy as np
     >>> from fpk_rocking import Scene, load_scene
     >>> from fpk_rocking.base.types import Array
     >>> from fpk_rocking.results.pictures import figure_of
