@@ -8,12 +8,11 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, known
+from fpk_rocking.base.types import Array, known
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.remarks import scene_diagnostics
 from fpk_rocking.results.replacement import Replacement, check_remarks, measured
 from fpk_rocking.results.result import Dataset
@@ -290,47 +289,21 @@ class Evolution(Saved, SurvivalResult):
 
         Raises
         ------
-        ValueError
+        TypeError, ValueError
             There is no such cycle, or it is 0 and the start is a point, which has no density.
         """
-        self._check(cycle)
+        checks.count("cycle", cycle, at_least=0, at_most=len(self.times) - 1)
         if cycle == 0 and self.scene.start.covariance is None:
             raise ValueError("cycle: got 0, accepted: 1 or later; this start is a point, which has no density")
         return Density(self.space, self.coefficients[cycle])
 
-    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Probability of standing, with angle and velocity in each of some bins.
-
-        Parameters
-        ----------
-        cycle : int
-            From 0 to ``cycles``.
-        angle_edges, velocity_edges : array_like
-            Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
-
-        Returns
-        -------
-        ndarray, shape (angle bins, velocity bins)
-            Sums to the survival where the bins cover the plane; some may be slightly below 0, as computed. Blocks at
-            rest are in the bin that contains (0, 0).
-
-        Raises
-        ------
-        TypeError, ValueError
-            There is no such cycle, or the edges do not ascend.
-        """
-        self._check(cycle)
-        named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
-        edges = [ascending_edges(name, values, finite=False) for name, values in named]
+    def _binned(self, row, edges):
+        """Probabilities of bins at a row: of the atom of a point start, or of the density and of blocks at rest."""
         start = self.scene.start
-        if cycle == 0 and start.covariance is None:
+        if row == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
-        moving = self.space.bin_integrals(self.coefficients[cycle], *edges)
-        return moving + self.at_rest[cycle] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else moving
-
-    def _check(self, cycle):
-        if isinstance(cycle, bool) or not isinstance(cycle, int | np.integer) or not 0 <= cycle < len(self.times):
-            raise ValueError(checks.refusal("cycle", cycle, f"a whole number from 0 to {len(self.times) - 1}"))
+        moving = self.space.bin_integrals(self.coefficients[row], *edges)
+        return moving + self.at_rest[row] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else moving
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
-from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.results.binning import ascending_edges, joint_edges
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Dataset, Result
 
@@ -48,8 +48,7 @@ class SurvivalResult(Result):
 
     * ``survival_interval(level=0.95)``: confidence limits of survival (cycles + 1, 2); None for a density, which is no
       sample.
-    * ``bin_probabilities(cycle, angle_edges, velocity_edges)``: probability of standing, with angle and velocity in
-      each of some bins, (angle bins, velocity bins).
+    * ``_binned(row, edges)``: what `bin_probabilities` returns, of checked input.
     * ``at(cycle)``: the density as a function on a mesh; None for a sample, which is known in bins only.
     * ``overturning_text()``: the last probability of overturning with its error, as in "P(overturned) = 0.5 ± 0.02".
 
@@ -151,6 +150,32 @@ class SurvivalResult(Result):
             },
             rows=("time",),
         )
+
+    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
+        """Probability of standing, with angle and velocity in each of some bins.
+
+        Parameters
+        ----------
+        cycle : int
+            From 0 to ``cycles``.
+        angle_edges, velocity_edges : array_like
+            Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`. Of a `Tally` they have to be
+            among the edges that were counted.
+
+        Returns
+        -------
+        ndarray, shape (angle bins, velocity bins)
+            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that contains (0, 0). A
+            bin of a density may be slightly below 0 where the mesh does not resolve it.
+
+        Raises
+        ------
+        TypeError, ValueError
+            There is no such cycle, or the edges do not ascend or were not counted.
+        """
+        row = checks.count("cycle", cycle, at_least=0, at_most=len(self.times) - 1)
+        named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
+        return self._binned(row, [ascending_edges(name, values, finite=False) for name, values in named])
 
     def plot(self, what: str | None = None, cycle: int | None = None) -> Any:
         """Draw the result.

@@ -6,9 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
-from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.base.types import Array
 from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
@@ -152,9 +150,6 @@ class Sample(SurvivalResult):
         limits = wilson_interval(self.survivors, self.realizations, level)
         return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits
 
-    def _checked_cycle(self, cycle):
-        return checks.count("cycle", cycle, at_least=0, at_most=len(self.times) - 1)
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(Saved, Sample):
@@ -232,31 +227,10 @@ class Ensemble(Saved, Sample):
         time, side = float(self.overturn_time[0]), int(self.overturn_side[0])
         return (time, time, side) if side else None
 
-    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Estimate the probability of standing, with angle and velocity in each of some bins.
-
-        Parameters
-        ----------
-        cycle : int
-            From 0 to ``cycles``.
-        angle_edges, velocity_edges : array_like
-            Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`.
-
-        Returns
-        -------
-        ndarray, shape (n_angle, n_velocity)
-            Sums to the survival where the bins cover the ensemble.
-
-        Raises
-        ------
-        TypeError, ValueError
-            There is no such cycle, or the edges do not ascend.
-        """
-        cycle = self._checked_cycle(cycle)
-        named = ("angle_edges", angle_edges), ("velocity_edges", velocity_edges)
-        edges = [ascending_edges(name, values, finite=False) for name, values in named]
-        standing = np.isfinite(self.angle[:, cycle])
-        points = self.angle[standing, cycle], self.velocity[standing, cycle]
+    def _binned(self, row, edges):
+        """Shares of the realizations that stand in each bin at a row."""
+        standing = np.isfinite(self.angle[:, row])
+        points = self.angle[standing, row], self.velocity[standing, row]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
     def dataset(self) -> Dataset:

@@ -8,8 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, File
-from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.base.types import Array, File
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import PARTS, Counts, moments
@@ -125,33 +124,14 @@ class Tally(Saved, Sample):
         """Mean and covariance, see `mean` and `covariance`."""
         return moments(self.counts)
 
-    def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Estimate the probability of standing, with angle and velocity in each of some bins.
-
-        Parameters
-        ----------
-        cycle : int
-            From 0 to ``cycles``.
-        angle_edges, velocity_edges : array_like
-            Ascending edges, nondimensional, all among those that were counted. A state on the common edge of two bins
-            is in the upper one, a state on the last edge in the last bin.
-
-        Returns
-        -------
-        ndarray, shape (n_angle, n_velocity)
-            Sums to the survival where the bins cover the ensemble.
-
-        Raises
-        ------
-        TypeError, ValueError
-            There is no such cycle, or an edge is not among those that were counted.
-        """
-        counts = self.counts.histogram[self._checked_cycle(cycle)]
-        rows = _edge_numbers("angle_edges", angle_edges, self.counts.angle_edges)
-        columns = _edge_numbers("velocity_edges", velocity_edges, self.counts.velocity_edges)
-        inner = counts[rows[0] : rows[-1], columns[0] : columns[-1]]
-        inner = np.add.reduceat(inner, rows[:-1] - rows[0], axis=0, dtype=np.int64)
-        return np.add.reduceat(inner, columns[:-1] - columns[0], axis=1) / self.realizations
+    def _binned(self, row, edges):
+        """Shares of the realizations that stand in each bin at a row; the edges have to be counted ones."""
+        histogram = self.counts.histogram[row]
+        angles = _edge_numbers("angle_edges", edges[0], self.counts.angle_edges)
+        velocities = _edge_numbers("velocity_edges", edges[1], self.counts.velocity_edges)
+        inner = histogram[angles[0] : angles[-1], velocities[0] : velocities[-1]]
+        inner = np.add.reduceat(inner, angles[:-1] - angles[0], axis=0, dtype=np.int64)
+        return np.add.reduceat(inner, velocities[:-1] - velocities[0], axis=1) / self.realizations
 
 
 def _edge_numbers(name, edges, counted):
@@ -160,7 +140,6 @@ def _edge_numbers(name, edges, counted):
         f"two or more of the {counted.size} edges kept, ascending from {counted[0]:g} to {counted[-1]:g} "
         f"with the least distance {np.diff(counted).min():g}; others: tally with {name} of your own"
     )
-    edges = ascending_edges(name, edges, finite=True)
     middles = 0.5 * (counted[1:] + counted[:-1])
     places = np.searchsorted(middles, edges)
     unknown = ~(np.abs(counted[places] - edges) <= 1e-6 * np.diff(counted).min())
