@@ -166,7 +166,7 @@ The same with D = 2.5e-4, against 500,000 paths, after cycles 2 and 10; in brack
 
 **How near to the machine.** A step at tol 1e-3 moves {rate / 1e6:.0f} million unknowns a second, most of them in cells
 that hold nothing and are skipped. It takes {seconds * 1e3:.2f} ms, at {moved / seconds / 1e9:.1f} GB/s of prepared
-matrices, landing points and coefficients (a copy reaches {bandwidth / 1e9:.0f}).
+matrices, targets of paths and coefficients (a copy reaches {bandwidth / 1e9:.0f}).
 """,
     )
 

@@ -160,8 +160,8 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     run([sys.executable, "-c", code], tmp_path)
     done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
     compiled = done.stderr.rpartition("compiled ")[2]
-    assert "deposit" in compiled
-    for name in ("shear_angle", "shear_velocity", "finish_rows", "fill_blocks", "to_values", "landing_range"):
+    assert "scatter" in compiled
+    for name in ("first_angle_shear", "velocity_shear", "last_angle_shear", "fill_blocks", "blocks_to_point_values", "target_range"):
         assert repr(name) not in compiled
 
 
