@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.mesh import window_lines
+from fpk_rocking.density.space.mesh import patch_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.characteristics import Exit, points_of_cell
 from fpk_rocking.density.step.scatter import AffinePaths
@@ -57,7 +57,7 @@ def patch_of(settings: PatchSettings, mean, covariance, cutoff, box=None):
         low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
     low[0], high[0] = max(low[0], -cutoff), min(high[0], cutoff)
     counts = np.minimum(np.ceil((high - low) / sizes - 1e-9), max(60, count)).astype(int)
-    angle, velocity = (window_lines(*edges) for edges in zip(low, high, counts, strict=True))
+    angle, velocity = (patch_lines(*edges) for edges in zip(low, high, counts, strict=True))
     return Space(_within(angle, cutoff), velocity, degree=3)
 
 

@@ -70,7 +70,7 @@ def test_density_converges_with_order_degree_plus_one(degree, least):
 @pytest.mark.parametrize("duration", [0.04, 0.2])
 @pytest.mark.parametrize("same_mesh", [True, False])
 def test_flight_and_noise_have_exact_moments(duration, same_mesh):
-    """Mean and covariance, both by shifts of lines and by landing points."""
+    """Mean and covariance, both by remaps of lines and by scattered paths."""
     source = away_mesh(24)
     target = source if same_mesh else Space(np.linspace(0.3, 3.9, 25), np.linspace(-2.5, 2.0, 25), 3)
     before = Density(source, source.project(AWAY, 8))
@@ -83,8 +83,8 @@ def test_flight_and_noise_have_exact_moments(duration, same_mesh):
 
 
 @pytest.mark.parametrize("duration", [1e-3, 0.03, 0.0999, 0.1, 0.5])
-def test_blurs_have_the_covariance_of_the_flight(duration):
-    """A blur of the angle, a velocity_shear's blur and another of the angle, carried on by the shears between them."""
+def test_diffusions_have_the_covariance_of_the_flight(duration):
+    """A diffusion of the angle, one of the velocity and another of the angle, carried on by the shears between them."""
     velocity_shear, small = shear_diffusion_variances(0.7, duration)
     early, middle, late = (
         [math.cosh(duration), math.sinh(duration)],

@@ -11,7 +11,7 @@ from skfem import Basis, BilinearForm, Functional, MeshQuad
 from skfem.element import ElementQuad0
 
 from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.mesh import graded_lines, velocity_bound, window_lines
+from fpk_rocking.density.space.mesh import graded_lines, patch_lines, velocity_bound
 from fpk_rocking.density.space.space import Space, legendre_element
 from fpk_rocking.density.step.characteristics import Exit
 from fpk_rocking.density.step.targets import locate_point
@@ -227,7 +227,7 @@ def test_graded_lines_are_symmetric_and_finest_at_zero():
     ("low", "high"), [(-0.3, 0.7), (0.01, 0.5), (-0.4, -0.001), (-1e-4, 2.0), (0.2, 0.5), (-3.0, -1.0)]
 )
 def test_window_lines_cover_and_meet_zero(low, high):
-    lines = window_lines(low, high, 20)
+    lines = patch_lines(low, high, 20)
     assert lines[0] <= low < high <= lines[-1]
     assert np.diff(lines) == pytest.approx((high - low) / 20, rel=1e-9)
     if lines[0] < 0.0 < lines[-1]:

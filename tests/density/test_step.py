@@ -1,6 +1,6 @@
 """The two ways a step moves mass, each against an operator assembled without its kernels.
 
-Cells that an event can reach send their mass to landing points: there the operator is put together from scikit-fem's
+Cells that an event can reach scatter their mass along paths: there the operator is put together from scikit-fem's
 own evaluation of the basis. Free cells take exact shifts along lines: there from numpy's quadrature of the overlaps.
 """
 

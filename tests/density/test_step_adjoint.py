@@ -83,12 +83,11 @@ def test_what_is_worth_one_everywhere_is_worth_one_before():
     assert np.abs(before - ones[step.characteristics.source]).max() < 1e-13
 
 
-def test_a_point_is_scattered_by_the_polynomials_of_numpy(monkeypatch):
+def test_a_point_is_scattered_by_the_polynomials_of_numpy():
     """Of the highest degree that a mesh may have, orthonormal for the measure of a cell.
 
     Kernels as Python: to compile them for that degree would take longer than all that is tested here.
     """
-    monkeypatch.setattr(scatter, "_add_row", scatter._add_row.py_func)
     place, scattered = (-0.3, 0.8), np.zeros(36)
     along, across = legvander(place, 5) * np.sqrt(2.0 * np.arange(6) + 1.0)
     scatter.scatter_point.py_func(scattered, 2.0, *place, (0.0,) * 6)

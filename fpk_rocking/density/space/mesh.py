@@ -55,7 +55,7 @@ def extended_lines(lines, half_width, growth=TUNING.growth):
     return np.concatenate([-beyond[::-1], lines, beyond])
 
 
-def window_lines(low, high, cells):
+def patch_lines(low, high, cells):
     """About `cells` equal cells that cover [low, high], with 0 a mesh line where it lies inside or nearly so."""
     size = (high - low) / cells
     if low > size or high < -size:

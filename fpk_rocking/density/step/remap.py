@@ -12,8 +12,11 @@ from numba import prange
 
 from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.stack import scratch
 from fpk_rocking.density.space.tuning import TUNING
-from fpk_rocking.density.step.targets import FASTMATH, legendre_at
+from fpk_rocking.density.step.targets import FASTMATH, MOST_MODES, legendre_at
+
+_line_sums = scratch(1, MOST_MODES)
 
 
 class Remap(NamedTuple):
@@ -276,43 +279,27 @@ def blocks_to_point_values(moments, values, blocks, basis):
 
 
 @kernel(fastmath=FASTMATH, tuned=True)
-def remap_row(r, values, source, target, remap, moved, basis):  # noqa: C901  (one branch a mode)
+def remap_row(r, values, source, target, remap, moved, basis):
     """Write to `moved` the values (cells, lines, modes) of the target cells of row r by those of its source cells."""
     origin, first, count, start, blocks, _, _ = remap
     modes, shared = len(basis), first.shape[1] == 1
-    base = origin[min(r, len(origin) - 1)]
+    base, sums = origin[min(r, len(origin) - 1)], _line_sums()
     for c in range(target[0], target[1]):
         for q in range(modes):
             line = 0 if shared else q
             begin = first[base + c, line]
             low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
             block = start[base + c, line] + low - begin
-            # Scalars, not an array: a store could alias what is read, and then nothing is vectorized.
-            a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(modes):
+                sums[0, i] = 0.0
             for s in range(low, high):
                 for k in range(modes):
                     value = values[s, q, k]
-                    a0 += blocks[block, k, 0] * value
-                    a1 += blocks[block, k, 1] * value
-                    if modes > 2:
-                        a2 += blocks[block, k, 2] * value
-                    if modes > 3:
-                        a3 += blocks[block, k, 3] * value
-                    if modes > 4:
-                        a4 += blocks[block, k, 4] * value
-                    if modes > 5:
-                        a5 += blocks[block, k, 5] * value
+                    for i in range(modes):
+                        sums[0, i] += blocks[block, k, i] * value
                 block += 1
-            moved[c, q, 0] = a0
-            moved[c, q, 1] = a1
-            if modes > 2:
-                moved[c, q, 2] = a2
-            if modes > 3:
-                moved[c, q, 3] = a3
-            if modes > 4:
-                moved[c, q, 4] = a4
-            if modes > 5:
-                moved[c, q, 5] = a5
+            for i in range(modes):
+                moved[c, q, i] = sums[0, i]
 
 
 @kernel(fastmath=FASTMATH)

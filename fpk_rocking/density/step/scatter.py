@@ -49,38 +49,14 @@ class Chunks(NamedTuple):
 
 
 @kernel
-def _add_row(target, a, part, across, basis):
-    """Add to one row of the unknowns of a cell."""
-    modes = len(basis)
-    # Scalars, not an array: a store to `target` could alias an array, and then nothing is vectorized.
-    row = target[a * modes : (a + 1) * modes]
-    row[0] += part * across[0]
-    row[1] += part * across[1]
-    if modes > 2:
-        row[2] += part * across[2]
-    if modes > 3:
-        row[3] += part * across[3]
-    if modes > 4:
-        row[4] += part * across[4]
-    if modes > 5:
-        row[5] += part * across[5]
-
-
-@kernel
 def scatter_point(target, amount, xi, eta, basis):
     """Add a mass times the shape functions at a reference point to the unknowns of one cell."""
     modes = len(basis)
     along, across = legendre_at(xi), legendre_at(eta)
-    _add_row(target, 0, amount * along[0], across, basis)
-    _add_row(target, 1, amount * along[1], across, basis)
-    if modes > 2:
-        _add_row(target, 2, amount * along[2], across, basis)
-    if modes > 3:
-        _add_row(target, 3, amount * along[3], across, basis)
-    if modes > 4:
-        _add_row(target, 4, amount * along[4], across, basis)
-    if modes > 5:
-        _add_row(target, 5, amount * along[5], across, basis)
+    for a in range(modes):
+        part = amount * along[a]
+        for b in range(modes):
+            target[a * modes + b] += part * across[b]
 
 
 @kernel

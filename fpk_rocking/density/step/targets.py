@@ -19,14 +19,14 @@ from fpk_rocking.density.step.characteristics import Exit
 FASTMATH = {"contract", "reassoc", "nsz"}
 """Rounding that the compiler may change in sums of products; nan and inf stay what they are."""
 
-_MOST_MODES = 6
+MOST_MODES = 6
 """Legendre polynomials an axis, at most: degree 5."""
 
 _EXITS = -Exit.REST.value
 """Entries before the first cell of a table by target: exits are negative."""
 
 _ZEROS = np.zeros((1, WIDTH))
-_polynomials, _sums = scratch(2 * _MOST_MODES, WIDTH), scratch(_MOST_MODES * _MOST_MODES, WIDTH)
+_polynomials, _sums = scratch(2 * MOST_MODES, WIDTH), scratch(MOST_MODES * MOST_MODES, WIDTH)
 
 
 class Targets(NamedTuple):
@@ -227,10 +227,10 @@ _legendre_in_lanes = kernel(fastmath=FASTMATH, borrows=True, forceinline=True)(_
 
 @kernel(fastmath=FASTMATH, borrows=True, forceinline=True)
 def _store_polynomials(points, b, rows):
-    """Write Legendre polynomials 1 to 5 of block b's paths: of the angle, and from row `_MOST_MODES` the velocity."""
+    """Write Legendre polynomials 1 to 5 of block b's paths: of the angle, and from row `MOST_MODES` the velocity."""
     for axis in range(2):
         _, p1, p2, p3, p4, p5 = _legendre_in_lanes(load(points, 2 * b + axis))
-        first = axis * _MOST_MODES
+        first = axis * MOST_MODES
         store(rows, first + 1, p1)
         store(rows, first + 2, p2)
         store(rows, first + 3, p3)
@@ -252,7 +252,7 @@ def scatter_group(target, begin, end, points, masses, basis):
                 part = part * load(rows, i)
             store(sums, i * modes, load(sums, i * modes) + part)
             for j in range(1, modes):
-                store(sums, i * modes + j, load(sums, i * modes + j) + part * load(rows, _MOST_MODES + j))
+                store(sums, i * modes + j, load(sums, i * modes + j) + part * load(rows, MOST_MODES + j))
     for k in range(modes * modes):
         target[k] += total(load(sums, k))
 
@@ -267,7 +267,7 @@ def gather_group(function, begin, end, points, values, basis):
         for i in range(modes):
             part = load(_ZEROS, 0) + function[i * modes]
             for j in range(1, modes):
-                part = part + load(rows, _MOST_MODES + j) * function[i * modes + j]
+                part = part + load(rows, MOST_MODES + j) * function[i * modes + j]
             if i > 0:
                 part = part * load(rows, i)
             value = value + part
