@@ -106,7 +106,7 @@ def coefficients():
     return np.random.default_rng(1).normal(size=SOURCE.shape)
 
 
-def test_landing_operator_is_the_one_assembled_from_scikit_fem(away, coefficients):
+def test_scatter_is_the_operator_assembled_from_scikit_fem(away, coefficients):
     """Onto another mesh all cells land: impacts, rest, overturning, what leaves the mesh, and free cells."""
     (events, event_sinks), (free, free_sinks) = (deposited(away, coefficients, TARGET, free) for free in (False, True))
     out, sinks = Step(away, TARGET).apply(coefficients)
@@ -116,7 +116,7 @@ def test_landing_operator_is_the_one_assembled_from_scikit_fem(away, coefficient
     assert sinks == pytest.approx(event_sinks + free_sinks, abs=1e-13)
 
 
-def test_step_on_one_mesh_is_landing_and_exact_shifts(trace, coefficients):
+def test_step_on_one_mesh_is_scatter_and_exact_remaps(trace, coefficients):
     """Onto its own mesh only the cells that an event can reach land; the others are moved line by line."""
     expected, sinks = deposited(trace, coefficients, SOURCE, free=False)
     free = np.where((trace.numbers < 0)[:, :, None, None], coefficients, 0.0)
