@@ -226,7 +226,7 @@ def test_graded_lines_are_symmetric_and_finest_at_zero():
 @pytest.mark.parametrize(
     ("low", "high"), [(-0.3, 0.7), (0.01, 0.5), (-0.4, -0.001), (-1e-4, 2.0), (0.2, 0.5), (-3.0, -1.0)]
 )
-def test_window_lines_cover_and_meet_zero(low, high):
+def test_patch_lines_cover_and_meet_zero(low, high):
     lines = patch_lines(low, high, 20)
     assert lines[0] <= low < high <= lines[-1]
     assert np.diff(lines) == pytest.approx((high - low) / 20, rel=1e-9)
