@@ -231,7 +231,7 @@ def _begin_process(pipe):
 def _opened_store(
     path: File | None, sweep: dict[str, Any], jobs: Sequence[Job]
 ) -> Iterator[tuple[dict[int, dict[str, Any]], Callable[[dict[str, Any]], None]]]:
-    """Open and lock the file of a sweep, made where missing; without a path nothing is kept.
+    """Open and lock the file of a sweep, which is begun where it is missing; without a path nothing is kept.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ def _lock(file, path):
 
 
 def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str]) -> dict[int, dict[str, Any]]:
-    """Return the rows of a store, which is cut after its last whole line; write the header of a new one."""
+    """Return the rows of a store, which is cut after its last complete line; write the header of a new one."""
     file.seek(0)
     content = file.read()
     if header.startswith(content):
@@ -297,10 +297,10 @@ def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str])
         return {}
     *lines, rest = content.split(b"\n")
     refused = f"store: got {path} with {{}}, accepted: a new file, or that of a sweep with {{}}"
-    found, wanted, rows = _entry(path, lines[0] if lines else b"", 1), json.loads(header), {}
-    for name in wanted | found:
-        if found.get(name) != wanted.get(name):
-            raise ValueError(refused.format(f"{name} = {found.get(name)!r}", f"{name} = {wanted.get(name)!r}"))
+    first, wanted, rows = _entry(path, lines[0] if lines else b"", 1), json.loads(header), {}
+    for name in wanted | first:
+        if first.get(name) != wanted.get(name):
+            raise ValueError(refused.format(f"{name} = {first.get(name)!r}", f"{name} = {wanted.get(name)!r}"))
     for number, text in enumerate(lines[1:], 2):
         row = _entry(path, text, number, _ROW)
         if digests.get(row["cell"]) != row["digest"]:

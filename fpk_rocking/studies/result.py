@@ -162,7 +162,7 @@ class Fragility(Saved, Result):
         """Fragility of a motion drawn from the scenes with equal probability: the mean over them, as one scene.
 
         Its intervals and fits are for a motion drawn from these scenes, not for other motions of their kind; the
-        verdict says how much less is known of those.
+        verdict has the larger sampling error for those.
         """
         if self.mixture:
             return self

@@ -259,8 +259,8 @@ def sweep(
     >>> print(sweep(blocks, cycles=4, realizations=500).values("survival"))
     [0.974 0.834]
     """
-    given, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
-    checked = checked_scenes("scenes", given)
+    listed, axes = (scenes.scenes, scenes.axes) if isinstance(scenes, Grid) else (scenes, {})
+    checked = checked_scenes("scenes", listed)
     seed = checks.count("seed", seed, at_least=0)
     function = TASKS.get(task, task) if isinstance(task, str) else task
     if not callable(function):

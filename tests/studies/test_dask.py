@@ -10,7 +10,7 @@ import threading
 
 import pytest
 import study_tasks
-from test_sweep import GRID, told
+from test_sweeping import GRID, told
 
 from fpk_rocking.studies import sweep
 

@@ -302,7 +302,7 @@ def test_bad_input_is_refused_before_any_work(tmp_path, monkeypatch, given, erro
 
 SCRIPT = """
 import study_tasks, sys
-from test_sweep import GRID
+from test_sweeping import GRID
 from fpk_rocking.studies import sweep
 if __name__ == "__main__":
     sweep(GRID, study_tasks.slow, workers=2, store=sys.argv[1], seconds=float(sys.argv[2]))
