@@ -1,5 +1,6 @@
 """What every result has, of whichever engine or study: verdict, card, dataset, files, frames, summary."""
 
+import dataclasses
 import functools
 import html
 import importlib
@@ -150,8 +151,9 @@ class Result:
     @property
     def metadata(self) -> dict[str, Any]:
         """Settings, sizes and error figures: plain values by name."""
-        fields = {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
-        plain_fields = {name: value for name, value in fields.items() if isinstance(value, str | int | float)}
+        fields: Any = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
+        values = {field.name: getattr(self, field.name) for field in fields}
+        plain_fields = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
         return plain_fields | {one.name: one.value for one in self.diagnostics if one.value is not None}
 
     @property
