@@ -64,6 +64,6 @@ def find_cells(lines, points, side="right"):
 
 
 def locate(lines, points):
-    """Cells (...) that hold points (...), see `find_cells`, and reference coordinates there, from 0 to 1 in a cell."""
+    """Return the cells (...) of points (...), see `find_cells`, and reference coordinates: 0 to 1 within a cell."""
     cells = find_cells(lines, points)
     return cells, (points - lines[cells]) / (lines[cells + 1] - lines[cells])

@@ -130,6 +130,7 @@ class Density:
         return self._marginal(coefficients, 1, velocity)
 
     def _marginal(self, coefficients, axis, points):
+        """Evaluate at points (n,) a piecewise polynomial (cells, degree + 1) along an axis; 0 beyond the mesh."""
         lines = self.mesh_lines[axis]
         points = np.asarray(points, dtype=float)
         cells, reference = locate(lines, points)

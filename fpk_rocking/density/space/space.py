@@ -1,8 +1,8 @@
 """The discontinuous Galerkin space on a tensor mesh of the phase plane, and integrals over it.
 
 Coefficients are stored as (angle cells, velocity cells, angle degree + 1, velocity degree + 1), which is scikit-fem's
-own numbering of the unknowns, cell by cell with the velocity fastest: raveled they are a vector on `Space.basis`. What
-every step asks for uses that a tensor mesh and its shape functions are products; all else is scikit-fem's.
+own numbering of the unknowns, cell by cell with the velocity fastest: raveled they are a vector on `Space.basis`. Hot
+paths use that a tensor mesh and its shape functions are products; all else is scikit-fem's.
 """
 
 import dataclasses
@@ -114,7 +114,7 @@ class Space:
         return Basis(mesh, legendre_element(self.degree), intorder=2 * self.degree if order is None else order)
 
     def project(self, density, points):
-        """L2 projection of a function (angle, velocity) -> density with `points` Gauss points an axis and cell."""
+        """Return the coefficients of a function of angle and velocity: L2 projection with `points` Gauss points an axis."""
         nodes, weights = gauss_legendre(points)
         table = legendre_basis(nodes, self.degree) * weights[:, None]
         angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
@@ -123,7 +123,10 @@ class Space:
         return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
     def transfer(self, coefficients, source):
-        """L2 projection of a density on another space with the same extents; exact, so mass is conserved."""
+        """Return the coefficients in this space of a density in another one: exact L2 projection, which conserves mass.
+
+        Both meshes have the same extents.
+        """
         angle = _overlap_integrals(self.angle_lines, self.degree, source.angle_lines, source.degree)
         velocity = _overlap_integrals(self.velocity_lines, self.degree, source.velocity_lines, source.degree)
         return np.einsum("xayb,ybwd,vcwd->xvac", angle, coefficients.transpose(0, 2, 1, 3), velocity, optimize=True)
@@ -199,6 +202,7 @@ def _interval_integrals(lines, edges, degree):
     return np.einsum("mcq,mcqa->mca", (high - low)[..., None] * weights * sizes[:, None], values)
 
 
+@functools.cache
 def legendre_element(degree):
     """Return the scikit-fem element of products of orthonormal Legendre polynomials up to a degree, without continuity.
 

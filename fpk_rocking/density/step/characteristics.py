@@ -49,10 +49,10 @@ from fpk_rocking.physics.tuning import TUNING as MOTION
 
 
 class Exit(enum.IntEnum):
-    """Ways out of the mesh within a step: they flag the end of a path in place of its side +-1, all below those.
+    """Ways out of the mesh within a step.
 
-    A scatter counts in place of its cell a path that ends so; `OVERTURNED_LEFT - exit` is its place among the absorbed
-    masses.
+    An exit flags the end of a path in place of its side, -1 or 1, and all exits are below these. It stands in place of
+    a target cell too. `OVERTURNED_LEFT - exit` is its place among the absorbed masses.
     """
 
     OVERTURNED_LEFT = -2
@@ -115,11 +115,13 @@ def add_path_correction(particular, duration, dx, dv, out):
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, segment, end, slow, block):
+    """Return the end of a path of a slender block, see `_advance`."""
     return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
 @kernel(borrows=True)
 def _advance_exact_block(x, v, side, segment, end, slow, block):
+    """Return the end of a path of an exact block, see `_advance`; by collocation where it cannot overturn."""
     low, high = segment.force_low, segment.force_high
     # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
     rise = block.cutoff + max(high, -low)
@@ -133,6 +135,7 @@ def _advance_exact_block(x, v, side, segment, end, slow, block):
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, segment, end, slow, block):
+    """Call `_advance_exact_block`, which is too long to be inlined itself."""
     return _advance_exact_block(x, v, side, segment, end, slow, block)
 
 
@@ -210,11 +213,13 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
 
 @kernel(inline="always")
 def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
+    """Return unit, block and particular solution of a slender block: its own, see `_contact_equivalent`."""
     return 1.0, block, segment.particular
 
 
 @kernel(inline="always")
 def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block):
+    """Return unit, slender block and particular solution for an exact block, see `_contact_equivalent`."""
     alpha = block.critical_angle
     unit, level = math.sin(alpha) / alpha, lift_off_level(block)
     first = _excess_acceleration(x, side, segment.force[0], unit, block)
@@ -266,6 +271,7 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
 
 @kernel
 def _overturned(side):
+    """Return the `Exit` of a path that overturns to a side."""
     return Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT
 
 
@@ -365,6 +371,7 @@ def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
 
 @kernel
 def _trace_cell(i, j, points, segment, block, noise, ends, flags):
+    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of one cell."""
     scratch = np.empty((4, TERMS))
     side, x, v = points_of_cell(i, j, points)
     for p in range(len(x)):
@@ -374,6 +381,7 @@ def _trace_cell(i, j, points, segment, block, noise, ends, flags):
 
 @kernel(parallel=True)
 def _trace_all(cells, points, segment, block, noise, ends, flags):
+    """Write ends and flags of the characteristics of all given cells, see `trace_cells`."""
     for c in prange(len(cells)):
         _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, ends[c], flags[c])
 

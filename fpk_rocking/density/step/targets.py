@@ -189,22 +189,22 @@ def _group_paths(cells, coordinates, before, ends, slots, groups, blocks, target
     """
     (count, nodes), first = cells.shape, blocks[groups[before]]
     for chunk in prange(TUNING.chunks):
-        left, place = np.zeros(slots, np.int32), np.zeros(slots, np.int64)
+        remaining, place = np.zeros(slots, np.int32), np.zeros(slots, np.int64)
         for r in range(chunk * count // TUNING.chunks, (chunk + 1) * count // TUNING.chunks):
             for n in range(nodes):
-                left[cells[r, n] + _EXITS] += 1
+                remaining[cells[r, n] + _EXITS] += 1
             group, block = groups[before + r], first if r == 0 else ends[r - 1]
             for n in range(nodes):
                 slot = cells[r, n] + _EXITS
-                if left[slot] > 0:
+                if remaining[slot] > 0:
                     targets[group], place[slot] = cells[r, n], WIDTH * block
-                    group, block = group + 1, block + (left[slot] + WIDTH - 1) // WIDTH
+                    group, block = group + 1, block + (remaining[slot] + WIDTH - 1) // WIDTH
                     blocks[group] = block
-                    for k in range(WIDTH * block - 1, place[slot] + left[slot] - 1, -1):
+                    for k in range(WIDTH * block - 1, place[slot] + remaining[slot] - 1, -1):
                         paths[k // WIDTH, k % WIDTH] = nodes
                         points[2 * (k // WIDTH), k % WIDTH] = 0.0
                         points[2 * (k // WIDTH) + 1, k % WIDTH] = 0.0
-                    left[slot] = 0
+                    remaining[slot] = 0
                 row, lane = place[slot] // WIDTH, place[slot] % WIDTH
                 paths[row, lane] = n
                 points[2 * row, lane], points[2 * row + 1, lane] = coordinates[r, n, 0], coordinates[r, n, 1]
