@@ -132,8 +132,8 @@ class FilteredPropagator(CyclicPropagator):
         solution = super().propagate(times, progress, start)
         densities = 3 * 8 * self.nodes.weights.size * self.space.unknowns
         shears = sum(part.nbytes for steps in self.steps for part in steps[0].angle_remap)
-        held = sum(step.nbytes for steps in self.steps for step in steps)
-        self.memory, self.steps, self.buffers = self.buffers.nbytes + densities + shears + held, [], None
+        paths = sum(step.nbytes for steps in self.steps for step in steps)
+        self.memory, self.steps, self.buffers = self.buffers.nbytes + densities + shears + paths, [], None
         return solution
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)

@@ -79,15 +79,15 @@ def refuse_slow(scene: Scene) -> None:
         raise ValueError(checks.refusal(name, value, accepted))
 
 
-def refuse_large(held: float, stored: float, scene: Scene, rows: int) -> None:
-    """Refuse too many bytes: `held` by a solution, `stored` of its density at all `rows` times."""
+def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
+    """Refuse too many bytes: `needed` by a solution, `stored` of its density at all `rows` times."""
     largest = TUNING.largest_filtered if scene.noise.kind == "filtered" else TUNING.largest_white
-    if held > largest:
+    if needed > largest:
         raise ValueError(
-            f"scene: got a mesh and time steps that take {held:.1e} bytes, accepted: up to {largest:g}; stronger "
+            f"scene: got a mesh and time steps that take {needed:.1e} bytes, accepted: up to {largest:g}; stronger "
             "noise, a shorter period or a smaller overturning angle need less, or use Monte Carlo"
         )
-    if held + stored > largest:
+    if needed + stored > largest:
         accepted = f"fewer, as the densities after all of them would take {stored:.1e} bytes, more than {largest:g}"
         raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
 
