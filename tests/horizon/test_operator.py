@@ -51,8 +51,8 @@ def mean(operator):
 @pytest.fixture(scope="module")
 def stepped(operator):
     """The coarser mesh's evolution from the scene's start over 80 cycles, step by step."""
-    level = operator._coarse
-    return level.propagator.propagate(operator.scene.period * np.arange(81))
+    mesh = operator._coarse
+    return mesh.propagator.propagate(operator.scene.period * np.arange(81))
 
 
 def inner(space, first, second):
@@ -97,8 +97,8 @@ def test_survival_map_is_dual_to_the_forward_run(operator):
 
 def test_survival_by_modes_is_that_step_by_step(operator, stepped):
     """S(k) up to 80 cycles to 1e-6 of itself, on the coarser mesh; the modes take over after 20."""
-    level, cycles = operator._coarse, np.arange(81)
-    survival, left_out = level.survival(cycles, operator.scene.start)
+    mesh, cycles = operator._coarse, np.arange(81)
+    survival, left_out = mesh.survival(cycles, operator.scene.start)
     assert survival == pytest.approx(stepped.survival, rel=1e-6)
     assert left_out[:20].max() == 0.0 < left_out[21:].max()
     assert np.all(left_out <= 1e-6 * survival)
@@ -138,8 +138,8 @@ def test_survival_is_that_of_an_independent_program(estimate, reference):
 
 def test_the_error_of_survival_covers_both_of_its_reasons(operator, estimate, monkeypatch):
     """The difference of two meshes, and what the error of the rate makes of it; here that error is set."""
-    level = operator._coarse
-    rough, _ = level.survival(estimate.cycles, operator.scene.start)
+    mesh = operator._coarse
+    rough, _ = mesh.survival(estimate.cycles, operator.scene.start)
     meshes = np.abs(estimate.survival - rough)
     ruled = []
     for error in (1e-9, 0.05):
@@ -168,13 +168,13 @@ def test_a_map_has_the_forward_value_at_rest_and_at_the_scene_s_own_start(operat
 
 def test_the_error_of_a_map_is_its_difference_from_the_coarser_mesh(operator):
     """L1 over the integral, by values on a grid of 300 x 600 points, which is good to some percent."""
-    level, chances = operator._coarse, operator.survival_map(4)
-    coarse = level.coefficients(level.backward_powers().after(8))
+    mesh, chances = operator._coarse, operator.survival_map(4)
+    coarse = mesh.coefficients(mesh.backward_powers().after(8))
     angle, velocity = (
         line[0] + (line[-1] - line[0]) * (np.arange(count) + 0.5) / count
         for line, count in zip(chances.mesh_lines, (300, 600), strict=True)
     )
-    fine, rough = chances(angle[:, None], velocity), level.space.evaluate(coarse, angle[:, None], velocity)
+    fine, rough = chances(angle[:, None], velocity), mesh.space.evaluate(coarse, angle[:, None], velocity)
     # The integral of the absolute value within a cell is bounded, not computed, where it changes sign.
     assert 0.8 < np.abs(fine - rough).mean() / fine.mean() / chances.error_estimate < 1.2
 
@@ -211,7 +211,7 @@ def test_time_inside_is_dual_to_the_mass_step_by_step(operator, mean):
     density = np.random.default_rng(4).random(space.shape)
     masses, now = [space.masses(density).sum()], density
     for _ in range(2):
-        for step in fine.propagator.steps_per_cycle:
+        for step in fine.propagator.steps:
             now, _ = step.apply(now)
             masses.append(space.masses(now).sum())
         now = reflected(now)
@@ -399,7 +399,7 @@ def test_trivial_scenes_are_refused_by_name(changes, message):
 
 def test_a_rate_that_is_not_above_its_error_is_refused():
     for error in (0.99, 1.01):
-        fine = types.SimpleNamespace(negative_mass=0.0, rate=1e-6)
+        fine = types.SimpleNamespace(negative_mass=0.0, solution=types.SimpleNamespace(rate=1e-6))
         refused = pytest.raises(ValueError, match="overturn too rarely") if error > 1.0 else contextlib.nullcontext()
         with refused:
             mesh_operator.judge(types.SimpleNamespace(fine=fine, error=error, bins_error=0.0), 1.0)
@@ -442,7 +442,7 @@ def test_what_the_mesh_loses_is_an_error_of_the_rate():
     whole, cut = (mesh_operator.MeshOperator(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
     off = abs(cut.rate / whole.rate - 1.0)
     assert off > 0.01
-    assert cut.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
-    assert cut.error(0.0, 0.0) > 0.5 * off
-    assert cut.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
+    assert cut.level.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
+    assert cut.level.error(0.0, 0.0) > 0.5 * off
+    assert cut.level.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
     assert abs(whole.error(0.0, 0.0)) < 1e-3
