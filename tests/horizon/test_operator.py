@@ -445,4 +445,4 @@ def test_what_the_mesh_loses_is_an_error_of_the_rate():
     assert cut.level.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
     assert cut.level.error(0.0, 0.0) > 0.5 * off
     assert cut.level.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
-    assert abs(whole.error(0.0, 0.0)) < 1e-3
+    assert abs(whole.level.error(0.0, 0.0)) < 1e-3
