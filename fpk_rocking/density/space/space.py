@@ -114,7 +114,7 @@ class Space:
         return Basis(mesh, legendre_element(self.degree), intorder=2 * self.degree if order is None else order)
 
     def project(self, density, points):
-        """Return the coefficients of a function of angle and velocity: L2 projection with `points` Gauss points an axis."""
+        """Return the coefficients of a function of angle and velocity: L2 projection with Gauss `points` an axis."""
         nodes, weights = gauss_legendre(points)
         table = legendre_basis(nodes, self.degree) * weights[:, None]
         angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
