@@ -29,8 +29,8 @@ TARGET = 1e-6
 def rotation_sum(keys, parameters, samples, spacing, sink):
     """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
     for r in prange(sink.size):
-        own = band.allocate_realization(parameters.harmonics, 1)
-        draw_start_and_noise(open_stream(keys, r), parameters, own)
+        own = band.allocate_realization(parameters.band.harmonics, 1)
+        draw_start_and_noise(open_stream(keys, r), parameters.start, parameters.band, own)
         band.write_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
         band.set_centre(own, 0, 0.0)
         sink[r] = _rotated(own, samples[r])
@@ -55,8 +55,8 @@ def _rotated(own, samples):
 def chunked_sum(keys, parameters, samples, spacing, half, sink):
     """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
     for r in prange(sink.size):
-        own = band.allocate_realization(parameters.harmonics, half)
-        draw_start_and_noise(open_stream(keys, r), parameters, own)
+        own = band.allocate_realization(parameters.band.harmonics, half)
+        draw_start_and_noise(open_stream(keys, r), parameters.start, parameters.band, own)
         band.write_sample_rotations(own, half, spacing)
         band.write_rotation(own.ratios, 2 * half * spacing, own.hop[0], own.hop[1])
         band.set_centre(own, 0, half * spacing)

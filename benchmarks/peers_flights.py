@@ -27,9 +27,9 @@ def realizations(count, seed=1):
     parameters, rows = rk4.parameters_of(BAND, 8), []
     omega, phase, amplitude = BAND.forcing.frequency, BAND.forcing.phase, BAND.forcing.amplitude
     for number in range(count):
-        drawn = band.allocate_realization(parameters.harmonics, 1)
-        band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters, drawn)
-        ratios, phases, weights = (row[: parameters.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
+        drawn = band.allocate_realization(parameters.band.harmonics, 1)
+        band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters.start, parameters.band, drawn)
+        ratios, phases, weights = (row[: parameters.band.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
         rows.append(
             [np.append(omega * ratios, omega), np.append(2 * np.pi * phases, phase), np.append(weights, -amplitude)]
         )

@@ -170,14 +170,9 @@ def _total_force(scene, seed, count, steps_per_cycle, times):
     return force + envelope * _filtered_noise(scene, seed, count, steps_per_cycle, times)
 
 
-class _Realization(NamedTuple):
-    """What `draw_start_and_noise` reads and writes, of one realization."""
+class _Harmonics(NamedTuple):
+    """Turns per unit of time, phases in turns, and amplitudes of the harmonics of a realization, (n,) each."""
 
-    start: np.ndarray
-    low_ratio: float
-    ratio_width: float
-    weight: float
-    harmonics: int
     ratios: np.ndarray
     phases: np.ndarray
     weights: np.ndarray
@@ -187,8 +182,8 @@ def _band_noise(scene, seed, count, times):
     """Return band noise (count, n) at times (n,), less its envelope: the sum of its harmonics."""
     keys, values, band = stream_keys(seed), np.empty((count, times.size)), band_of_scene(scene, 2.0 * math.pi)
     for number in range(count):
-        drawn = _Realization(start_parameters(scene.start), *band, *np.empty((3, band.harmonics)))
-        draw_start_and_noise(open_stream(keys, number), drawn, drawn)
+        drawn = _Harmonics(*np.empty((3, band.harmonics)))
+        draw_start_and_noise(open_stream(keys, number), start_parameters(scene.start), band, drawn)
         values[number] = np.cos(np.outer(times, drawn.ratios) + 2.0 * math.pi * drawn.phases) @ drawn.weights
     return values
 
@@ -197,7 +192,7 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
     """Return filtered noise (count, n) at times (n,), less its envelope: a polynomial in each of its intervals."""
     parameters = parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
     values = np.empty((count, times.size))
-    _write_filtered_noise(stream_keys(seed), parameters, times / parameters.spacing, values)
+    _write_filtered_noise(stream_keys(seed), parameters, times / parameters.grid.spacing, values)
     return values
 
 
@@ -214,7 +209,7 @@ def _write_filtered_noise(keys, parameters, places, values):
             while drawn < number:
                 draw_next_interval(stream, tables, noise)
                 drawn += 1
-            bound_noise(number % parameters.count, tables, parameters.envelope, noise)
+            bound_noise(number % parameters.grid.count, tables, parameters.envelope, noise)
             share, row = places[k] - number, noise.bernstein
             for last in range(row.size - 1, 0, -1):
                 for i in range(last):

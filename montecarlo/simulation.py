@@ -254,10 +254,8 @@ def tally(
     run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
     checks.count("realizations", run.realizations, at_most=LARGEST)
     angles, velocities = joint_edges(scene)
-    edges = (
-        _checked_edges("angle_edges", angle_edges, angles),
-        _checked_edges("velocity_edges", velocity_edges, velocities),
-    )
+    angles = _checked_edges("angle_edges", angle_edges, angles)
+    edges = angles, _checked_edges("velocity_edges", velocity_edges, velocities)
     _check_size(run, edges)
     counts, spent = empty_counts(run.scene, run.times, *edges), 0.0
     if checkpoint is not None and checks.path("checkpoint", checkpoint).exists():

@@ -266,14 +266,13 @@ def split(
     repeats = checks.count("repeats", repeats, at_least=2)
     run = checked_run(scene, cycles, repeats, seed, "white", steps_per_cycle, progress)
     parameters, keys = parameters_of(scene, run.steps_per_cycle), stream_keys(run.seed)
-    if parameters.count > TUNING.splitting_intervals:
-        accepted = (
-            f"a cycle of {TUNING.splitting_intervals} intervals or fewer for `split`, {parameters.spacing:.2g} each"
-        )
+    if parameters.grid.count > TUNING.splitting_intervals:
+        most = TUNING.splitting_intervals
+        accepted = f"a cycle of {most} intervals or fewer for `split`, {parameters.grid.spacing:.2g} each"
         raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
-    _refuse_large("walkers", walkers, run.rows * parameters.count)
+    _refuse_large("walkers", walkers, run.rows * parameters.grid.count)
     _refuse_large("repeats", repeats, run.rows)
-    scores = score_table(scene, parameters.count)
+    scores = score_table(scene, parameters.grid.count)
     overturned = np.zeros((repeats, run.rows + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
     pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())

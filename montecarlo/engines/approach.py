@@ -6,13 +6,7 @@ Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Para
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import (
-    acceleration,
-    acceleration_bounds,
-    block_of,
-    dispatch_on_block,
-    force_factor,
-)
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_bounds, dispatch_on_block, force_factor
 from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.flight import covariance_factor, slender_flight_end
 from fpk_rocking.physics.motion.impact import velocity_after_impact
@@ -57,8 +51,8 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
     impact is recorded, unless `impacts` is None. `latest` is the latest time for it: `end`, or that of a step that was
     to end with it.
     """
-    restitution = parameters.restitution
-    pull = acceleration(u, side, value_and_slope(segment.force, end)[0], block_of(parameters))
+    restitution = parameters.block.restitution
+    pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
     square = w * w - 2.0 * pull * u
     if w < 0.0 and square >= 0.0:
         speed = math.sqrt(square)
@@ -113,27 +107,25 @@ def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, 
 
     u >= cutoff means overturned.
     """
-    cutoff, left, diffusion, reach = parameters.cutoff, limit - start, parameters.diffusion[j], parameters.reach[j]
-    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block_of(parameters))
+    block, left, diffusion, reach = parameters.block, limit - start, parameters.diffusion[j], parameters.reach[j]
+    cutoff = block.cutoff
+    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
     down = safe_step(u, w, min(0.0, -fall), reach, left, parameters.shortest)
     up = safe_step(cutoff - u, -w, min(0.0, -rise), reach, left, parameters.shortest)
     duration, arrives = min(down, up), False
     if duration < left:
         duration = min(max(duration, parameters.shortest), left)
-        pull = acceleration(u, side, value_and_slope(segment.force, start)[0], block_of(parameters))
+        pull = acceleration(u, side, value_and_slope(segment.force, start)[0], block)
         falls = down <= up
         needed = least_closing_time(u, w, -pull) if falls else least_closing_time(cutoff - u, -w, pull)
         towards = w < 0.0 if falls else w > 0.0
-        if (
-            towards
-            and 0.0 < needed < min(left, TUNING.longest_arrival)
-            and 2.0 * diffusion * needed < TUNING.sure_arrival * w * w
-        ):
+        soon = 0.0 < needed < min(left, TUNING.longest_arrival)
+        if towards and soon and 2.0 * diffusion * needed < TUNING.sure_arrival * w * w:
             if not falls:
                 return cutoff, w, side, start + needed
             duration, arrives = needed, True
     end = limit if duration == left else start + duration
-    x, v, strength = _mean(side * u, side * w, side, segment, start, end, block_of(parameters))
+    x, v, strength = _mean(side * u, side * w, side, segment, start, end, block)
     xx, vx, vv = covariance_factor(diffusion * strength * strength, end - start)
     first, second = normal(stream), normal(stream)
     u, w = side * (x + xx * first), side * (v + vx * first + vv * second)

@@ -42,17 +42,17 @@ def band_of_scene(scene, period):
 
 
 @kernel
-def draw_start_and_noise(stream, parameters, harmonics):
+def draw_start_and_noise(stream, start, band, harmonics):
     """Draw the start and the harmonics of one realization, in this order; return angle and velocity at τ = 0.
 
-    Of the parameters `start` and what is in a `Band` are read. Of the harmonics `ratios`, `phases` and `weights` are
+    `start` (5,): from `start_parameters`; `band`: a `Band`. Of the harmonics `ratios`, `phases` and `weights` are
     written.
     """
-    angle, velocity = draw_start(stream, parameters.start)
-    uniform_pairs(stream, harmonics.ratios, harmonics.phases, parameters.harmonics)
-    for n in range(parameters.harmonics):
-        harmonics.ratios[n] = parameters.low_ratio + parameters.ratio_width * harmonics.ratios[n]
-        harmonics.weights[n] = parameters.weight
+    angle, velocity = draw_start(stream, start)
+    uniform_pairs(stream, harmonics.ratios, harmonics.phases, band.harmonics)
+    for n in range(band.harmonics):
+        harmonics.ratios[n] = band.low_ratio + band.ratio_width * harmonics.ratios[n]
+        harmonics.weights[n] = band.weight
     return angle, velocity
 
 
@@ -81,10 +81,10 @@ def divide_by_window(harmonics, parameters):
 @kernel(fastmath={"contract"}, borrows=True)
 def write_first_samples(samples, cycle, parameters):
     """Write the samples for the first CHUNK intervals from a cycle on."""
-    harmonics, spacing = samples.harmonics, parameters.spacing / (parameters.count * parameters.spacing)
+    harmonics, spacing = samples.harmonics, parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing)
     band.write_sample_rotations(harmonics, HALF, spacing)
     band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) / parameters.count)
+    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) / parameters.grid.count)
     _write_chunk(harmonics, samples.values)
     band.rotate_centre(harmonics, harmonics.hop)
     _write_chunk(harmonics, samples.values)
@@ -95,7 +95,7 @@ def write_next_samples(samples, number, cycle, parameters):
     """Write the samples for CHUNK intervals from a number on, if the last ones are used up; return whether so."""
     used_up = number % CHUNK == 0 and number > 0
     if used_up:
-        _write_further(samples.harmonics, samples.values, number, cycle, parameters.count)
+        _write_further(samples.harmonics, samples.values, number, cycle, parameters.grid.count)
     return used_up
 
 

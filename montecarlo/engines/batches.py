@@ -59,9 +59,9 @@ def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, prog
         scene,
         result_times(scene, cycles, times),
         checks.count("realizations", 1 if realizations is None and scene.deterministic else realizations),
-        _checked_integer("seed", seed, 0, 2**64 - 1),
+        checks.count("seed", seed, 0, 2**64 - 1),
         engine_of(scene, method).method,
-        _checked_integer("steps_per_cycle", steps_per_cycle, 8, 10**6),
+        checks.count("steps_per_cycle", steps_per_cycle, 8, 10**6),
     )
 
 
@@ -170,13 +170,3 @@ def _empty_batch(first, count, rows, capacity):
     time, speed = np.full((2, count, capacity), math.nan)
     hits = ImpactRecord(np.zeros(count, np.int64), time, speed)
     return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
-
-
-def _checked_integer(name, value, low, high):
-    """Return a whole number between two, or raise TypeError or ValueError naming the parameter."""
-    accepted = f"a whole number from {low} to {high}"
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(checks.refusal(name, value, accepted))
-    if not low <= value <= high:
-        raise ValueError(checks.refusal(name, value, accepted))
-    return int(value)

@@ -13,7 +13,7 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, block_of, force_factor
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
 from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from fpk_rocking.physics.motion.segment import value_and_slope
@@ -105,7 +105,7 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
     values and slopes at the begin and at the middle of the flight, less the mean of the angle.
     """
-    block, span = block_of(parameters), parameters.spacing
+    block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, block)
     diffusion = parameters.diffusion[j] * share * share
     force, slope = value_and_slope(parameters.force[j], time)
@@ -143,4 +143,4 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
         return w, 0, time
     if impacts is not None:
         record_impact(impacts, origin + time + duration, -side * speed)
-    return velocity_after_impact(speed, parameters.restitution), -side, time + duration
+    return velocity_after_impact(speed, parameters.block.restitution), -side, time + duration

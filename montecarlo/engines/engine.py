@@ -54,8 +54,8 @@ class Engine:
     takes : callable
         ``(scene)``: whether it simulates a scene.
     parameters_of : callable
-        ``(scene, steps_per_cycle, times)``: what the other functions need, as a tuple of numbers and arrays. It has at
-        least `cutoff` and the fields of a `TimeGrid`. The times (rows,) are those at which states are wanted, since the
+        ``(scene, steps_per_cycle, times)``: what the other functions need, as a tuple of numbers and arrays, among them
+        `block`, a `Body`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are wanted, since the
         begin of the table period.
     workspace_of : callable
         ``(parameters)``: arrays of a thread that the other functions write to, as a tuple.
@@ -100,7 +100,8 @@ class Engine:
     @functools.cached_property
     def simulate(self):
         """The kernel `_simulate` of this engine."""
-        path = self.simulate_path or self._compiled(_simulate_path, vars(self))
+        # In line with what allocates the workspace, the compiler knows that its arrays do not overlap.
+        path = self.simulate_path or self._compiled(_simulate_path, vars(self), forceinline=True)
         return self._compiled(_simulate, {**vars(self), "simulate_path": path}, nogil=True)
 
     def _compiled(self, function, functions, **options):
@@ -148,10 +149,10 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts):
     """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
-    intervals, times, rows = parameters.count, parameters.output_times, parameters.output_times.size
+    intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)
-    if abs(x) >= parameters.cutoff:
-        return cycle * (intervals * parameters.spacing), (1 if x > 0.0 else -1)
+    if abs(x) >= parameters.block.cutoff:
+        return cycle * (intervals * parameters.grid.spacing), (1 if x > 0.0 else -1)
     angle[0], velocity[0] = x, v
     side = side_of_start(x, v)
     row, j, wanted = 1, 0 * intervals, times[0]  # j is no literal, for which all of an engine would be compiled too

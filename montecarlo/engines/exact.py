@@ -20,16 +20,9 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import load, store
-from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.collocation import (
-    NODES,
-    PLACES,
-    FlightTables,
-    advance_from_flight,
-    flight_tables,
-    fly_by_tables,
-)
-from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion import TERMS, collocation, lift_off
+from fpk_rocking.physics.motion.collocation import NODES, PLACES
+from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, chord_clearance
 from fpk_rocking.physics.motion.flight import dynamic_stiffness, exponential_parts, folded_angle, homogeneous_flight
 from fpk_rocking.physics.motion.impact import side_of_start
@@ -45,6 +38,7 @@ from fpk_rocking.physics.noise.band import (
 )
 from montecarlo.engines.band_noise import (
     CHUNK,
+    Band,
     EnvelopePieces,
     Samples,
     allocate_samples,
@@ -57,7 +51,7 @@ from montecarlo.engines.band_noise import (
     write_first_samples,
     write_next_samples,
 )
-from montecarlo.engines.engine import Engine, time_grid
+from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import start_parameters
 from montecarlo.tuning import TUNING
 
@@ -65,25 +59,18 @@ from montecarlo.tuning import TUNING
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,); `low_ratio` to `harmonics`; `count` to `output_times`: see `start_parameters`, `Band` and `TimeGrid`.
-    `polynomials` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise. `zeros` (TERMS,).
-    `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the forcing for an exact block.
-    `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
-    flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest. `envelope`: of the noise.
-    `exponentials`, `bend`: see `physics.motion.crossing.Interval`. `flight`: tables of a kind of flight.
+    `start` (5,): see `start_parameters`. `polynomials` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of
+    the noise. `zeros` (TERMS,). `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the
+    forcing for an exact block. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at
+    both ends of an interval a flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest.
+    `envelope`: of the noise. `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`. `flight`: tables
+    of a kind of flight.
     """
 
-    restitution: float
-    cutoff: float
-    critical_angle: float | None
+    block: Body
     start: np.ndarray
-    low_ratio: float
-    ratio_width: float
-    weight: float
-    harmonics: int
-    count: int
-    spacing: float
-    output_times: np.ndarray
+    band: Band
+    grid: TimeGrid
     polynomials: np.ndarray
     compensation: np.ndarray
     ratio_scale: float
@@ -124,13 +111,13 @@ class Collocation(NamedTuple):
     """Tables of the flights of an exact block.
 
     `values` (WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m, NODES) and
-    `envelope` (m, NODES), (0, NODES) without one: their values there. `cruise`: see `physics.motion.collocation`.
+    `envelope` (m, NODES), (0, NODES) without one: their values there. `steps`: see `physics.motion.collocation`.
     """
 
     values: np.ndarray
     forcing: np.ndarray
     envelope: np.ndarray
-    cruise: FlightTables
+    steps: collocation.FlightTables
 
 
 def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
@@ -141,11 +128,7 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
         longest = min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1]))
     grid = time_grid(scene, longest, times)
     half, middles = 0.5 * grid.spacing, (np.arange(grid.count) + 0.5) * grid.spacing
-    block, band, polynomials = (
-        block_of_scene(scene),
-        band_of_scene(scene, grid.duration),
-        interpolant_polynomials(grid.spacing),
-    )
+    band, polynomials = band_of_scene(scene, grid.duration), interpolant_polynomials(grid.spacing)
     particular = forcing.pieces(middles)
     low, high = np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
@@ -158,16 +141,16 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     else:
         flight = _closed_form(particular, polynomials, half)
     return Parameters(
-        *block,
+        block_of_scene(scene),
         start_parameters(scene.start),
-        *band,
-        *grid,
+        band,
+        grid,
         polynomials,
         window_compensation(),
         2.0 * OVERSAMPLING / grid.count,
         np.zeros(TERMS),
         force_series(particular) if exact else particular,
-        *_eventless_angles(low - loudest, high + loudest, grid.spacing, block),
+        *_eventless_angles(low - loudest, high + loudest, grid.spacing, block_of_scene(scene)),
         parts,
         *interval_tables(half),
         flight,
@@ -198,7 +181,7 @@ def _collocation(force, envelope, polynomials, middles, spacing):
     times = 0.5 * spacing * (2.0 * PLACES - 1.0)
     powers = times ** np.arange(TERMS)[:, None]
     strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
-    return Collocation(polynomials @ powers, force @ powers, strength, flight_tables(spacing))
+    return Collocation(polynomials @ powers, force @ powers, strength, collocation.flight_tables(spacing))
 
 
 def _eventless_angles(low, high, spacing, block):
@@ -234,10 +217,14 @@ class Workspace(NamedTuple):
 @kernel
 def workspace_of(parameters):
     """Return the `Workspace` of a thread."""
-    half, rows = 0.5 * parameters.spacing, np.empty((4, TERMS))
+    half, rows, samples = (
+        0.5 * parameters.grid.spacing,
+        np.empty((4, TERMS)),
+        allocate_samples(parameters.band.harmonics),
+    )
     exponentials, bend = parameters.exponentials, parameters.bend
     interval = Interval(rows[0], rows[1], rows[2], exponentials, bend, half, math.exp(half))
-    return Workspace(allocate_samples(parameters.harmonics), np.empty(CHUNK), interval, rows[3], np.zeros((1, NODES)))
+    return Workspace(samples, np.empty(CHUNK), interval, rows[3], np.zeros((1, NODES)))
 
 
 # ----------------------------------------------------------------------------------------- a slender block, closed form
@@ -246,7 +233,7 @@ def workspace_of(parameters):
 @kernel(fastmath={"contract"}, borrows=True)
 def _divide_by_stiffness(harmonics, parameters):
     """Turn the harmonics of the noise into those of the interpolant of P."""
-    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (parameters.count * parameters.spacing)
+    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (parameters.grid.count * parameters.grid.spacing)
     for n in range(ratios.size):
         gain = -evaluate_compensation(parameters.compensation, ratios[n] * parameters.ratio_scale)
         harmonics.weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
@@ -275,7 +262,7 @@ def _noise_slope(samples, k, slopes):
 def _begin_closed(stream, cycle, parameters, workspace):
     """Draw the start and the noise; the state is the growing and the decaying exponential and the folded angle."""
     samples = workspace.samples
-    x, v = draw_start_and_noise(stream, parameters, samples.harmonics)
+    x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     side = side_of_start(x, v)
     _divide_by_stiffness(samples.harmonics, parameters)
     write_first_samples(samples, cycle, parameters)
@@ -318,12 +305,12 @@ def _build_particular(number, j, parameters, workspace):
 @kernel(forceinline=True, borrows=True)
 def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
     """Carry a block through an interval; with the impacts None through a share of it, to angle and velocity."""
-    block = block_of(parameters)
+    block = parameters.block
     if impacts is None:
-        time = (share - 0.5) * parameters.spacing
+        time = (share - 0.5) * parameters.grid.spacing
         x, v = state_in_interval(workspace.interval, state[0], state[1], side, time, block)
         return (x, v, 0.0), side, math.inf
-    middle = cycle * (parameters.count * parameters.spacing) + (number + 0.5) * parameters.spacing
+    middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
     grow, decay, u, side, time = cross_interval(
         workspace.interval, node, state[0], state[1], state[2], end[2], side, block, impacts, middle
@@ -348,7 +335,7 @@ def _end_closed(state, side, number, j, parameters, workspace):
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start and the noise, and make the first samples."""
     samples = workspace.samples
-    x, v = draw_start_and_noise(stream, parameters, samples.harmonics)
+    x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     divide_by_window(samples.harmonics, parameters)
     write_first_samples(samples, cycle, parameters)
     return (x, v), (x, v)
@@ -363,7 +350,7 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (al
 @kernel(fastmath={"contract"}, borrows=True)
 def _respond_to_force(x, v, side, j, k, parameters, workspace):
     """Angle and velocity of a slender block after interval j, number k of a chunk, if nothing happens in it."""
-    h, samples, response = parameters.spacing, workspace.samples.values, parameters.flight.noise
+    h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
     strength = parameters.envelope.strength[parameters.envelope.first[j]]
     push, kick = parameters.flight.forcing[j, 0], parameters.flight.forcing[j, 1]
     for n in range(strength.size):
@@ -408,12 +395,14 @@ def _try_collocation(state, side, number, j, parameters, workspace):
         return parameters.stays[j], state
     if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return False, state
-    tables, block = parameters.flight, block_of(parameters)
+    tables, block = parameters.flight, parameters.block
     push = _noise_at_points(tables.values, workspace.samples.values, number % CHUNK)
     if tables.envelope.shape[0] > 0:
         push = load(tables.envelope, j) * push
     u, push = side * x, side * (load(tables.forcing, j) + push)
-    end, speed, acceleration, converged = fly_by_tables(u, side * v, push, tables.cruise, parameters.spacing, block)
+    end, speed, acceleration, converged = collocation.fly_by_tables(
+        u, side * v, push, tables.steps, parameters.grid.spacing, block
+    )
     store(workspace.acceleration, 0, acceleration)
     eventless = converged and _is_eventless(u, end, side, j, parameters)
     return eventless, (side * end if converged else math.nan, side * speed)
@@ -464,7 +453,7 @@ def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters,
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
     _write_product(strength, workspace.noise, parameters.forced[j], force)
     angle, speed = last
-    return advance_from_flight(
+    return collocation.advance_from_flight(
         force, half, x, v, side, begin, end, block, impacts, origin, known, side * angle, side * speed, acceleration
     )
 
@@ -472,15 +461,15 @@ def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters,
 _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(borrows=True)
 def _step(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
     """Carry a block through a share of an interval, piece by piece of the envelope."""
     (x, v), first = state, parameters.envelope.first
-    spacing, time, known = parameters.spacing, 0.0, False
+    spacing, time, known = parameters.grid.spacing, 0.0, False
     if share == 1.0:
         known = side != 0 and not math.isnan(end[0]) and first[j + 1] == first[j] + 1
-    origin = cycle * (parameters.count * spacing) + (number + 0.5) * spacing
-    until, begin, block = (share - 0.5) * spacing, -0.5 * spacing, block_of(parameters)
+    origin = cycle * (parameters.grid.count * spacing) + (number + 0.5) * spacing
+    until, begin, block = (share - 0.5) * spacing, -0.5 * spacing, parameters.block
     for piece in range(first[j], first[j + 1]):
         strength, stop = parameters.envelope.strength[piece], min(parameters.envelope.ends[piece], until)
         if begin >= until:
@@ -488,7 +477,7 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
         x, v, side, time = _advance(
             x, v, side, j, begin, stop, strength, known, end, parameters, workspace, impacts, origin, block
         )
-        if abs(x) >= parameters.cutoff:
+        if abs(x) >= parameters.block.cutoff:
             return (x, v), side, origin + time
         begin = stop
     return (x, v), side, math.inf

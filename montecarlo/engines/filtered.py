@@ -24,21 +24,14 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.basis import bernstein_basis
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import load
-from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.collocation import (
-    NODES,
-    PLACES,
-    FlightTables,
-    advance_collocated,
-    flight_tables,
-    fly_by_tables,
-)
-from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion import TERMS, collocation
+from fpk_rocking.physics.motion.collocation import NODES, PLACES
+from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
 from fpk_rocking.physics.motion.flight import homogeneous_flight
 from fpk_rocking.physics.motion.particular import cosh_sinh, force_series, forced_response, particular_at
 from fpk_rocking.physics.motion.segment import force_bounds, move_origin, particular_from_rest, segment_from_particular
-from montecarlo.engines.engine import Engine, time_grid
+from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.filtered_noise import (
     EnvelopeTables,
     NoiseTables,
@@ -60,21 +53,16 @@ from montecarlo.tuning import TUNING
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,); `count`, `spacing`, `output_times`: see `start_parameters` and `TimeGrid`. `hyperbolic` (2,): cosh and
-    sinh of an interval's duration. `noise`, `envelope`: see `filtered_noise`. `forced` (m, TERMS): P of the forcing
-    since the interval's begin, or the forcing itself for an exact block; `low`, `high` (m,): bounds of the forcing;
-    `drift` (m, 2): angle and velocity that it adds to a flight. At the points of `physics.motion.collocation`: `pushes`
-    (m, NODES), the forcing, `basis` (d + 1, NODES), Bernstein polynomials, `strength_at_points` (m, NODES), the
-    envelope; `cruise`: its tables.
+    `start` (5,): see `start_parameters`. `hyperbolic` (2,): cosh and sinh of an interval's duration. `noise`,
+    `envelope`: see `filtered_noise`. `forced` (m, TERMS): P of the forcing since the interval's begin, or the forcing
+    itself for an exact block; `low`, `high` (m,): bounds of the forcing; `drift` (m, 2): angle and velocity that it
+    adds to a flight. At the points of `physics.motion.collocation`: `pushes` (m, NODES), the forcing, `basis`
+    (d + 1, NODES), Bernstein polynomials, `strength_at_points` (m, NODES), the envelope; `steps`: its tables.
     """
 
-    restitution: float
-    cutoff: float
-    critical_angle: float | None
+    block: Body
     start: np.ndarray
-    count: int
-    spacing: float
-    output_times: np.ndarray
+    grid: TimeGrid
     hyperbolic: np.ndarray
     noise: NoiseTables
     envelope: EnvelopeTables
@@ -85,7 +73,7 @@ class Parameters(NamedTuple):
     pushes: np.ndarray
     basis: np.ndarray
     strength_at_points: np.ndarray
-    cruise: FlightTables
+    steps: collocation.FlightTables
 
 
 class Workspace(NamedTuple):
@@ -119,9 +107,9 @@ def parameters_on_grid(scene, grid):
     low, high = np.empty((2, grid.count))
     force_bounds(forced, span, low, high)
     return Parameters(
-        *block_of_scene(scene),
+        block_of_scene(scene),
         start_parameters(scene.start),
-        *grid,
+        grid,
         cosh_sinh(span),
         noise_tables(scene.noise, span),
         envelope_tables(envelope, grid, degree),
@@ -132,7 +120,7 @@ def parameters_on_grid(scene, grid):
         force @ (span * PLACES) ** np.arange(TERMS)[:, None],
         bernstein_basis(PLACES, degree),
         np.empty((0, NODES)) if envelope is None else envelope.value(begins[:, None] + span * PLACES),
-        flight_tables(span),
+        collocation.flight_tables(span),
     )
 
 
@@ -148,7 +136,7 @@ def _begin(stream, cycle, parameters, workspace):
     """Draw the start, and the noise up to the begin of the run; the state is angle and velocity."""
     state = draw_start(stream, parameters.start)
     draw_first_states(stream, parameters.noise, workspace.noise)
-    for _ in range(cycle * parameters.count):
+    for _ in range(cycle * parameters.grid.count):
         draw_next_interval(stream, parameters.noise, workspace.noise)
     return state, state
 
@@ -177,8 +165,10 @@ def _fly_exact(x, v, side, j, parameters, workspace, block):
         noise = noise + workspace.noise.bernstein[i] * load(parameters.basis, i)
     if parameters.strength_at_points.shape[0] > 0:
         noise = load(parameters.strength_at_points, j) * noise
-    push, tables = load(parameters.pushes, j) + noise, parameters.cruise
-    end, speed, _, converged = fly_by_tables(side * x, side * v, side * push, tables, parameters.spacing, block)
+    push, tables = load(parameters.pushes, j) + noise, parameters.steps
+    end, speed, _, converged = collocation.fly_by_tables(
+        side * x, side * v, side * push, tables, parameters.grid.spacing, block
+    )
     return side * end, side * speed, converged
 
 
@@ -191,10 +181,10 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
     if side == 0:
-        return not can_lift_off(low, high, block_of(parameters)), state
-    block = block_of(parameters)
+        return not can_lift_off(low, high, parameters.block), state
+    block = parameters.block
     end, speed, right = _fly(x, v, side, j, parameters, workspace, block)
-    eventless = right and surely_eventless(side * x, side * end, side, low, high, parameters.spacing, block)
+    eventless = right and surely_eventless(side * x, side * end, side, low, high, parameters.grid.spacing, block)
     return eventless, (end, speed)
 
 
@@ -207,7 +197,7 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """
     write_polynomial(parameters.noise, workspace.noise)
     if parameters.envelope.strength.size == 0:
-        _write_particular(workspace.noise.signal, workspace.particular, block_of(parameters))
+        _write_particular(workspace.noise.signal, workspace.particular, parameters.block)
         for k in range(TERMS):
             workspace.particular[k] += parameters.forced[j, k]
 
@@ -238,7 +228,7 @@ def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, b
 @kernel(forceinline=True, borrows=True)
 def _advance_exact(x, v, side, start, end, span, workspace, impacts, origin, block):
     """Carry an exact block through a time under the force in `workspace`; return as `advance`."""
-    return advance_collocated(workspace.particular, span, x, v, side, start, end, block, impacts, origin)
+    return collocation.advance_collocated(workspace.particular, span, x, v, side, start, end, block, impacts, origin)
 
 
 _advance = dispatch_on_block(_advance_slender, _advance_exact)
@@ -252,7 +242,7 @@ def _build_force_in_piece(j, piece, parameters, workspace):
     move_origin(workspace.noise.signal, begin, share)
     for k in range(TERMS):
         force[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
-    _write_particular(force, share, block_of(parameters))
+    _write_particular(force, share, parameters.block)
     move_origin(parameters.forced[j], begin, particular)
     for k in range(TERMS):
         particular[k] += share[k]
@@ -267,25 +257,25 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
         if begin >= until:
             break
         _build_force_in_piece(j, piece, parameters, workspace)
-        last, block = end - begin, block_of(parameters)
+        last, block = end - begin, parameters.block
         x, v, side, time = _advance(x, v, side, 0.0, last, last, workspace, impacts, origin + begin, block)
         time += begin
-        if abs(x) >= parameters.cutoff:
+        if abs(x) >= parameters.block.cutoff:
             break
     return x, v, side, time
 
 
-@kernel(forceinline=True, borrows=True)  # see events.next_event
+@kernel(borrows=True)
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
     """Carry a block through a share of an interval; return (angle, velocity), side, and time of overturning."""
-    origin, until = (cycle * parameters.count + number) * parameters.spacing, share * parameters.spacing
+    origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state
     if parameters.envelope.strength.size > 0:
         x, v, side, time = _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin)
     else:
-        span, block = parameters.spacing, block_of(parameters)
+        span, block = parameters.grid.spacing, parameters.block
         x, v, side, time = _advance(x, v, side, 0.0, until, span, workspace, impacts, origin, block)
-    return (x, v), side, (origin + time if abs(x) >= parameters.cutoff else math.inf)
+    return (x, v), side, (origin + time if abs(x) >= parameters.block.cutoff else math.inf)
 
 
 ENGINE = Engine(

@@ -14,13 +14,13 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import acceleration, block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import Body, acceleration, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import runge_kutta_coefficients, runge_kutta_forcing
 from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise import band
-from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
-from montecarlo.engines.engine import Engine, time_grid
+from montecarlo.engines.band_noise import Band, band_of_scene, draw_start_and_noise
+from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import start_parameters
 from montecarlo.tuning import TUNING
 
@@ -28,24 +28,16 @@ from montecarlo.tuning import TUNING
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional.
 
-    `start` (5,); `count` to `output_times`; `low_ratio` to `harmonics`: see `start_parameters`, `TimeGrid` and `Band`.
-    `forcing` (n, 3): its values at the begin, the middle and the end of the n steps of a table period. `strength`
-    (n, 3): the noise's envelope there.
+    `start` (5,): see `start_parameters`. `forcing` (n, 3): its values at the begin, the middle and the end of the n
+    steps of a table period. `strength` (n, 3): the noise's envelope there.
     """
 
-    restitution: float
-    cutoff: float
-    critical_angle: float | None
+    block: Body
     start: np.ndarray
-    count: int
-    spacing: float
-    output_times: np.ndarray
+    grid: TimeGrid
     forcing: np.ndarray
     strength: np.ndarray
-    low_ratio: float
-    ratio_width: float
-    weight: float
-    harmonics: int
+    band: Band
 
 
 class Workspace(NamedTuple):
@@ -70,12 +62,12 @@ def parameters_of(scene, steps_per_cycle, times=None):
     """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`."""
     grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Parameters(
-        *block_of_scene(scene),
+        block_of_scene(scene),
         start_parameters(scene.start),
-        *grid,
+        grid,
         scene.forcing.stage_values(grid.spacing, grid.count),
         _envelope_values(scene.noise.envelope, grid),
-        *band_of_scene(scene, grid.duration),
+        band_of_scene(scene, grid.duration),
     )
 
 
@@ -90,11 +82,11 @@ def _envelope_values(envelope, grid):
 @kernel
 def workspace_of(parameters):
     """Return the `Workspace` of a thread."""
-    n = parameters.count
+    n = parameters.grid.count
     chunks = (n + TUNING.rk4_chunk - 1) // TUNING.rk4_chunk
     length = (n + chunks - 1) // chunks
     return Workspace(
-        band.allocate_realization(parameters.harmonics, length),
+        band.allocate_realization(parameters.band.harmonics, length),
         np.empty(2 * length + 1),
         np.empty((length, 3)),
         np.empty(length),
@@ -108,8 +100,8 @@ def workspace_of(parameters):
 @kernel
 def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
     """Draw the start and the noise, and tabulate the rotations of its harmonics; the state is angle and velocity."""
-    n, length, harmonics = parameters.count, workspace.low.size, workspace.harmonics
-    state = draw_start_and_noise(stream, parameters, harmonics)
+    n, length, harmonics = parameters.grid.count, workspace.low.size, workspace.harmonics
+    state = draw_start_and_noise(stream, parameters.start, parameters.band, harmonics)
     band.write_sample_rotations(harmonics, length, 0.5 / n)
     band.write_rotation(harmonics.ratios, length / n, harmonics.hop[0], harmonics.hop[1])
     last = (n - 1) // length * length
@@ -127,7 +119,7 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
 @kernel(borrows=True)
 def _write_chunk(number, first, cycle, parameters, workspace):
     """Write the force in the chunk that begins with a step, bounds of it, and what it adds to each step."""
-    n, length, harmonics, h = parameters.count, workspace.low.size, workspace.harmonics, parameters.spacing
+    n, length, harmonics, h = parameters.grid.count, workspace.low.size, workspace.harmonics, parameters.grid.spacing
     cycle += number // n
     if number == 0 or (first == 0 and cycle % band.ANCHOR_CYCLES == 0):
         band.set_centre(harmonics, cycle, 0.5 * length / n)
@@ -180,21 +172,21 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 @kernel(fastmath={"contract"}, forceinline=True, borrows=True)
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether nothing happens in a step, and angle and velocity at its end if so."""
-    k, h, (x, v) = j % workspace.low.size, parameters.spacing, state
+    k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
-        return not can_lift_off(workspace.low[k], workspace.high[k], block_of(parameters)), state
+        return not can_lift_off(workspace.low[k], workspace.high[k], parameters.block), state
     floor, roof = folded_angle_bounds(
-        side * x, side * v, side, workspace.low[k], workspace.high[k], h, block_of(parameters)
+        side * x, side * v, side, workspace.low[k], workspace.high[k], h, parameters.block
     )
-    x, v = _step(x, v, side, k, h, workspace, block_of(parameters))
-    cutoff = parameters.cutoff
+    x, v = _step(x, v, side, k, h, workspace, parameters.block)
+    cutoff = parameters.block.cutoff
     return floor > 0.0 and roof < cutoff and 0.0 < side * x < cutoff, (x, v)
 
 
 @kernel(borrows=True)
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of the parabola through the three values of the forcing in a step."""
-    k, h = j % workspace.low.size, parameters.spacing
+    k, h = j % workspace.low.size, parameters.grid.spacing
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     slope = (4.0 * middle - 3.0 * begin - end) / h
     curvature = 4.0 * (begin - 2.0 * middle + end) / (h * h)
@@ -207,12 +199,12 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 @kernel(borrows=True)
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
     """Carry a block through a share of a step; return (angle, velocity), side, and time of overturning."""
-    (x, v), n, h, k = state, parameters.count, parameters.spacing, j % workspace.low.size
-    block = block_of(parameters)
+    (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
+    block = parameters.block
     origin = (cycle + number // n) * (n * h) + (j - k) * h
     segment = segment_from_particular(workspace.particular, workspace.scratch, h)
     x, v, side, time = advance_through_events(x, v, side, segment, 0.0, h * share, block, impacts, origin + k * h)
-    return (x, v), side, (origin + (k * h + time) if abs(x) >= parameters.cutoff else math.inf)
+    return (x, v), side, (origin + (k * h + time) if abs(x) >= parameters.block.cutoff else math.inf)
 
 
 ENGINE = Engine(

@@ -18,7 +18,7 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import block_of, block_of_scene
+from fpk_rocking.physics.motion.equation import Body, block_of_scene
 from fpk_rocking.physics.motion.events import Event, next_event
 from fpk_rocking.physics.motion.flight import unstable_coordinate
 from fpk_rocking.physics.motion.impact import velocity_after_impact
@@ -44,9 +44,7 @@ class NoiselessForcing(NamedTuple):
     duration: float
     stride: int
     count: int
-    restitution: float
-    cutoff: float
-    critical_angle: float | None
+    block: Body
 
 
 class ScoreTable(NamedTuple):
@@ -83,7 +81,7 @@ def _noiseless_forcing(scene, intervals, span):
     low, high, curvature = np.empty((3, intervals))
     for j in range(intervals):
         low[j], high[j], curvature[j] = force_from_particular(particular[j], duration, force[j])
-    ahead = (duration, stride, math.ceil(TUNING.foresight / duration), *block_of_scene(scene))
+    ahead = (duration, stride, math.ceil(TUNING.foresight / duration), block_of_scene(scene))
     return NoiselessForcing(particular, force, low, high, curvature, *ahead)
 
 
@@ -98,11 +96,11 @@ def _follow(u, w, side, j, forcing):
         )
         t = 0.0
         while t < forcing.duration and best <= 0.0:
-            kind, t, x, v = next_event(x, v, side, segment, t, forcing.duration, block_of(forcing))
+            kind, t, x, v = next_event(x, v, side, segment, t, forcing.duration, forcing.block)
             if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < TUNING.score_slowest):
                 return best
             if kind == Event.IMPACT:
-                v, side = velocity_after_impact(v, forcing.restitution), -side
+                v, side = velocity_after_impact(v, forcing.block.restitution), -side
                 best = max(best, unstable_coordinate(0.0, side * v, side, forcing.particular[j], t))
         j = (j + forcing.stride) % forcing.low.size
     return best
@@ -114,7 +112,7 @@ def _write_scores(table, forcing, fastest):
     times, sides, angles, velocities = table.shape
     for row in prange(times * sides * angles):
         j, k, a = row // (sides * angles), (row // angles) % sides, row % angles
-        u = forcing.cutoff * a / (angles - 1)
+        u = forcing.block.cutoff * a / (angles - 1)
         for b in range(velocities):
             w = fastest * (2.0 * b / (velocities - 1) - 1.0)
             table[j, k, a, b] = _follow(u, w, 2 * k - 1, j, forcing)
@@ -138,7 +136,7 @@ def _begin_walker(stream, i, population, parameters, scores):
     """Draw the start of walker i, its first record."""
     x, v = draw_start(stream, parameters.start)
     side = first_side(x, v, parameters)
-    score = math.inf if side * x >= parameters.cutoff else score_of_state(side * x, side * v, side, 0, scores)
+    score = math.inf if side * x >= parameters.block.cutoff else score_of_state(side * x, side * v, side, 0, scores)
     record_score(population, i, score, 0, side * x, side * v, side)
 
 
@@ -148,11 +146,11 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
     k = population.records[i] - 1
     step, state = population.step[i, k], population.state[i, k]
     u, w, side = state[0], state[1], int(state[2])
-    intervals = parameters.count
-    while step < steps and u < parameters.cutoff:
+    intervals = parameters.grid.count
+    while step < steps and u < parameters.block.cutoff:
         u, w, side, _ = step_interval(stream, u, w, side, step % intervals, parameters)
         step += 1
-        score = math.inf if u >= parameters.cutoff else score_of_state(u, w, side, step % intervals, scores)
+        score = math.inf if u >= parameters.block.cutoff else score_of_state(u, w, side, step % intervals, scores)
         record_score(population, i, score, step, u, w, side)
 
 
@@ -162,7 +160,7 @@ def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
 
     Adds its estimates to `overturned` (cycles + 1, 2) zeros; returns the numbers of levels and of killed walkers.
     """
-    intervals = parameters.count
+    intervals = parameters.grid.count
     steps = (overturned.shape[0] - 1) * intervals
     population = allocate_population(walkers, steps)
     # No two paths share a stream, nor one with a realization of an ensemble: those have the numbers below 2^32.

@@ -23,7 +23,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.equation import block_of, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import (
     accumulated_covariance,
@@ -37,7 +37,7 @@ from fpk_rocking.physics.motion.segment import Segment, segment_from_particular,
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo.engines.approach import nystrom_step, reflect_draw, step_near_barrier
 from montecarlo.engines.bounce import draw_bounce
-from montecarlo.engines.engine import Engine, time_grid
+from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import draw_start, normal, start_parameters
 from montecarlo.tuning import TUNING
 
@@ -45,7 +45,7 @@ from montecarlo.tuning import TUNING
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,); `count`, `spacing`, `output_times`: see `start_parameters` and `TimeGrid`.
+    `start` (5,): see `start_parameters`.
     `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of the forcing; `stages` (m, 3): its
     values at their begin, middle and end. `diffusion` (m,): D, 0 where it counts as none (`mean_squares`).
     `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0), indexed [interval, side < 0
@@ -57,12 +57,8 @@ class Parameters(NamedTuple):
     intervals.
     """
 
-    restitution: float
-    cutoff: float
-    critical_angle: float | None
-    count: int
-    spacing: float
-    output_times: np.ndarray
+    block: Body
+    grid: TimeGrid
     diffusion: np.ndarray
     start: np.ndarray
     particular: np.ndarray
@@ -124,28 +120,19 @@ def parameters_of(scene, steps_per_cycle, times=None):
             "time and the motion after them is not defined; band noise and filtered noise have no such limit"
         )
         raise ValueError(checks.refusal("block.restitution", restitution, accepted))
-    longest, envelope = (
-        min(scene.forcing.shortest_period / TUNING.white_fewest, TUNING.white_longest),
-        scene.noise.envelope,
-    )
+    longest = min(scene.forcing.shortest_period / TUNING.white_fewest, TUNING.white_longest)
+    envelope = scene.noise.envelope
     grid = time_grid(scene, longest if envelope is None else min(longest, envelope.spacing), times)
     intervals, span = grid.count, grid.spacing
     diffusions = diffusion * mean_squares(envelope, span * np.arange(intervals + 1))
-    tables = (
-        np.empty((intervals, TERMS)),
-        np.empty(intervals),
-        np.empty(intervals),
-        np.empty(intervals),
-        np.empty((intervals, 3)),
-        np.empty((intervals, 2, 2)),
-    )
+    tables = [np.empty((intervals, *shape)) for shape in ((TERMS,), (), (), (), (3,), (2, 2))]
     particular = scene.forcing.pieces(np.arange(intervals) * span)
     _write_segments(particular, span, *tables, block_of_scene(scene))
     xx, _, _ = flight_covariance(1.0, span)
     roots = np.sqrt(diffusions)
     return Parameters(
-        *block_of_scene(scene),
-        *grid,
+        block_of_scene(scene),
+        grid,
         diffusions,
         start_parameters(scene.start),
         particular,
@@ -174,7 +161,7 @@ def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG
 def _draw_exact(u, w, side, first, second, j, parameters, block):
     """Folded angle and velocity of an exact block after interval j without an event, by two normal numbers."""
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
-    u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.spacing, block)
+    u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
     xx, vx, vv = parameters.spread[j, 0], parameters.spread[j, 1], parameters.spread[j, 2]
     return u + side * strength * (xx * first), w + side * strength * (vx * first + vv * second)
 
@@ -189,14 +176,14 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
     That is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`, that
     of the interval's begin, and `end` is at most its end; `impacts` records the impacts.
     """
-    span, cutoff, time = parameters.spacing, parameters.cutoff, start
+    span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
     segment = Segment(
         parameters.particular[j], parameters.force[j], parameters.low[j], parameters.high[j], parameters.curvature[j]
     )
     if start == 0.0 and end == span and is_clear(u, w, side, j, parameters):
         first, second = normal(stream), normal(stream)
-        u, w = _draw(u, w, side, first, second, j, parameters, block_of(parameters))
+        u, w = _draw(u, w, side, first, second, j, parameters, parameters.block)
         if u >= 0.0:
             return u, w, side, span
         u, w, side, time = reflect_draw(u, w, side, segment, 0.0, span, span, parameters, impacts, origin)
@@ -221,7 +208,7 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
     """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
     side = 0 if u == 0.0 and w == 0.0 else side
     x, v, side, time = advance_through_events(
-        side * u, side * w, side, segment, start, end, block_of(parameters), impacts, origin
+        side * u, side * w, side, segment, start, end, parameters.block, impacts, origin
     )
     if side == 0:
         return 0.0, 0.0, 1, time
@@ -232,9 +219,9 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 def is_clear(u, w, side, j, parameters):
     """Whether neither barrier is within some standard deviations in all of interval j."""
     below, above = folded_angle_bounds(
-        u, w, side, parameters.low[j], parameters.high[j], parameters.spacing, block_of(parameters)
+        u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block
     )
-    return below >= parameters.margin[j] and parameters.cutoff - above >= parameters.margin[j]
+    return below >= parameters.margin[j] and parameters.block.cutoff - above >= parameters.margin[j]
 
 
 @kernel
@@ -256,9 +243,9 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
 
     A path cannot be looked at within a step, as that would take random numbers: its steps end at the output times.
     """
-    intervals, span, times = parameters.count, parameters.spacing, parameters.output_times
+    intervals, span, times = parameters.grid.count, parameters.grid.spacing, parameters.grid.output_times
     x, v = draw_start(stream, parameters.start)
-    if abs(x) >= parameters.cutoff:
+    if abs(x) >= parameters.block.cutoff:
         return cycle * (intervals * span), (1 if x > 0.0 else -1)
     angle[0], velocity[0] = x, v
     side = first_side(x, v, parameters)
@@ -272,7 +259,7 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
             if start < end:
                 until = left * span if parameters.repeats else 0.0
                 u, w, side, start = step_interval(stream, u, w, side, j, parameters, impacts, origin, start, end, until)
-                if u >= parameters.cutoff:
+                if u >= parameters.block.cutoff:
                     return origin + start, side
             if left < 1.0:
                 break

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics.motion import equation, flight
+from fpk_rocking.physics.motion.equation import Body
 from montecarlo.engines import approach
 
-PARAMETERS = types.SimpleNamespace(restitution=0.6, cutoff=1.5, critical_angle=None, shortest=1e-6)
+PARAMETERS = types.SimpleNamespace(block=Body(0.6, 1.5), shortest=1e-6)
 
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
     """As Python, with what it calls, and normals of 0."""
     for name in (
-        "block_of",
         "velocity_after_impact",
         "reflect_draw",
         "step_near_barrier",
@@ -69,13 +69,13 @@ def near(u, w, side, force, diffusion=0.0):
 def test_a_step_ends_before_a_bound_of_the_acceleration_brings_a_block_to_a_barrier(side):
     """From rest: -u'' is at most 1 - s f, and u'' at most cutoff - 1 + s f; no step is shortened without a need."""
     for u, folded, bound in ((0.2, -3.0, 4.0), (1.3, 3.0, 3.5)):
-        gap = min(u, PARAMETERS.cutoff - u)
+        gap = min(u, PARAMETERS.block.cutoff - u)
         *_, end = near(u, 0.0, side, side * folded)
         assert end - 0.2 == pytest.approx(math.sqrt(2.0 * gap / bound), rel=1e-3)
     assert near(1.0, 0.0, side, 0.0)[-1] == 1.2
     # Towards a barrier at a speed against which noise is nothing a flight goes there at once.
     assert near(0.01, -1.0, side, 0.0)[::2] == (0.0, -side)
-    assert near(1.49, 1.0, side, 0.0)[0] == PARAMETERS.cutoff
+    assert near(1.49, 1.0, side, 0.0)[0] == PARAMETERS.block.cutoff
 
 
 def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):

@@ -64,15 +64,17 @@ def bounce_errors(share, angle, monkeypatch):
     monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=2.0))
     scene = Scene(Block(0.9, critical_angle=angle), Harmonic(0.9, 7.0), WhiteNoise(1e-20))
     parameters, block = white.parameters_of(scene, 200), Body(0.9, 1.5, angle or None)
-    stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * parameters.spacing, {}
+    stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * parameters.grid.spacing, {}
     for j in range(parameters.low.size):
         for side in (-1, 1):
             pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, parameters.force[j]) * math.cos(angle)
-            speed = share * parameters.spacing * pull
+            speed = share * parameters.grid.spacing * pull
             after, gone, end = draw_bounce(stream, speed, side, j, begin, math.inf, parameters, None, 0.0)
             if gone != 0:
                 segment = Segment(parameters.particular[j], parameters.force[j], -1.0, 1.0, 200.0)
-                _, time, _, v = next_event(0.0, side * speed, side, segment, begin, 10.0 * parameters.spacing, block)
+                _, time, _, v = next_event(
+                    0.0, side * speed, side, segment, begin, 10.0 * parameters.grid.spacing, block
+                )
                 errors[j, side] = after / (0.9 * abs(v)) - 1.0, (end - begin) / (time - begin) - 1.0
     return errors
 

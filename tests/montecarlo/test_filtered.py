@@ -62,7 +62,7 @@ def test_sampled_noise_has_the_autocovariance(noise):
     scene, n, grid = scene_of(noise), 100_000, 4
     parameters = with_intervals(scene, 24)
     values, flights = noise_of(parameters, grid, n)
-    h, nodes = parameters.spacing, np.polynomial.legendre.leggauss(48)
+    h, nodes = parameters.grid.spacing, np.polynomial.legendre.leggauss(48)
     time, weight = 0.5 * h * (1.0 + nodes[0]), 0.5 * h * nodes[1]
     output = noise.space.output * math.sqrt(noise.variance)
     times, kernels = [], []
@@ -111,7 +111,7 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
         if noise in (LOW_PASS, THIRD):
             slopes = (workspace.noise.bernstein.size - 1) * np.diff(workspace.noise.bernstein)[[0, -1]]
             assert slopes == pytest.approx(
-                parameters.spacing * sigma * workspace.noise.drawn[: 2 * n].reshape(2, n) @ rate, abs=1e-12
+                parameters.grid.spacing * sigma * workspace.noise.drawn[: 2 * n].reshape(2, n) @ rate, abs=1e-12
             )
 
 
@@ -120,7 +120,7 @@ KINKED = Table((0.3, 0.6, 2.0), (0.2, 1.5, 0.1))
 
 def tables_over(scene, end):
     """The engine's tables for a time, in intervals of its default length at most."""
-    spacing = filtered.parameters_of(scene, 200, np.array([end])).spacing
+    spacing = filtered.parameters_of(scene, 200, np.array([end])).grid.spacing
     count = math.ceil(end / spacing - 1e-9)
     return filtered.parameters_on_grid(scene, TimeGrid(count, end / count, np.array([float(count)])))
 
@@ -188,7 +188,7 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
         pieces = range(parameters.envelope.first[j], parameters.envelope.first[j + 1])
         cut += len(pieces) > 1
         begins, values = parameters.envelope.begins[pieces], parameters.envelope.strength[pieces, 0]
-        assert values == pytest.approx(noise.envelope.value(j * parameters.spacing + begins + 1e-12), abs=1e-9)
+        assert values == pytest.approx(noise.envelope.value(j * parameters.grid.spacing + begins + 1e-12), abs=1e-9)
     assert cut == 3
 
 

@@ -90,14 +90,14 @@ def test_paths_under_pulses_and_records_are_those_of_an_independent_integrator(n
 def realized(scene, seed, number):
     """Force of a realization as a function of time, from the numbers that the engine draws."""
     parameters = exact.parameters_of(scene, 200, np.array([scene.period]))
-    drawn = band.allocate_realization(parameters.harmonics, 1)
-    band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters, drawn)
-    count, period = parameters.harmonics, parameters.count * parameters.spacing
+    drawn = band.allocate_realization(parameters.band.harmonics, 1)
+    band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters.start, parameters.band, drawn)
+    count, period = parameters.band.harmonics, parameters.grid.count * parameters.grid.spacing
     rates, phases = 2.0 * math.pi * drawn.ratios[:count] / period, 2.0 * math.pi * drawn.phases[:count]
     forcing, envelope = scene.forcing, scene.noise.envelope
 
     def force(t):
-        noise = parameters.weight * np.cos(rates * t + phases).sum()
+        noise = parameters.band.weight * np.cos(rates * t + phases).sum()
         strength = 1.0 if envelope is None else envelope.value(np.array([t]))[0]
         return float(-forcing.amplitude * math.cos(forcing.frequency * t + forcing.phase) + strength * noise)
 

@@ -87,7 +87,7 @@ def noise_of(scene, number, seed):
     """Force of a realization as a function of time, from the frequencies and phases that the engine draws."""
     parameters = rk4.parameters_of(scene, 50)
     harmonics = rk4.workspace_of(parameters).harmonics
-    draw_start_and_noise(open_stream(stream_keys(seed), number), parameters, harmonics)
+    draw_start_and_noise(open_stream(stream_keys(seed), number), parameters.start, parameters.band, harmonics)
     rates, phases = 2.0 * math.pi * harmonics.ratios / scene.period, 2.0 * math.pi * harmonics.phases
     known = scene.forcing
     return lambda t: (

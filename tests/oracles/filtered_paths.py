@@ -44,7 +44,7 @@ def interval(x, v, side, number, j, parameters, workspace):
         end, side, time = step_with_events((x, v), end, side, number, j, 1.0, 0, parameters, workspace, None)
         if time < math.inf:
             return *end, side, time
-    return *end, side, (number + 1) * parameters.spacing
+    return *end, side, (number + 1) * parameters.grid.spacing
 
 
 @kernel
@@ -63,14 +63,14 @@ def _pair(stream, fine, coarse, factor, cycles):
             x, v, side = states[0]
             x, v, side, time = interval(x, v, side, number, number % intervals, fine, workspaces[0])
             states[0] = x, v, side
-            if abs(x) >= fine.cutoff:
+            if abs(x) >= fine.block.cutoff:
                 times[0] = time
         if times[1] == math.inf and number % factor == factor - 1:
             x, v, side = states[1]
             j = number % intervals // factor
             x, v, side, time = interval(x, v, side, number // factor, j, coarse, workspaces[1])
             states[1] = x, v, side
-            if abs(x) >= fine.cutoff:
+            if abs(x) >= fine.block.cutoff:
                 times[1] = time
     return times[0], times[1], states[0][0], states[1][0]
 

@@ -26,12 +26,11 @@ def follow_scene(scene, seed, realization, cycles, rounding=2e-14, digits=50):
     Frequencies and phases are the very numbers that the engines draw; what they are multiplied with is exact.
     """
     parameters = rk4.parameters_of(scene, 8)
-    harmonics = band.allocate_realization(parameters.harmonics, 1)
-    angle, velocity = band_noise.draw_start_and_noise(
-        open_stream(stream_keys(seed), realization), parameters, harmonics
-    )
+    harmonics = band.allocate_realization(parameters.band.harmonics, 1)
+    stream = open_stream(stream_keys(seed), realization)
+    angle, velocity = band_noise.draw_start_and_noise(stream, parameters.start, parameters.band, harmonics)
     rows = harmonics.ratios, harmonics.phases, harmonics.weights
-    ratios, phases, weights = (row[: parameters.harmonics].tolist() for row in rows)
+    ratios, phases, weights = (row[: parameters.band.harmonics].tolist() for row in rows)
     forcing = scene.forcing
     with mp.workdps(digits + 15):
         omega = mpf(forcing.frequency)

@@ -26,7 +26,8 @@ VARIANCE, BAND = 0.04, (1.0, 6.0)
 def draw(realization, half=1, count=100):
     scene = Scene(Block(0.5), Harmonic(1.0, 2.7), BandNoise(VARIANCE, BAND, count))
     harmonics = band.allocate_realization(count, half)
-    draw_start_and_noise(open_stream(stream_keys(5), realization), rk4.parameters_of(scene, 8), harmonics)
+    parameters = rk4.parameters_of(scene, 8)
+    draw_start_and_noise(open_stream(stream_keys(5), realization), parameters.start, parameters.band, harmonics)
     return harmonics
 
 

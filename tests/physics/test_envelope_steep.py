@@ -16,7 +16,7 @@ def test_a_spike_shorter_than_an_interval_lifts_blocks_off(middle):
     spike = Table((middle - 0.01, middle, middle + 0.01), (0.0, 200.0, 0.0))
     scene = Scene(Block(0.9), Pulse("one-cosine", 1e-4, 3.0), BandNoise(4.0, (0.0, 5.0), 40, envelope=spike))
     times = [middle - 0.02, middle + 0.5]
-    assert exact.parameters_of(scene, 200, np.array([0.0, *times])).spacing > 0.1
+    assert exact.parameters_of(scene, 200, np.array([0.0, *times])).grid.spacing > 0.1
     found = simulate(scene, times=times, realizations=100)
     steps = simulate(scene, times=times, realizations=100, method="rk4", steps_per_cycle=4000)
     assert np.all(found.angle[:, 1] == 0.0)

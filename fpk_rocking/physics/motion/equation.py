@@ -36,12 +36,6 @@ def block_of_scene(scene: Any) -> Body:
     return Body(scene.block.restitution, scene.overturning.angle, scene.block.critical_angle or None)
 
 
-@kernel(inline="always")
-def block_of(parameters):
-    """Return the `Body` of a kernel's parameters, which hold its three numbers among others."""
-    return Body(parameters.restitution, parameters.cutoff, parameters.critical_angle)
-
-
 def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) -> Callable[..., Any]:
     """Return one function of two kernels, for slender and for exact blocks; its last argument is the `Body`."""
 
