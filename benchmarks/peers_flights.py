@@ -28,8 +28,9 @@ def realizations(count, seed=1):
     omega, phase, amplitude = BAND.forcing.frequency, BAND.forcing.phase, BAND.forcing.amplitude
     for number in range(count):
         drawn = band.allocate_realization(parameters.band.harmonics, 1)
-        band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters.start, parameters.band, drawn)
-        ratios, phases, weights = (row[: parameters.band.harmonics] for row in (drawn.ratios, drawn.phases, drawn.weights))
+        stream, size = open_stream(stream_keys(seed), number), parameters.band.harmonics
+        band_noise.draw_start_and_noise(stream, parameters.start, parameters.band, drawn)
+        ratios, phases, weights = (row[:size] for row in (drawn.ratios, drawn.phases, drawn.weights))
         rows.append(
             [np.append(omega * ratios, omega), np.append(2 * np.pi * phases, phase), np.append(weights, -amplitude)]
         )

@@ -269,7 +269,8 @@ def split(
     if parameters.grid.count > TUNING.splitting_intervals:
         most = TUNING.splitting_intervals
         accepted = f"a cycle of {most} intervals or fewer for `split`, {parameters.grid.spacing:.2g} each"
-        raise ValueError(checks.refusal("forcing.frequency", scene.forcing.frequency, accepted))
+        forcing: Any = scene.forcing  # it repeats, so it has a frequency
+        raise ValueError(checks.refusal("forcing.frequency", forcing.frequency, accepted))
     _refuse_large("walkers", walkers, run.rows * parameters.grid.count)
     _refuse_large("repeats", repeats, run.rows)
     scores = score_table(scene, parameters.grid.count)

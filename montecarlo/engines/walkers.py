@@ -9,12 +9,13 @@ costs accuracy and never brings bias. The motion of an exact block is followed a
 separatrix tends near the saddle, is taken all the same. Everything is nondimensional.
 """
 
+import concurrent.futures
 import functools
 import math
 from typing import NamedTuple
 
+import numba
 import numpy as np
-from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
@@ -67,7 +68,10 @@ def score_table(scene, intervals):
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
     forcing = _noiseless_forcing(scene, intervals, span)
     table = np.empty((intervals, 2, TUNING.score_angles, TUNING.score_velocities), np.float32)
-    _write_scores(table, forcing, fastest)
+    rows, threads = math.prod(table.shape[:3]), numba.get_num_threads()
+    edges = np.linspace(0, rows, 4 * threads + 1).astype(int).tolist()
+    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+        list(pool.map(lambda begin, end: _write_scores(begin, end, table, forcing, fastest), edges[:-1], edges[1:]))
     angles, velocities = table.shape[2:]
     return ScoreTable(table, fastest, (angles - 1) / cutoff, (velocities - 1) / (2.0 * fastest))
 
@@ -106,11 +110,11 @@ def _follow(u, w, side, j, forcing):
     return best
 
 
-@kernel(parallel=True)
-def _write_scores(table, forcing, fastest):
-    """Write the `table` of a `ScoreTable`, for velocities from -`fastest` to `fastest`."""
-    times, sides, angles, velocities = table.shape
-    for row in prange(times * sides * angles):
+@kernel(nogil=True)
+def _write_scores(begin, end, table, forcing, fastest):
+    """Write rows of the `table` of a `ScoreTable` from one to another, for velocities from -`fastest` to `fastest`."""
+    _, sides, angles, velocities = table.shape
+    for row in range(begin, end):
         j, k, a = row // (sides * angles), (row // angles) % sides, row % angles
         u = forcing.block.cutoff * a / (angles - 1)
         for b in range(velocities):
