@@ -116,7 +116,7 @@ def fit_lognormal(
     >>> from fpk_rocking.studies.lognormal import fit_lognormal
     >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
     >>> print(f"median {fit.median:.2f}, dispersion {fit.dispersion:.2f}, p = {fit.p_value:.2f}")
-    median 1.03, dispersion 0.54, p = 0.00
+    median 1.03, dispersion 0.54, p = 0.47
     """
     level = checks.part("level", level)
     scale, probability = np.asarray(scale, float), np.asarray(probability, float)
