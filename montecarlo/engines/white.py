@@ -35,7 +35,7 @@ from fpk_rocking.physics.motion.flight import (
 from fpk_rocking.physics.motion.particular import cosh_sinh
 from fpk_rocking.physics.motion.segment import Segment, segment_from_particular, value_and_slope
 from fpk_rocking.physics.noise.envelope import mean_squares
-from montecarlo.engines.approach import nystrom_step, reflect_draw, step_near_barrier
+from montecarlo.engines.barrier_steps import nystrom_step, reflect_draw, step_near_barrier
 from montecarlo.engines.bounce import draw_bounce
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import draw_start, normal, start_parameters

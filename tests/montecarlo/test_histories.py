@@ -110,7 +110,7 @@ def test_every_impact_turns_the_side(scene, method):
 
 
 def test_no_impact_is_dropped_where_there_are_many():
-    """A block rattles at 1e4 impacts a cycle or so: more than there is room for at first."""
+    """A block rattles at 1e4 impacts a cycle or so: more than there is space for at first."""
     scene = Scene(Block(0.999), Harmonic(0.0, 0.05), NoNoise(), Start(1e-4))
     few = next(batches.simulate_batches(batches.checked_run(scene, 1, 2, 1, None, 400), capacity=3)).impacts
     run = histories(scene, cycles=1, realizations=2, steps_per_cycle=400)
@@ -125,9 +125,9 @@ def test_no_impact_is_dropped_where_there_are_many():
 def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_for(monkeypatch):
     scene = Scene(Block(0.9), Harmonic(1.2, 2.0), BandNoise(0.1, (0.0, 6.0), 20))
     whole = histories(scene, cycles=1, realizations=20)
-    room = 10
-    assert whole.impacts.min() < room < whole.impacts.max()
-    monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(impacts_per_cycle=room))
+    capacity = 10
+    assert whole.impacts.min() < capacity < whole.impacts.max()
+    monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(impacts_per_cycle=capacity))
     again = histories(scene, cycles=1, realizations=20)
     for name in ("angle", "impact_realization", "impact_time", "impact_velocity"):
         assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
