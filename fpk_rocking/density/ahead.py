@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from fpk_rocking.base import ahead
 from fpk_rocking.density.filtered import advance_from_rest
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.solver import solve_fpk
@@ -21,13 +20,6 @@ _SCENE = Scene(
 )
 _EXACT = _SCENE.varied(block=Block(0.5, critical_angle=0.3))
 _USUAL = 1e-3
-
-
-def tasks_of_density(scene, noise_replacement=None):
-    """Return the tasks of `fpk_rocking.base.ahead` that compile what the density of a scene needs."""
-    tasks = ["fpk_rocking.density.ahead:solve"]
-    tasks += ["fpk_rocking.density.ahead:filtered"] if "filtered" in (scene.noise.kind, noise_replacement) else []
-    return [ahead.of_block(task, scene) for task in tasks]
 
 
 def flight():

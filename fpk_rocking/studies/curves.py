@@ -13,9 +13,8 @@ from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import grid, scaled
-from fpk_rocking.studies.sweeping import checked_scenes
-from fpk_rocking.studies.tasks import TASKS
+from fpk_rocking.studies.scenes import checked_scenes, grid, scaled
+from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo.engines import engine_of
 
 
@@ -117,7 +116,7 @@ def fragility(
         level = levels[which - 1] if which else None
         jobs.append(Job(len(jobs), _at(shaken[m], factors[n], level, scale_noise), own))
     task = TASKS["fpk" if engine == "density" else "mc"]
-    rows = run_jobs(task, jobs, options, workers=workers, store=store, progress=progress)
+    rows = run_jobs(task, jobs, options, kernels_of, workers=workers, store=store, progress=progress)
     values = [row["values"] for row in rows]
     if not any(values):
         raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")

@@ -25,7 +25,6 @@ from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import File, Progress
 from fpk_rocking.console import line
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.tasks import kernels_of
 
 try:
     import fcntl
@@ -63,6 +62,7 @@ def run_jobs(
     task: Callable[..., Any],
     jobs: Sequence[Job],
     options: dict[str, Any],
+    kernels_of: Callable[..., list[str]],
     *,
     workers: int | concurrent.futures.Executor,
     store: File | None = None,
@@ -76,6 +76,8 @@ def run_jobs(
         Called as ``task(scene, seed=seed, **options)``; returns a dict of what JSON holds.
     jobs : sequence of Job
     options : dict
+    kernels_of : callable
+        `fpk_rocking.studies.tasks.kernels_of`: what to compile before several workers need it.
     workers, store, progress
         As for `fpk_rocking.studies.sweep`.
 

@@ -8,7 +8,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike
@@ -312,3 +312,12 @@ def intensities(scene: Scene) -> Intensities:
     pgv = velocity * unit / size.frequency_parameter
     relative = velocity * size.critical_angle / math.tan(size.critical_angle)
     return Intensities(acceleration, velocity, acceleration * unit, pgv, relative)
+
+
+def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
+    """Return a tuple of scenes, at least one."""
+    accepted = "one or more scenes"
+    scenes = checks.sequence(name, scenes, accepted)
+    if not scenes:
+        raise ValueError(checks.refusal(name, scenes, accepted))
+    return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))

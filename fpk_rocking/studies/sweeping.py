@@ -16,8 +16,8 @@ from fpk_rocking.results.storage import write_csv
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
-from fpk_rocking.studies.scenes import Grid
-from fpk_rocking.studies.tasks import TASKS
+from fpk_rocking.studies.scenes import Grid, checked_scenes
+from fpk_rocking.studies.tasks import TASKS, kernels_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -267,14 +267,5 @@ def sweep(
         raise ValueError(checks.refusal("task", task, f"{', '.join(map(repr, TASKS))}, or a function"))
     jobs = [Job(number, scene, seed_of(seed, number)) for number, scene in enumerate(checked)]
     started = time.perf_counter()
-    rows = run_jobs(function, jobs, options, workers=workers, store=store, progress=progress)
+    rows = run_jobs(function, jobs, options, kernels_of, workers=workers, store=store, progress=progress)
     return Sweep(rows, axes, time.perf_counter() - started)
-
-
-def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
-    """Return a tuple of scenes, at least one."""
-    accepted = "one or more scenes"
-    scenes = checks.sequence(name, scenes, accepted)
-    if not scenes:
-        raise ValueError(checks.refusal(name, scenes, accepted))
-    return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))

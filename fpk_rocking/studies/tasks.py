@@ -8,8 +8,8 @@ import numpy as np
 
 from fpk_rocking.base import ahead, checks
 from fpk_rocking.base.types import ArrayLike, Progress
-from fpk_rocking.density import Evolution, solve_fpk
-from fpk_rocking.density.ahead import tasks_of_density
+from fpk_rocking.density.evolution import Evolution
+from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.scene.scene import Scene
 from montecarlo import simulate
 from montecarlo.engines import engine_of, engines_for, task_of
@@ -51,7 +51,8 @@ def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[
         if task is mc:
             names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
-            names.update(tasks_of_density(scene, options.get("noise_replacement")))
+            kernels = ["solve"] + ["filtered"] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
+            names.update(ahead.of_block(f"fpk_rocking.density.ahead:{name}", scene) for name in kernels)
     return sorted(names)
 
 

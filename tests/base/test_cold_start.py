@@ -17,6 +17,7 @@ from fpk_rocking.base import ahead, jit
 from fpk_rocking.density import ahead as density_tasks
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
+from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import ahead as engine_tasks
 from montecarlo.engines import ENGINES, engine_of, exact, filtered, rk4, task_of, white
 
@@ -114,7 +115,7 @@ def test_every_engine_and_every_call_has_its_task():
     scenes = [Scene(Block(0.5, critical_angle=angle), Harmonic(1.0, 2.0), NoNoise()) for angle in (0.0, 0.3)]
     named = {task_of(engine, scenes[engine is exact.EXACT_BLOCK]) for engine in ENGINES}
     named |= {task_of(engine, scenes[1]) for engine in (rk4.ENGINE, white.ENGINE, filtered.ENGINE)}
-    named.update(task for one in scenes for task in density_tasks.tasks_of_density(one, "filtered"))
+    named.update(kernels_of(TASKS["fpk"], scenes, {"noise_replacement": "filtered"}))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
         named.update(re.findall(r'ahead\.(?:before|of_block)\("([\w.:]+)"', path.read_text(encoding="utf-8")))
     assert named <= set(ahead.TASKS)
@@ -161,7 +162,14 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
     compiled = done.stderr.rpartition("compiled ")[2]
     assert "scatter" in compiled
-    for name in ("first_angle_shear", "velocity_shear", "last_angle_shear", "fill_blocks", "blocks_to_point_values", "target_range"):
+    for name in (
+        "first_angle_shear",
+        "velocity_shear",
+        "last_angle_shear",
+        "fill_blocks",
+        "blocks_to_point_values",
+        "target_range",
+    ):
         assert repr(name) not in compiled
 
 
