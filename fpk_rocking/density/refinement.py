@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.types import Array, Progress
 from fpk_rocking.density.tuning import TUNING
 
 SOLUTIONS = 3
@@ -166,15 +166,15 @@ class ProgressCount:
         Of one solution.
     """
 
-    def __init__(self, report, rows):
+    def __init__(self, report: Progress | None, rows: int) -> None:
         self.report, self.rows, self.done, self.total = checks.report(report), rows, 0, SOLUTIONS * rows
 
-    def start_solution(self):
+    def start_solution(self) -> Callable[[], None]:
         """Make room for another solution, and return what to call after each of its rows."""
         self.total = max(self.done + self.rows, self.total)
         return self._count
 
-    def _count(self):
+    def _count(self) -> None:
         self.done += 1
         if self.report:
             self.report(self.done, self.total)

@@ -19,6 +19,7 @@ from fpk_rocking.density.step.step import Characteristics, Dynamics, Step, mark_
 from fpk_rocking.density.sticking import Sticking, density_at_rest
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene.parts import Start
+from fpk_rocking.scene.scene import Scene
 
 
 class ReInjection(NamedTuple):
@@ -81,11 +82,11 @@ class TransientState:
     spent: float = 0.0
 
     @property
-    def time(self):
+    def time(self) -> float:
         """Time τ of the state."""
         return self.edges[0]
 
-    def spend(self, mass, most):
+    def spend(self, mass: float, most: float) -> bool:
         """Whether a mass may be treated as small: all such masses together are at most a bound."""
         small = self.spent + mass <= most
         self.spent += mass if small else 0.0
@@ -205,7 +206,7 @@ class TransientPropagator(Propagator):
         )
 
 
-def step_edges(scene, duration, times):
+def step_edges(scene: Scene, duration: float, times: Array) -> Array:
     """Edges of steps of about a duration, to the last of the times (rows,).
 
     All times and the end of the forcing are among them; each takes the place of an edge within .3 of a step.

@@ -3,9 +3,12 @@
 import contextlib
 import pathlib
 import textwrap
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base.types import ArrayLike, File
 from fpk_rocking.results.storage import replaced_atomically
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
@@ -29,7 +32,7 @@ _SETTINGS = {
 
 
 @contextlib.contextmanager
-def drawing():
+def drawing() -> Iterator[Callable[..., Any]]:
     """Yield matplotlib's figure class with the project's settings in force; no window system is used."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -45,7 +48,7 @@ def drawing():
 
 
 @contextlib.contextmanager
-def page(path, size, title, notes=()):
+def page(path: File, size: tuple[float, float], title: str, notes: Iterable[str] = ()) -> Iterator[Any]:
     """Yield a figure for several panels, with a title above and notes below them; it is saved at the end.
 
     Parameters
@@ -70,12 +73,12 @@ def page(path, size, title, notes=()):
         save(figure, path)
 
 
-def title_size(title, width) -> float:
+def title_size(title: str, width: float) -> float:
     """Return the size of print, in points, at which a title fits on a line of some width in inches."""
     return min(15.0, 122.0 * width / max(len(title), 1))  # 122: points times letters an inch
 
 
-def shades(count) -> list:
+def shades(count: int) -> list[str]:
     """Return colours for `count` values in ascending order, dark to light, each legible as a line on white."""
     import matplotlib as mpl
 
@@ -83,7 +86,14 @@ def shades(count) -> list:
     return [mpl.colors.to_hex(mpl.colormaps["viridis"](0.82 * step / max(count - 1, 1))) for step in steps]
 
 
-def named(axes, text, point, colour, offset=(5.0, -3.0), **look):
+def named(
+    axes: Any,
+    text: str,
+    point: tuple[float, float],
+    colour: str,
+    offset: tuple[float, float] = (5.0, -3.0),
+    **look: Any,
+) -> None:
     """Write the name of a curve in its colour beside one of its points.
 
     Parameters
@@ -101,7 +111,7 @@ def named(axes, text, point, colour, offset=(5.0, -3.0), **look):
     axes.annotate(text, point, xytext=offset, textcoords="offset points", color=colour, **look)
 
 
-def error_bars(axes, x, values, interval, **look):
+def error_bars(axes: Any, x: ArrayLike, values: ArrayLike, interval: ArrayLike, **look: Any) -> None:
     """Draw values with the limits of their intervals.
 
     Parameters
@@ -113,14 +123,20 @@ def error_bars(axes, x, values, interval, **look):
     **look
         Colour, label and marker, as ``axes.errorbar`` takes them; open circles without a line by default.
     """
-    values, (low, high) = np.asarray(values), np.asarray(interval).T
+    centres, (low, high) = np.asarray(values), np.asarray(interval).T
     # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
-    bars = np.maximum([values - low, high - values], 0.0)
-    shape = {"marker": "o", "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none", "elinewidth": 1.2}
-    axes.errorbar(x, values, bars, **(shape | look))
+    bars = np.maximum([centres - low, high - centres], 0.0)
+    shape: dict[str, Any] = {
+        "marker": "o",
+        "markersize": 4.0,
+        "markerfacecolor": "white",
+        "linestyle": "none",
+        "elinewidth": 1.2,
+    }
+    axes.errorbar(x, centres, bars, **(shape | look))
 
 
-def save(figure, path) -> pathlib.Path:
+def save(figure: Any, path: File) -> pathlib.Path:
     """Write a figure whole or not at all, its title with it; the suffix of the path chooses the format."""
     with replaced_atomically(path) as temporary:
         figure.savefig(temporary, metadata={"Title": figure.get_suptitle()})

@@ -87,7 +87,13 @@ class SurvivalResult(Result):
         return np.asarray(self.times) if self.seconds is None else self.seconds
 
     def when(self, row: int) -> str:
-        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5"."""
+        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5".
+
+        Parameters
+        ----------
+        row : int
+            Number of the row, from 0.
+        """
         if self.cycles is not None:
             return f"after {row} cycle{'s' * (row != 1)}"
         return f"τ = {self.times[row]:.4g}" if self.seconds is None else f"after {self.seconds[row]:.4g} s"
