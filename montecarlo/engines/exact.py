@@ -14,218 +14,31 @@ a bound of the acceleration cannot exclude an event are looked at more closely. 
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import load, store
-from fpk_rocking.physics.motion import TERMS, collocation, lift_off
-from fpk_rocking.physics.motion.collocation import NODES, PLACES
-from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
-from fpk_rocking.physics.motion.events import advance_through_events, chord_clearance
+from fpk_rocking.physics.motion import TERMS, collocation
+from fpk_rocking.physics.motion.equation import dispatch_on_block
+from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.physics.motion.flight import dynamic_stiffness, exponential_parts, folded_angle, homogeneous_flight
 from fpk_rocking.physics.motion.impact import side_of_start
-from fpk_rocking.physics.motion.particular import force_series, forced_response, particular_at, particular_series
-from fpk_rocking.physics.motion.segment import force_bounds, particular_from_rest, segment_from_particular
-from fpk_rocking.physics.motion.slender_interval import Interval, cross_interval, interval_tables, state_in_interval
+from fpk_rocking.physics.motion.segment import particular_from_rest, segment_from_particular
+from fpk_rocking.physics.motion.slender_interval import cross_interval, state_in_interval
 from fpk_rocking.physics.noise.band import (
-    OVERSAMPLING,
     WIDTH,
     evaluate_compensation,
-    interpolant_polynomials,
-    window_compensation,
 )
 from montecarlo.engines.band_noise import (
     CHUNK,
-    Band,
-    EnvelopePieces,
-    Samples,
-    allocate_samples,
-    band_of_scene,
     divide_by_window,
     draw_start_and_noise,
-    envelope_pieces,
     interpolate,
-    largest_envelope,
+    parameters_of,
+    workspace_of,
     write_first_samples,
     write_next_samples,
 )
-from montecarlo.engines.engine import Engine, TimeGrid, time_grid
-from montecarlo.engines.random import start_parameters
-from montecarlo.tuning import TUNING
-
-
-class Parameters(NamedTuple):
-    """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
-
-    `start` (5,): see `start_parameters`. `polynomials` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of
-    the noise. `zeros` (TERMS,). `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the
-    forcing for an exact block. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at
-    both ends of an interval a flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest.
-    `envelope`: of the noise. `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`. `flight`: tables
-    of a kind of flight.
-    """
-
-    block: Body
-    start: np.ndarray
-    band: Band
-    grid: TimeGrid
-    polynomials: np.ndarray
-    compensation: np.ndarray
-    ratio_scale: float
-    zeros: np.ndarray
-    forced: np.ndarray
-    least: np.ndarray
-    most: np.ndarray
-    stays: np.ndarray
-    envelope: EnvelopePieces
-    exponentials: np.ndarray
-    bend: np.ndarray
-    flight: "ClosedForm | Response | Collocation"
-
-
-class ClosedForm(NamedTuple):
-    """Tables of the flights of a slender block without an envelope.
-
-    `node` (m, 2): P of the forcing and its derivative at the interval's end. `ends` (2, WIDTH): polynomials of the
-    interpolant there, and their derivatives.
-    """
-
-    node: np.ndarray
-    ends: np.ndarray
-
-
-class Response(NamedTuple):
-    """Tables of the flights of a slender block under noise with an envelope.
-
-    `noise` (order, 2, WIDTH): angle and velocity that the polynomials of the interpolant, times powers of the time, add
-    to a flight over an interval. `forcing` (m, 2): those that the forcing adds.
-    """
-
-    noise: np.ndarray
-    forcing: np.ndarray
-
-
-class Collocation(NamedTuple):
-    """Tables of the flights of an exact block.
-
-    `values` (WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m, NODES) and
-    `envelope` (m, NODES), (0, NODES) without one: their values there. `steps`: see `physics.motion.collocation`.
-    """
-
-    values: np.ndarray
-    forcing: np.ndarray
-    envelope: np.ndarray
-    steps: collocation.FlightTables
-
-
-def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
-    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`."""
-    forcing, envelope, exact = scene.forcing, scene.noise.envelope, scene.block.critical_angle > 0.0
-    longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
-    if scene.noise.kind == "band":
-        longest = min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1]))
-    grid = time_grid(scene, longest, times)
-    half, middles = 0.5 * grid.spacing, (np.arange(grid.count) + 0.5) * grid.spacing
-    band, polynomials = band_of_scene(scene, grid.duration), interpolant_polynomials(grid.spacing)
-    particular = forcing.pieces(middles)
-    low, high = np.empty((2, grid.count))
-    force_bounds(particular, half, low, high)
-    loudest = band.weight * band.harmonics * largest_envelope(envelope, grid)
-    parts = envelope_pieces(envelope, middles, half)
-    if exact:
-        flight = _collocation(force_series(particular), envelope, polynomials, middles, grid.spacing)
-    elif envelope is not None:
-        flight = _response(particular, polynomials, parts.strength.shape[1], half)
-    else:
-        flight = _closed_form(particular, polynomials, half)
-    return Parameters(
-        block_of_scene(scene),
-        start_parameters(scene.start),
-        band,
-        grid,
-        polynomials,
-        window_compensation(),
-        2.0 * OVERSAMPLING / grid.count,
-        np.zeros(TERMS),
-        force_series(particular) if exact else particular,
-        *_eventless_angles(low - loudest, high + loudest, grid.spacing, block_of_scene(scene)),
-        parts,
-        *interval_tables(half),
-        flight,
-    )
-
-
-def _closed_form(particular, polynomials, half):
-    """Return `ClosedForm` from P of the forcing and the polynomials of the interpolant."""
-    return ClosedForm(np.stack(particular_at(particular, half), axis=-1), np.stack(particular_at(polynomials, half)))
-
-
-def _response(particular, polynomials, order, half):
-    """Return `Response` from P of the forcing and the polynomials of the interpolant."""
-
-    def over_an_interval(particular):
-        """Angle and velocity (2, n) that flights over an interval gain from particular solutions (n, TERMS)."""
-        return np.stack(
-            forced_response(*particular_at(particular, -half), *particular_at(particular, half), 2.0 * half)
-        )
-
-    powers = [np.pad(polynomials, ((0, 0), (k, 0)))[:, :TERMS] for k in range(order)]
-    noise = np.stack([over_an_interval(particular_series(0.0, 0.0, power)) for power in powers])
-    return Response(noise, over_an_interval(particular).T.copy())
-
-
-def _collocation(force, envelope, polynomials, middles, spacing):
-    """Return `Collocation` from the forcing and the polynomials of the interpolant."""
-    times = 0.5 * spacing * (2.0 * PLACES - 1.0)
-    powers = times ** np.arange(TERMS)[:, None]
-    strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
-    return Collocation(polynomials @ powers, force @ powers, strength, collocation.flight_tables(spacing))
-
-
-def _eventless_angles(low, high, spacing, block):
-    """Return `least`, `most` and `stays` of `Parameters` from bounds (m,) of the force."""
-    below, above = np.empty((2, low.size, 2))
-    _write_clearances(low, high, spacing, block, below, above)
-    return below, block.cutoff - above, np.maximum(high, -low) < lift_off(block.critical_angle or 0.0)
-
-
-@kernel
-def _write_clearances(low, high, spacing, block, below, above):
-    """Write how far flights may leave their chord (m, 2), from bounds (m,) of the force, on both sides."""
-    for j in range(low.size):
-        for k in range(2):
-            below[j, k], above[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, block)
-
-
-class Workspace(NamedTuple):
-    """Arrays of a thread.
-
-    `samples`: of the noise. `node` (CHUNK,): the noise's share of P at the ends of the CHUNK intervals that the last
-    samples complete. `interval`: P in an interval, and scratch. `noise` (TERMS,): the noise in an interval, less its
-    envelope. `acceleration` (1, NODES): u'' of an exact block in the flight that `try_step` has tried.
-    """
-
-    samples: Samples
-    node: np.ndarray
-    interval: Interval
-    noise: np.ndarray
-    acceleration: np.ndarray
-
-
-@kernel
-def workspace_of(parameters):
-    """Return the `Workspace` of a thread."""
-    half, rows, samples = (
-        0.5 * parameters.grid.spacing,
-        np.empty((4, TERMS)),
-        allocate_samples(parameters.band.harmonics),
-    )
-    exponentials, bend = parameters.exponentials, parameters.bend
-    interval = Interval(rows[0], rows[1], rows[2], exponentials, bend, half, math.exp(half))
-    return Workspace(samples, np.empty(CHUNK), interval, rows[3], np.zeros((1, NODES)))
-
+from montecarlo.engines.engine import Engine
 
 # ----------------------------------------------------------------------------------------- a slender block, closed form
 
