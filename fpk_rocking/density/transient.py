@@ -84,7 +84,7 @@ class TransientState:
     @property
     def time(self) -> float:
         """Time τ of the state."""
-        return self.edges[0]
+        return float(self.edges[0])
 
     def spend(self, mass: float, most: float) -> bool:
         """Whether a mass may be treated as small: all such masses together are at most a bound."""
