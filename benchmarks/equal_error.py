@@ -22,9 +22,8 @@ from eulerian_runs import Run as Baseline
 from report import DATA, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
-from fpk_rocking.density.patches import PatchSettings
 from fpk_rocking.density.periodic import PeriodicPropagator
-from fpk_rocking.density.resolution import RESOLUTIONS, Resolution, explore
+from fpk_rocking.density.resolution import RESOLUTIONS, PatchSettings, Resolution, explore
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.density.tuning import TUNING

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.density.filter_nodes import whitened
-from fpk_rocking.density.startup import resolution_of
+from fpk_rocking.density.gaussian import resolution_of
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.state_space import transition_and_factor
 

@@ -1,6 +1,5 @@
 """Moving patches: small meshes that follow a density too narrow for the main mesh, and grow with it."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -8,39 +7,15 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import patch_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.characteristics import Exit, points_of_cell
+from fpk_rocking.density.step import Exit
+from fpk_rocking.density.step.characteristics import points_of_cell
 from fpk_rocking.density.step.scatter import AffinePaths
 from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.flight import apply_affine
 
 
-@dataclasses.dataclass(frozen=True)
-class PatchSettings:
-    """Fineness of the moving patches of a start-up.
-
-    Parameters
-    ----------
-    cells : int
-        Cells an axis.
-    reach : float
-        Half-width of a patch in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
-    growth : float
-        A step next to x = 0 over the time in which the noise has gathered.
-    early : float
-        First time on a patch, from rest, over the time t* at which drift takes over from noise.
-    points : int
-        Gauss points an axis of a cell.
-    """
-
-    cells: int
-    reach: float
-    growth: float
-    early: float
-    points: int
-
-
-def patch_of(settings: PatchSettings, mean, covariance, cutoff, box=None):
+def patch_of(settings, mean, covariance, cutoff, box=None):
     """Space on which a density of mean (2,) and covariance (2, 2) is resolved, `reach` deviations to all sides.
 
     `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
@@ -68,7 +43,7 @@ def _within(lines, cutoff):
     return np.concatenate([[first], inner, [last]])
 
 
-def next_patch(settings: PatchSettings, trace: Characteristics, coefficients, cutoff):
+def next_patch(settings, trace: Characteristics, coefficients, cutoff):
     """Patch for the density after a traced step, by the moments of what has not overturned; its coefficients before."""
     source = trace.source
     # Cells that are not active hold nothing, and were not traced: where they would land nobody knows.

@@ -10,9 +10,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.types import Array
+from fpk_rocking.density.gaussian import initial_density
 from fpk_rocking.density.resolution import Discretization
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.startup import initial_density
 from fpk_rocking.density.step.step import scatter_buffers
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.patches import PatchSettings
 from fpk_rocking.density.space.mesh import extended_lines, graded_lines
 from fpk_rocking.density.space.tuning import TUNING as MESH
-from fpk_rocking.density.step.characteristics import Exit, Noise, principal_axes, trace_point
+from fpk_rocking.density.step import Exit
+from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point
 from fpk_rocking.density.step.step import Dynamics, Quadrature
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
@@ -132,6 +132,31 @@ def follow(states, sides, segment, block, noise):
         own = Noise(noise.duration, noise.diffusion, noise.nodes[n : n + 1], offsets, abs(offsets[0, 0]))
         trace_point(states[n, 0], states[n, 1], sides[n], segment, block, own, scratch, states[n : n + 1], codes)
         sides[n] = codes[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class PatchSettings:
+    """Fineness of the moving patches of a start-up.
+
+    Parameters
+    ----------
+    cells : int
+        Cells an axis.
+    reach : float
+        Half-width of a patch in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
+    growth : float
+        A step next to x = 0 over the time in which the noise has gathered.
+    early : float
+        First time on a patch, from rest, over the time t* at which drift takes over from noise.
+    points : int
+        Gauss points an axis of a cell.
+    """
+
+    cells: int
+    reach: float
+    growth: float
+    early: float
+    points: int
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,107 +7,19 @@ through x = 0 and only then lifts off; under |f| <= 1 it keeps rattling. There s
 elapsed.
 """
 
-import bisect
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.basis import find_cells
-from fpk_rocking.density.patches import PatchSettings, next_patch, patch_of
+from fpk_rocking.density.gaussian import Gaussian, cell_size, exact_flight
+from fpk_rocking.density.patches import next_patch, patch_of
+from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.characteristics import event_cells
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
-
-
-class Gaussian:
-    """A Gaussian density of angle and velocity: mean (2,), covariance (2, 2); nondimensional."""
-
-    def __init__(self, mean, covariance):
-        self.mean, self.covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
-
-    @classmethod
-    def of(cls, start):
-        """Take the start of a scene; a point has covariance 0."""
-        return cls((start.angle, start.velocity), np.zeros((2, 2)) if start.covariance is None else start.covariance)
-
-    def __call__(self, angle, velocity):
-        """Density at points (broadcast)."""
-        xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
-        determinant = xx * vv - xv * xv
-        x, v = angle - self.mean[0], velocity - self.mean[1]
-        exponent = (vv * x * x - 2.0 * xv * x * v + xx * v * v) / determinant
-        return np.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(determinant))
-
-    def tails(self, cutoff):
-        """Masses beyond the cut-off, to the left and to the right."""
-        spread = math.sqrt(2.0 * self.covariance[0, 0])
-        return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
-
-    def resolution(self, space):
-        """Least conditional standard deviation over the size of the cell of a mesh that the mean is in."""
-        return resolution_of(self.mean, self.covariance, space)
-
-    def after_flight(self, dynamics: Dynamics, start, duration, side):
-        """Gaussian after a flight on one side in which nothing happens, of a slender block."""
-        flight = dynamics.affine(start, duration)
-        xx, xv, vv = dynamics.covariance(start, duration)
-        covariance = flight.matrix @ self.covariance @ flight.matrix.T + [[xx, xv], [xv, vv]]
-        return Gaussian(flight.matrix @ self.mean + flight.shifts[side], covariance)
-
-
-def resolution_of(mean, covariance, space):
-    """Least conditional standard deviation of a Gaussian over the size of the cell of a mesh that its mean is in."""
-    (xx, xv), (_, vv) = covariance
-    if min(xx, vv) <= 0.0:
-        return 0.0
-    angle, velocity = (_cell_size(lines, point) for lines, point in zip(space.lines, mean, strict=True))
-    return min(math.sqrt(max(xx - xv * xv / vv, 0.0)) / angle, math.sqrt(max(vv - xv * xv / xx, 0.0)) / velocity)
-
-
-def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
-    """Gaussian of an exact block as a function of the time up to an end, in a flight in which nothing happens.
-
-    Its moments obey ordinary differential equations of first order in its spread, which are integrated as far as asked.
-    """
-    from scipy.integrate import DOP853  # takes longer to import than all else here
-
-    alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
-
-    def rates(time, state):
-        x, v, xx, xv, vv = state
-        phi, force = alpha * (1.0 - side * x), forcing.value(time)
-        sine, cosine = math.sin(phi), math.cos(phi)
-        stiff = cosine + side * force * alpha * sine
-        noise = 2.0 * dynamics.diffusion * cosine**2
-        if envelope is not None:
-            noise *= max(envelope.value(time) ** 2, dynamics.least_intensity)
-        return [v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise]
-
-    (xx, xv), (_, vv) = gaussian.covariance
-    solver = DOP853(rates, 0.0, np.array([*gaussian.mean, xx, xv, vv]), end, rtol=1e-8, atol=1e-30)
-    ends, pieces = [], []
-
-    def at(time):
-        # Most starts meet the mesh long before the end, and a record makes many steps.
-        while solver.status == "running" and solver.t < max(time, 1e-300):
-            solver.step()
-            ends.append(solver.t)
-            pieces.append(solver.dense_output())
-        x, v, xx, xv, vv = pieces[min(bisect.bisect_left(ends, time), len(pieces) - 1)](time)
-        return Gaussian((x, v), [[xx, xv], [xv, vv]])
-
-    return at
-
-
-def initial_density(start, space, cutoff):
-    """Coefficients of a start on a mesh, for looking at it, and masses beyond the cut-off (2,); zeros for a point."""
-    if start.covariance is None:
-        return np.zeros(space.shape), [0.0, 0.0]
-    gaussian = Gaussian.of(start)
-    return space.project(gaussian, 2 * space.degree + 2), gaussian.tails(cutoff)
 
 
 class PatchDensity(NamedTuple):
@@ -179,7 +91,7 @@ class StartUp:
         patch, settings = self._before(time).patch, self.settings
         sizes = [np.diff(lines).min() * settings.cells / (2.0 * settings.reach) for lines in patch.lines]
         mean = self.flight(time).mean if self.dynamics.since_lift_off(time)[0] <= time else np.zeros(2)
-        return min(size / _cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
+        return min(size / cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
     def mass_within(self, time, angle, velocity):
         """Mass at a time that is within an angle and a velocity of the origin."""
@@ -342,8 +254,3 @@ def _drift_time(dynamics: Dynamics):
 def _crossing_time(dynamics: Dynamics, change):
     """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
     return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf
-
-
-def _cell_size(lines, point):
-    cell = find_cells(lines, point, "left")
-    return lines[cell + 1] - lines[cell]

@@ -10,10 +10,10 @@ from density_operators import affine, flight_noise, scene_of
 
 from fpk_rocking import Harmonic, solve_fpk
 from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.density.gaussian import Gaussian
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.startup import Gaussian
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.physics.motion.flight import shear_diffusion_variances
 from fpk_rocking.scene import Start

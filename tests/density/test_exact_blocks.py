@@ -13,12 +13,12 @@ from fpk_rocking.base.basis import gauss_hermite_product
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, may_rest
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.filtered_start import FilteredStart
+from fpk_rocking.density.gaussian import Gaussian
 from fpk_rocking.density.periodic import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.startup import Gaussian
 from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.density.sticking import Sticking

@@ -13,7 +13,7 @@ from skfem.element import ElementQuad0
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines, patch_lines, velocity_bound
 from fpk_rocking.density.space.space import Space, legendre_element
-from fpk_rocking.density.step.characteristics import Exit
+from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.targets import locate_point
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 

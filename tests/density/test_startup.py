@@ -7,12 +7,14 @@ import pytest
 from density_operators import REST, affine, flight_noise, scene_of
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.patches import PatchSettings, landing_sums, patch_of
+from fpk_rocking.density.gaussian import Gaussian
+from fpk_rocking.density.patches import landing_sums, patch_of
+from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.startup import Gaussian, StartUp, takeover_step
-from fpk_rocking.density.step.characteristics import Exit
+from fpk_rocking.density.startup import StartUp, takeover_step
+from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.scatter import AffinePaths
 from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise

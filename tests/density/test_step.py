@@ -16,7 +16,8 @@ from traced import path_ends
 
 from fpk_rocking.base.basis import gauss_hermite_product
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.characteristics import Exit, Noise, event_cells
+from fpk_rocking.density.step import Exit
+from fpk_rocking.density.step.characteristics import Noise, event_cells
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.remap import places_of_ends
 from fpk_rocking.density.step.step import (

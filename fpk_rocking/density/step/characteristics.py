@@ -16,7 +16,6 @@ The impact law is `physics.motion.impact`. The density solver applies it in this
 `advance_through_events` and `advance_collocated`, linearized about a path in `_through_fast_impact`.
 """
 
-import enum
 import math
 from typing import NamedTuple
 
@@ -25,6 +24,7 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.step import Exit
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import (
@@ -46,19 +46,6 @@ from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
 from fpk_rocking.physics.motion.impact import covariance_through_impact, displacement_through_impact, linearize_impact
 from fpk_rocking.physics.motion.segment import move_origin, segment_from_particular, value_and_slope
 from fpk_rocking.physics.tuning import TUNING as MOTION
-
-
-class Exit(enum.IntEnum):
-    """Ways out of the mesh within a step.
-
-    An exit flags the end of a path in place of its side, -1 or 1, and all exits are below these. It stands in place of
-    a target cell too. `OVERTURNED_LEFT - exit` is its place among the absorbed masses.
-    """
-
-    OVERTURNED_LEFT = -2
-    OVERTURNED_RIGHT = -3
-    TRUNCATED = -4
-    REST = -5
 
 
 class GaussPoints(NamedTuple):

@@ -13,7 +13,8 @@ from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH
-from fpk_rocking.density.step.characteristics import Exit, points_of_cell
+from fpk_rocking.density.step import Exit
+from fpk_rocking.density.step.characteristics import points_of_cell
 from fpk_rocking.density.step.targets import FASTMATH, gather_cell, legendre_at, locate_point, scatter_cell
 from fpk_rocking.physics.motion.flight import apply_affine
 

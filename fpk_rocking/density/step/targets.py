@@ -14,7 +14,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH, load, store, total
 from fpk_rocking.base.stack import scratch
 from fpk_rocking.density.space.tuning import TUNING
-from fpk_rocking.density.step.characteristics import Exit
+from fpk_rocking.density.step import Exit
 
 FASTMATH = {"contract", "reassoc", "nsz"}
 """Rounding that the compiler may change in sums of products; nan and inf stay what they are."""
