@@ -8,7 +8,7 @@ import numpy as np
 from report import ROOT
 
 from fpk_rocking import load_scene
-from fpk_rocking.results import storage
+from fpk_rocking.base import files
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import tally
@@ -141,5 +141,5 @@ def load():
 def save(references):
     """Write the file of references, whole or not at all."""
     arrays = {f"{name}/{field}": value for name, kept in references.items() for field, value in kept._asdict().items()}
-    with storage.replaced_atomically(REFERENCES) as temporary:
+    with files.replaced_atomically(REFERENCES) as temporary:
         np.savez_compressed(temporary, **arrays)

@@ -32,9 +32,10 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, WhiteNoise, load_scene, solve_fpk
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
 from fpk_rocking.physics.noise import equivalence
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from montecarlo import simulate
 
 RESTITUTIONS = (0.5, 0.7)
@@ -96,7 +97,7 @@ def run(
     findings = {"cycles": CYCLES, "harmonics": harmonics, "realizations": realizations, "noises": rows}
     findings["budget"] = budget(main_scene, 10 * realizations, tol, seed)
     draw(out / "equivalence.png", findings)
-    storage.write_json(out / "equivalence.json", findings)
+    files.write_json(out / "equivalence.json", findings)
     return findings
 
 

@@ -20,9 +20,10 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Block, Dimensions, NoNoise, Scene
+from fpk_rocking.base import files
+from fpk_rocking.base.files import plain
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
-from fpk_rocking.results.storage import plain
+from fpk_rocking.results import style
 from fpk_rocking.risk import IntensityCurve, at_intensity
 from fpk_rocking.studies import fragility, synthetic_records
 
@@ -81,7 +82,7 @@ def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
             found.append({"width": size.width, "height": size.height} | median_of(size, suite))
             progress(number + 1, len(sizes) + len(others))
     values = {"motions": motions, "published": [median for *_, median in published], "blocks": found}
-    storage.write_json(out / "fema_p58.json", plain(values))
+    files.write_json(out / "fema_p58.json", plain(values))
     draw(out / "fema_p58.png", values)
     return values
 

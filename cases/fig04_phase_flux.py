@@ -29,7 +29,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, Harmonic, NoNoise, load_scene, melnikov
-from fpk_rocking.results import storage, style
+from fpk_rocking.base import files
+from fpk_rocking.results import style
 
 FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
@@ -83,7 +84,7 @@ def run(out, variance=0.16, strata=512, realizations=4000, seed=1) -> dict:
         "remarks": [noise.remark],
     }
     draw(out / "fig04.png", values)
-    storage.write_json(out / "fig04.json", values)
+    files.write_json(out / "fig04.json", values)
     return values
 
 

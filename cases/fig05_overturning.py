@@ -21,7 +21,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
-from fpk_rocking.results import storage, style
+from fpk_rocking.base import files
+from fpk_rocking.results import style
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import histories, simulate
 
@@ -70,7 +71,7 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig05.png", quiet, shown, chosen, ensembles, values)
-    storage.write_json(out / "fig05.json", values)
+    files.write_json(out / "fig05.json", values)
     return values
 
 

@@ -27,8 +27,9 @@ from command import command
 from fig08_mean_poincare import LENGTHS, SETTLED, attractor_of, dimensions_of
 
 from fpk_rocking import load_scene
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from montecarlo import restarted_poincare_map
 
 PAPER = (0.0, 0.05, 0.06, 0.12, 0.13, 0.16)
@@ -75,7 +76,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig09.png", attractor, [maps[one][0] for one in paper[1:]], paper, values)
-    storage.write_json(out / "fig09.json", values)
+    files.write_json(out / "fig09.json", values)
     return values
 
 

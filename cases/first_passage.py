@@ -25,8 +25,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import tally
 
@@ -81,7 +82,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
         ],
     }
     draw(out / "passage.png", values)
-    storage.write_json(out / "passage.json", values)
+    files.write_json(out / "passage.json", values)
     return values
 
 

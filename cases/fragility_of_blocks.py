@@ -21,9 +21,10 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Record, Scene
+from fpk_rocking.base import files
 from fpk_rocking.envelopes import Table
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
 
@@ -94,7 +95,7 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
         }
     }
     draw(out / "blocks.png", values)
-    storage.write_json(out / "blocks.json", values)
+    files.write_json(out / "blocks.json", values)
     return values
 
 

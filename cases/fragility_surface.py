@@ -17,8 +17,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from fpk_rocking.studies import fragility, grid, sweep
 from fpk_rocking.studies.picture import NAMES, draw_map
 
@@ -67,7 +68,7 @@ def run(out, sizes=SIZES, slendernesses=SLENDERNESSES, scales=SCALES, realizatio
         "by_slenderness": by_shape.summary(),
     }
     draw(out / "surface.png", values)
-    storage.write_json(out / "surface.json", values)
+    files.write_json(out / "surface.json", values)
     return values
 
 

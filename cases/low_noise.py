@@ -23,7 +23,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, WhiteNoise, load_scene
-from fpk_rocking.results import storage, style
+from fpk_rocking.base import files
+from fpk_rocking.results import style
 from montecarlo import simulate, split
 
 AMPLITUDE = 3.0
@@ -74,7 +75,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
     ]
     values = {"scene": scene.to_toml(), "orbit": orbit, "tol": tol, "operator": rows, "splitting": sampled}
     draw(out / "low_noise.png", values)
-    storage.write_json(out / "low_noise.json", values)
+    files.write_json(out / "low_noise.json", values)
     return values
 
 

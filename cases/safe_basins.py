@@ -27,8 +27,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, Start, load_scene
+from fpk_rocking.base import files
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from montecarlo import simulate
 
 VARIANCES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.09, 0.16)
@@ -81,7 +82,7 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
     }  # fmt: skip
     _draw(out / "basins.png", scene, quiet, maps, mean, values)
     write_function(out / "basins.vtu", maps[max(shown)], "survival")
-    storage.write_json(out / "basins.json", values)
+    files.write_json(out / "basins.json", values)
     return values
 
 

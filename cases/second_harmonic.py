@@ -35,8 +35,9 @@ from command import command
 from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import overturning_rate, simulate
 
@@ -88,7 +89,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
         "long_run": {"phases": circle} | long_run(turned, tol, *sampled),
     }
     draw(out / "second_harmonic.png", values)
-    storage.write_json(out / "second_harmonic.json", values)
+    files.write_json(out / "second_harmonic.json", values)
     return values
 
 

@@ -18,9 +18,10 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene
+from fpk_rocking.base import files
+from fpk_rocking.base.files import plain
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
-from fpk_rocking.results.storage import plain
+from fpk_rocking.results import style
 from fpk_rocking.studies import fragility, scaled
 from montecarlo import simulate
 
@@ -94,7 +95,7 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
                 )
                 progress(number + 1, len(frequencies))
         values[kind] = {"scale": scales, "slender": slender, "exact": exact}
-    storage.write_json(out / "slenderness.json", plain(values))
+    files.write_json(out / "slenderness.json", plain(values))
     draw(out / "slenderness.png", values)
     return values
 

@@ -22,8 +22,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene, solve_fpk
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -86,7 +87,7 @@ def run(
         "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS]), *closures))),
     }
     draw(out / "restitution.png", values)
-    storage.write_json(out / "restitution.json", values)
+    files.write_json(out / "restitution.json", values)
     return values
 
 

@@ -26,8 +26,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import load_scene
+from fpk_rocking.base import files
 from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import storage
 from montecarlo import (
     first_passage,
     histories,
@@ -92,7 +92,7 @@ def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
         "first_passage": _plain(passage),
         "impact_speeds": _plain(speeds),
     }
-    storage.write_json(out / "histories.json", values)
+    files.write_json(out / "histories.json", values)
     return values
 
 

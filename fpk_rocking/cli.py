@@ -218,9 +218,9 @@ def _mc(options):
 
 def _finish(options, result):
     """Save and print the result of one engine, of a density its VTK series too."""
+    from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import shown_cycles
     from fpk_rocking.output import tables, vtk
-    from fpk_rocking.results.storage import write_json
 
     values = result.summary()
     if options.out:
@@ -232,9 +232,9 @@ def _finish(options, result):
 
 
 def _compare(options):
+    from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import compare
     from fpk_rocking.output import curves, tables
-    from fpk_rocking.results.storage import write_json
 
     if len(options.inputs) == 2:
         first, second = _loaded(options)
@@ -255,8 +255,8 @@ def _compare(options):
 
 
 def _fragility(options):
+    from fpk_rocking.base.files import plain, write_json
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.results.storage import plain, write_json
     from fpk_rocking.risk.curve import at_intensity
     from fpk_rocking.studies import dispersions, drawn, fragility
     from fpk_rocking.studies.picture import curves_figure, fragility_table, surface_figure

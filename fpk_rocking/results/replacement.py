@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from fpk_rocking.base.files import plain
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.noise import equivalence
 from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import REPLACED
 
 __all__ = ["Replacement", "check_remarks", "measured"]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base.files import replaced_atomically
 from fpk_rocking.base.types import ArrayLike, File
-from fpk_rocking.results.storage import replaced_atomically
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 OVERTURNED = "#D55E00"

@@ -9,8 +9,8 @@ from typing import Any, Self
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.files import plain
 from fpk_rocking.base.types import Array, File, Number
-from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.curve import IntensityCurve
 

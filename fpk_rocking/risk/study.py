@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.files import plain, write_json, write_text
 from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
 from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun

@@ -7,10 +7,11 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
+from fpk_rocking.base.files import plain
 from fpk_rocking.base.types import Array
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.results.storage import Saved, plain
+from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.diagnostics import curve_diagnostics

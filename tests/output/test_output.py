@@ -15,9 +15,10 @@ import PIL.Image
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
+from fpk_rocking.base import files
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, densities, progress, report, tables
-from fpk_rocking.results import storage, style
+from fpk_rocking.results import style
 from fpk_rocking.results.binning import joint_edges
 from fpk_rocking.results.pictures import edges_of
 
@@ -161,7 +162,7 @@ def test_result_table_and_summary(capsys, result):
 
 def test_summary_refuses_nan(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
-        storage.write_json(tmp_path / "summary.json", {"survival": math.nan})
+        files.write_json(tmp_path / "summary.json", {"survival": math.nan})
     assert list(tmp_path.iterdir()) == []
 
 

@@ -14,8 +14,8 @@ import study_tasks
 from test_fuzz_files import ASKED, EDGES, content, evolution
 
 from fpk_rocking import cli
+from fpk_rocking.base import files
 from fpk_rocking.output import curves, vtk
-from fpk_rocking.results import storage
 from fpk_rocking.studies import sweep
 from montecarlo import Ensemble, histories, simulate, tally
 
@@ -42,8 +42,8 @@ def writers():
         "ensemble": simulate(**ASKED).save,
         "tally": tally(**ASKED, **EDGES).save,
         "histories": histories(**ASKED).save,
-        "text": lambda path: storage.write_text(path, "σ" * 4000),
-        "summary": lambda path: storage.write_json(path, {"survival": [0.5] * 1000}),
+        "text": lambda path: files.write_text(path, "σ" * 4000),
+        "summary": lambda path: files.write_json(path, {"survival": [0.5] * 1000}),
         "figure": lambda path: curves.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
         "series": lambda path: vtk.write_series(path.parent, "jpdf", fake, [1, 2]),
     }

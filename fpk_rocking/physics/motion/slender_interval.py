@@ -120,7 +120,7 @@ def state_at_begin(particular, half, grow, decay, side):
 
 @kernel(forceinline=True, borrows=True)
 def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, origin):
-    """Carry a block through an interval in which it may downward_root an event.
+    """Carry a block through an interval in which it may have an event.
 
     Parameters
     ----------
