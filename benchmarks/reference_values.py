@@ -122,9 +122,9 @@ def solved(row):
     noise_replacement = "filtered" if row.scene.noise.kind == "filtered" else "white"
     found = solve_fpk(row.scene, tol=row.tol, noise_replacement=noise_replacement, **row.when)
     count = found.survival.size - 1
-    rest = found.at_rest if found.atom else np.full(count + 1, np.nan)
+    rest = found.at_rest if found.rests_exactly else np.full(count + 1, np.nan)
     moments = np.full((5, count), np.nan)
-    if not found.atom:
+    if not found.rests_exactly:
         for k in range(count):
             density = found.at(k + 1)
             (xx, xv), (_, vv) = density.covariance

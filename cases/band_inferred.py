@@ -265,7 +265,7 @@ def table(values):
     return tables.text_table(("band", "S(125) of 5(b)", "S(60)", "S(200)", *HINTS), rows)
 
 
-def told(values):
+def report(values):
     """Print the table and the verdict."""
     joint = values["joint"]
     sentences = [
@@ -279,5 +279,11 @@ def told(values):
 
 if __name__ == "__main__":
     command(
-        run, "results/band", "band.png", "band.json", told=told, realizations="of an ensemble", seeds="of the mean maps"
+        run,
+        "results/band",
+        "band.png",
+        "band.json",
+        report=report,
+        realizations="of an ensemble",
+        seeds="of the mean maps",
     )

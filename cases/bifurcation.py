@@ -207,7 +207,7 @@ def _beyond(axes, values):
     axes.set_title(f"(b) Until overturning beyond the crisis\n{BLOCKS} blocks, 95 % intervals")
 
 
-def told(values):
+def report(values):
     """Print the crisis."""
     print(f"Symmetric orbit stable up to A = {values['symmetric_orbit_stable_up_to']:.6f}")
     print(f"Boundary crisis between A = {values['crisis'][0]:.5f} and {values['crisis'][1]:.5f}: {values['criterion']}")
@@ -220,4 +220,11 @@ def told(values):
 
 
 if __name__ == "__main__":
-    command(run, "results/bifurcation", "bifurcation.png", "bifurcation.json", told=told, cycles="of the bisection")
+    command(
+        run,
+        "results/bifurcation",
+        "bifurcation.png",
+        "bifurcation.json",
+        report=report,
+        cycles="of the bisection",
+    )

@@ -5,7 +5,7 @@ import inspect
 import pathlib
 
 
-def command(run, folder, *files, told=None, **options) -> None:
+def command(run, folder, *files, report=None, **options) -> None:
     """Read the command line, run a case, and print what it found and where its files are.
 
     Parameters
@@ -16,8 +16,8 @@ def command(run, folder, *files, told=None, **options) -> None:
         Where the files go unless ``--out`` names another folder.
     *files : str
         Names of the files.
-    told : callable, optional
-        Prints the main of these values.
+    report : callable, optional
+        Prints the most important of these values.
     **options : str
         What a keyword of `run` is, for the option of the same name and default.
     """
@@ -28,6 +28,6 @@ def command(run, folder, *files, told=None, **options) -> None:
         parser.add_argument(f"--{name}", type=type(default), default=default, help=f"{what} (default: %(default)s)")
     given = parser.parse_args()
     values = run(**vars(given))
-    if told is not None:
-        told(values)
+    if report is not None:
+        report(values)
     print(f"Files in {given.out}: {', '.join(files)}")

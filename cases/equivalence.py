@@ -1,7 +1,7 @@
 """Where equivalent white noise may be trusted.
 
 The density solver replaces band noise by white noise with D = σ_M²/2, where σ_M² is its Melnikov variance. Its survival
-is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that cover the block's
+is held against Shinozuka Monte Carlo in the main scene and in that with e = 0.7, over bands that contain the block's
 frequencies or leave some out, with two σ or more for each, and over the number N of harmonics. For one noise the
 difference is divided into parts, each isolated by switching one thing:
 
@@ -13,8 +13,8 @@ difference is divided into parts, each isolated by switching one thing:
 All noises of a scene share densities: it is solved for nine diffusions, and survival is interpolated between them
 (monotone cubics in log D, to a few 1e-4). Below D = 8e-5, where a thousandth overturns in 40 cycles, it is taken for 1.
 
-Cover is the part of the Melnikov variance of white noise that a band takes in, spread the relative standard deviation
-of the diffusions of single realizations.
+Relative variance is the part of the Melnikov variance of white noise that a band takes in, spread the relative standard
+deviation of the diffusions of single realizations.
 
 Source: the replacement is eq. 15 of H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic
 excitations", J. Eng. Mech. 122(8), 719-727, 1996; the bands other than [0, 10] are this project's.
@@ -51,9 +51,9 @@ DIFFUSIONS = tuple(np.geomspace(5e-4, 0.04, 9).tolist())
 CYCLES = (4, 10, 20, 40)
 STILL = 8e-5
 BUDGETED = ((0.0, 10.0), 0.2)
-GOOD_COVER, SMALL_SPREAD, EXCESS = 0.85, 0.3, 0.4
-"""What was found in these scenes: with 1,000 harmonics errors of at most .03 from this cover on, and an excess of up to
-`EXCESS` spread², which is .04 at the small spread."""
+GOOD_VARIANCE, SMALL_SPREAD, EXCESS = 0.85, 0.3, 0.4
+"""What was found in these scenes: with 1,000 harmonics errors of at most .03 from this relative variance on, and an
+excess of up to `EXCESS` spread², which is .04 at the small spread."""
 PARTS = ("whole", "finite N", "band", "discretization", "standard error of each")
 
 
@@ -131,7 +131,7 @@ def _row(scene, counted, survival, realizations, seed):
     return {
         "band": noise.band,
         "sigma": noise.variance**0.5,
-        "cover": equivalence.cover(noise),
+        "relative_variance": equivalence.relative_variance(noise),
         "spread": [equivalence.realized_spread(one, e) for one in counted],
         "diffusion": diffusion,
         "density": survival(diffusion).tolist(),
@@ -161,18 +161,19 @@ def worst(differences):
 
 
 def draw(path, values):
-    """Draw errors against cover and against spread, and the error budget."""
+    """Draw errors against relative variance and against spread, and the error budget."""
     last, cycles = values["harmonics"][-1], ", ".join(map(str, CYCLES))
-    good = [row for row in values["noises"] if row["cover"] >= GOOD_COVER]
+    good = [row for row in values["noises"] if row["relative_variance"] >= GOOD_VARIANCE]
     error = max((float(np.abs(np.subtract(row["sampled"][-1], row["density"])).max()) for row in good), default=np.nan)
     title = (
-        f"White noise replaces band noise to {error:.2g} in survival where the band covers {GOOD_COVER:g} of the "
+        f"White noise replaces band noise to {error:.2g} in survival where the band has {GOOD_VARIANCE:g} of the "
         "Melnikov variance"
     )
     notes = [
         (
-            f"Points: {values['realizations']:,} paths less density, the largest of the differences after {cycles} "
-            f"cycles (standard error at most 0.004). Grey: cover from {GOOD_COVER:g}, spread to {SMALL_SPREAD:g}."
+            f"Points: {values['realizations']:,} paths less density, the largest difference after {cycles} "
+            f"cycles (standard error at most 0.004). Grey: variance from {GOOD_VARIANCE:g}, "
+            f"spread to {SMALL_SPREAD:g}."
         ),
         (
             f"(c) finite N: N = 100 less N = {last}; band: N = {last} less white noise; discretization: paths of "
@@ -180,13 +181,13 @@ def draw(path, values):
         ),
     ]
     with style.page(path, (13.0, 9.4), title, notes) as figure:
-        panels = figure.subplot_mosaic([["cover", "excess"], ["budget", "budget"]], height_ratios=(1.0, 0.85))
-        _against_cover(panels["cover"], values)
+        panels = figure.subplot_mosaic([["variance", "excess"], ["budget", "budget"]], height_ratios=(1.0, 0.85))
+        _against_relative_variance(panels["variance"], values)
         _against_spread(panels["excess"], values)
         _budget(panels["budget"], values["budget"])
 
 
-def _against_cover(axes, findings):
+def _against_relative_variance(axes, findings):
     """Draw what Monte Carlo of the most harmonics differs by from the density."""
     for k, (e, mark) in enumerate(
         zip(dict.fromkeys(row["restitution"] for row in findings["noises"]), "os", strict=False)
@@ -194,10 +195,12 @@ def _against_cover(axes, findings):
         here = [row for row in findings["noises"] if row["restitution"] == e]
         errors = [worst(np.subtract(row["sampled"][-1], row["density"])) for row in here]
         look = {"color": style.COLOURS[k], "markerfacecolor": "none", "markersize": 6}
-        axes.plot([row["cover"] for row in here], errors, mark, label=f"e = {e:g}", **look)
-    axes.axvspan(GOOD_COVER, 1.02, color="#dddddd", zorder=0)
+        axes.plot([row["relative_variance"] for row in here], errors, mark, label=f"e = {e:g}", **look)
+    axes.axvspan(GOOD_VARIANCE, 1.02, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(xlabel="cover: part of the Melnikov variance of white noise that the band has", xlim=(-0.02, 1.02))
+    axes.set(
+        xlabel="relative variance: part of the Melnikov variance of white noise that the band has", xlim=(-0.02, 1.02)
+    )
     axes.set(
         ylabel="difference of survival",
         title=f"(a) What the band leaves out, N = {findings['harmonics'][-1]} harmonics",
@@ -235,15 +238,16 @@ def _budget(axes, found):
     axes.legend(fontsize=9)
 
 
-def told(findings):
+def report(findings):
     """Print a line for each noise."""
     print(f"Sampled less density after {findings['cycles']} cycles, N = {findings['harmonics']}")
-    for row in sorted(findings["noises"], key=lambda row: (-row["restitution"], -row["cover"])):
+    for row in sorted(findings["noises"], key=lambda row: (-row["restitution"], -row["relative_variance"])):
         differences, (low, high) = np.subtract(row["sampled"], row["density"]), row["band"]
-        print(f"e = {row['restitution']:g} [{low:g}, {high:g}] σ = {row['sigma']:g} cover {row['cover']:.3f}")
+        noise = f"[{low:g}, {high:g}] σ = {row['sigma']:g}, relative variance {row['relative_variance']:.3f}"
+        print(f"e = {row['restitution']:g} {noise}")
         print("   " + " | ".join(" ".join(f"{value:+.3f}" for value in line) for line in differences))
     print("budget", findings["budget"])
 
 
 if __name__ == "__main__":
-    command(run, "results/equivalence", "equivalence.png", "equivalence.json", told=told)
+    command(run, "results/equivalence", "equivalence.png", "equivalence.json", report=report)

@@ -149,7 +149,7 @@ def _sizes(axes, rows, colour, label, marker, line="none"):
     style.error_bars(axes, radii, middle, limits, color=colour, marker=marker, label=label, linestyle=line)
 
 
-def told(values):
+def report(values):
     """Print what the medians over g B/H span."""
     count = len(values["published"])
     same, others = values["blocks"][:count], values["blocks"][count:]
@@ -163,4 +163,12 @@ def told(values):
 
 
 if __name__ == "__main__":
-    command(run, "results/fema_p58", "fema_p58.png", "fema_p58.json", told=told, motions="of the suite", seed="seed")
+    command(
+        run,
+        "results/fema_p58",
+        "fema_p58.png",
+        "fema_p58.json",
+        report=report,
+        motions="of the suite",
+        seed="seed",
+    )

@@ -185,11 +185,11 @@ def _arrow(colour):
     return {"arrowstyle": "-|>", "color": colour, "linewidth": 2.0, "mutation_scale": 18}
 
 
-def told(values):
+def report(values):
     """Print the barrier and the area inside."""
     for name in ("barrier", "area_inside"):
         print(f"{name.replace('_', ' ')}: {values[name]:.12g}")
 
 
 if __name__ == "__main__":
-    command(run, "results/fig02", "fig02.png", "fig02.json", told=told, restitution="of the path drawn")
+    command(run, "results/fig02", "fig02.png", "fig02.json", report=report, restitution="of the path drawn")

@@ -172,7 +172,7 @@ def _until_zero(amplitude):
     return np.where(np.append(True, amplitude[:-1] > 0.0), amplitude, np.nan)
 
 
-def told(values):
+def report(values):
     """Print the amplitudes."""
     print(f"{'':34}" + "".join(f"Ω = {omega:<7g}" for omega in values["frequencies"]))
     for name in ("without_noise", "with_noise", "exact_without_noise"):
@@ -181,4 +181,4 @@ def told(values):
 
 
 if __name__ == "__main__":
-    command(run, "results/fig03", "fig03.png", "fig03.json", told=told, variance="of the noise")
+    command(run, "results/fig03", "fig03.png", "fig03.json", report=report, variance="of the noise")

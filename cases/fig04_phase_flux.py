@@ -213,7 +213,7 @@ def _variance(axes):
     axes.set(ylabel=_FLUX, ylim=(0.0, None), xlim=(-0.02, 0.63), xticks=(0.0, 0.1, 0.2, 0.3, 0.4))
 
 
-def told(values):
+def report(values):
     """Print the fluxes."""
     for row, variance in enumerate(values["variances"]):
         print(f"σ² = {variance:<10g}" + "".join(f"e = {e:<8g}" for e in values["restitutions"]))
@@ -228,7 +228,7 @@ if __name__ == "__main__":
         "results/fig04",
         "fig04.png",
         "fig04.json",
-        told=told,
+        report=report,
         variance="of the noise",
         realizations="of the noise",
         seed="of all samples",

@@ -155,7 +155,7 @@ def _standing(axes, ensembles):
     axes.set(title="(d) Survival by noise band, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
 
 
-def told(values):
+def report(values):
     """Print how late realizations overturn."""
     for late in values["late"]:
         low, high = late["interval"]
@@ -172,7 +172,7 @@ if __name__ == "__main__":
         "results/fig05",
         "fig05.png",
         "fig05.json",
-        told=told,
+        report=report,
         realizations="of an ensemble",
         seed="of the ensembles",
     )

@@ -110,7 +110,7 @@ def draw(out, cycles, density, band, white, against):
     curves.survival_figure(out / "survival.png", [density, band, white], title)
 
 
-def told(values):
+def report(values):
     """Say whether the density can be looked at in three dimensions here."""
     rendering = values["rendering"]
     if rendering["works"]:
@@ -129,7 +129,7 @@ if __name__ == "__main__":
         "summary.json",
         "jpdf.pvd",
         "jpdf_rk4.pvd",
-        told=told,
+        report=report,
         realizations="paths an ensemble",
         tol="tolerance of the density",
         seed="of the ensembles",

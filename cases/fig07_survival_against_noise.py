@@ -229,7 +229,7 @@ def _several(axes, variances, rows, looks):
     axes.legend(fontsize=9)
 
 
-def told(values):
+def report(values):
     """Print the survival."""
     for row, variance in enumerate(values["variances"]):
         bands = "".join(f"   [0, {one['band'][1]:g}] {one['survival'][row]:.3f}" for one in values["bands"])
@@ -249,7 +249,7 @@ if __name__ == "__main__":
         "results/fig07",
         "fig07.png",
         "fig07.json",
-        told=told,
+        report=report,
         cycles="forcing cycles",
         realizations="of an ensemble",
         tol="tolerance of the operators",

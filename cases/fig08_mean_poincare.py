@@ -155,7 +155,7 @@ def _free_mean(axes, mean):
     axes.set_title("(d) Mean of an ensemble that runs freely, 95 % intervals: it settles", loc="left", fontsize=10)
 
 
-def told(values):
+def report(values):
     """Print what became of the maps."""
     for name in ("without_noise", "restarted"):
         one = values[name]
@@ -173,7 +173,7 @@ if __name__ == "__main__":
         "results/fig08",
         "fig08.png",
         "fig08.json",
-        told=told,
+        report=report,
         realizations="of the mean map",
         seeds="of the mean map",
     )

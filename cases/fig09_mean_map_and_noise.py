@@ -178,7 +178,7 @@ def _by_paper(deviations, paper):
     return (shown, style.COLOURS[0]), (~shown, "white")
 
 
-def told(values):
+def report(values):
     """Print dimensions and fates."""
     rows = [{"deviation": 0.0, "overturned_after": [], **values["without_noise"]}, *values["maps"]]
     for one in rows:
@@ -187,4 +187,4 @@ def told(values):
 
 
 if __name__ == "__main__":
-    command(run, "results/fig09", "fig09.png", "fig09.json", told=told, seeds="of each mean map")
+    command(run, "results/fig09", "fig09.png", "fig09.json", report=report, seeds="of each mean map")

@@ -181,7 +181,7 @@ def _differences(axes, values, name, title):
     axes.set(title=title, xlabel="forcing cycle", ylabel="difference\nof probability")
 
 
-def told(values):
+def report(values):
     """Print how far the engines differ."""
     for row in values["noise"]:
         peak = int(np.argmax(row["band"])) + 1
@@ -196,7 +196,7 @@ if __name__ == "__main__":
         "results/passage",
         "passage.png",
         "passage.json",
-        told=told,
+        report=report,
         cycles="forcing cycles",
         realizations="of an ensemble",
         tol="tolerance of the densities",

@@ -176,7 +176,7 @@ def _differences(axes, block):
     logarithmic(axes.set_xscale, axes.xaxis)
 
 
-def told(values):
+def report(values):
     """Print the largest differences and the fits."""
     for name, block in values["blocks"].items():
         far, (low, high) = block["largest_difference"], block["largest_difference"]["interval"]
@@ -191,7 +191,7 @@ if __name__ == "__main__":
         "results/fragility_of_blocks",
         "blocks.png",
         "blocks.json",
-        told=told,
+        report=report,
         realizations="of an ensemble",
         tol="tolerance of the densities",
         seed="of the ensembles",

@@ -100,7 +100,7 @@ def _over_scale(axes, curves):
     axes.set(xlabel="scale of the shaking", ylabel=NAMES[curves["axis"]])
 
 
-def told(values):
+def report(values):
     """Print the medians."""
     for name in ("by_size", "by_slenderness"):
         for place, (fit,) in zip(values[name]["place"], values[name]["fits"], strict=True):
@@ -114,7 +114,7 @@ if __name__ == "__main__":
         "results/fragility_surface",
         "surface.png",
         "surface.json",
-        told=told,
+        report=report,
         realizations="of an ensemble",
         seed="of the ensembles",
         workers="processes",

@@ -140,7 +140,7 @@ def _pair(axes, places, found, colour, marker):
     style.error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
 
 
-def told(values):
+def report(values):
     """Print how far the flux is off."""
     studies = [("σ²", values["variances"], f"band {one['band']}", one) for one in values["over_noise"]]
     studies.append(("e", values["restitutions"], "σ² = 0.04", values["over_restitution"]))
@@ -153,5 +153,11 @@ def told(values):
 
 if __name__ == "__main__":
     command(
-        run, "results/flux", "flux.png", "flux.json", told=told, realizations="of an ensemble", seed="of the ensembles"
+        run,
+        "results/flux",
+        "flux.png",
+        "flux.json",
+        report=report,
+        realizations="of an ensemble",
+        seed="of the ensembles",
     )

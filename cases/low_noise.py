@@ -131,7 +131,7 @@ def draw(path, values):
         right.set_title("(b) The last three meshes, by D")
 
 
-def told(values):
+def report(values):
     """Print the rates."""
     for row in values["operator"]:
         meshes = ", ".join(f"{rate:.3g} ({unknowns:,})" for unknowns, rate in row["refinement"])
@@ -143,4 +143,4 @@ def told(values):
 
 
 if __name__ == "__main__":
-    command(run, "results/low_noise", "low_noise.png", "low_noise.json", told=told, tol="of the operators")
+    command(run, "results/low_noise", "low_noise.png", "low_noise.json", report=report, tol="of the operators")

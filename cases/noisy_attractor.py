@@ -119,7 +119,7 @@ def _draw(path, operator, quiet, ensemble, outlook):
         fourth.legend()
 
 
-def told(values):
+def report(values):
     """Print the long run."""
     print(f"Escape rate {values['escape_rate']:.6f} a cycle, relative error estimate {values['escape_error']:.1e}")
     print(f"Mean number of the cycle of overturning {values['mean_cycles']:.2f}")
@@ -135,7 +135,7 @@ if __name__ == "__main__":
         "attractor.png",
         "attractor.vtu",
         "attractor.json",
-        told=told,
+        report=report,
         tol="of the operator",
         realizations="of the ensemble",
     )

@@ -158,7 +158,7 @@ def _over_cycle(figure, axes, inside, most):
     axes.grid(visible=False)
 
 
-def told(values):
+def report(values):
     """Print survival."""
     for kind in ("sampled", "solved"):
         for name, found in values[kind].items():
@@ -171,7 +171,7 @@ if __name__ == "__main__":
         "results/rest",
         "rest.png",
         "rest.json",
-        told=told,
+        report=report,
         realizations="of an ensemble",
         tol="tolerance of the densities",
         seed="of the ensembles",

@@ -171,7 +171,7 @@ def _erosion(axes, values):
     axes.set_ylim(bottom=0.0)
 
 
-def told(values):
+def report(values):
     """Print the areas."""
     print("safe area after", values["cycles"], "cycles")
     print("without noise", [f"{area:.4f} ± {error:.4f}" for area, error in values["area_without_noise"]])
@@ -181,4 +181,12 @@ def told(values):
 
 
 if __name__ == "__main__":
-    command(run, "results/basins", "basins.png", "basins.vtu", "basins.json", told=told, tol="of the operators")
+    command(
+        run,
+        "results/basins",
+        "basins.png",
+        "basins.vtu",
+        "basins.json",
+        report=report,
+        tol="of the operators",
+    )

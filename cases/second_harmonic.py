@@ -264,7 +264,7 @@ def _closed(column):
     return np.concatenate([column, column[:1] + (2.0 * math.pi if column.ndim == 1 else 0.0)])
 
 
-def told(values):
+def report(values):
     """Print survival and rates."""
     for found in values["phases"]:
         print(f"Ψ₂ = {found['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
@@ -282,7 +282,7 @@ if __name__ == "__main__":
         "results/second_harmonic",
         "second_harmonic.png",
         "second_harmonic.json",
-        told=told,
+        report=report,
         realizations="of an ensemble",
         tol="tolerance of the densities",
         seed="of the ensembles",

@@ -132,7 +132,7 @@ def draw(path, values):
 NAMES = {"pulse": "(a) One-sine pulse", "harmonic": f"(b) {CYCLES} harmonic cycles"}
 
 
-def told(values):
+def report(values):
     """Print the largest differences."""
     for kind in NAMES:
         off = np.array(values[kind]["exact"]) - np.array(values[kind]["slender"])[:, None]
@@ -145,7 +145,7 @@ if __name__ == "__main__":
         "results/slenderness",
         "slenderness.png",
         "slenderness.json",
-        told=told,
+        report=report,
         realizations="a point",
         seed="seed",
     )

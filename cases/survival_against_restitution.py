@@ -170,7 +170,7 @@ def _named_at_peak(axes, places, survival, text, colour):
     style.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
 
 
-def told(values):
+def report(values):
     """Print the survival."""
     ours = _ours(values)
     known = {one["restitution"]: one["survival"] for one in values["density"]}
@@ -186,7 +186,7 @@ if __name__ == "__main__":
         "results/restitution",
         "restitution.png",
         "restitution.json",
-        told=told,
+        report=report,
         realizations="of an ensemble",
         tol="tolerance of the densities",
         seed="of the ensembles",

@@ -110,7 +110,7 @@ def _listed(array) -> list:
     return np.where(np.isnan(array), None, array).tolist()
 
 
-def told(values):
+def report(values):
     """Print how far maps of two seeds differ."""
     for rule, distances in values["restarts_differ_by"].items():
         worst = max((distance for distance in distances if distance is not None), default=0.0)
@@ -124,7 +124,7 @@ if __name__ == "__main__":
         "histories.png",
         "histories.json",
         "histories.npz",
-        told=told,
+        report=report,
         scene="scene file, or name of a scene of the package",
         cycles="forcing cycles",
         realizations="of the ensemble",

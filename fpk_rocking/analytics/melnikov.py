@@ -5,7 +5,7 @@ rocking from overturning. Its variance σ_M² (eq. 15) also says which white noi
 
 * The process: `heteroclinic_orbit`, `transfer` (16), `harmonic_amplitude` D_m, `impact_loss` M, `process_mean`,
   `noise_variance` σ_M² (15), `equivalent_diffusion` D_M = σ_M²/2, `sampled_process` for given realizations.
-* How far D_M can be trusted: `cover` of a band, `realized_spread` of its realizations.
+* How far D_M can be trusted: `relative_variance` of a band, `realized_spread` of its realizations.
 * Criteria: `critical_amplitude` (14, and its mean-square variant), `margin`, `exact_critical_amplitude`.
 * Phase flux: `phase_flux` (17, corrected), `phase_flux_as_printed`, `phase_flux_sampled`.
 
@@ -28,10 +28,14 @@ from fpk_rocking.analytics.process import (
     sampled_process,
     transfer,
 )
-from fpk_rocking.physics.noise.equivalence import cover, equivalent_diffusion, noise_variance, realized_spread
+from fpk_rocking.physics.noise.equivalence import (
+    equivalent_diffusion,
+    noise_variance,
+    realized_spread,
+    relative_variance,
+)
 
 __all__ = [
-    "cover",
     "critical_amplitude",
     "equivalent_diffusion",
     "exact_critical_amplitude",
@@ -45,6 +49,7 @@ __all__ = [
     "phase_flux_sampled",
     "process_mean",
     "realized_spread",
+    "relative_variance",
     "sampled_process",
     "transfer",
 ]

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Array", "ArrayLike", "File", "Number", "Progress", "known"]
+__all__ = ["Array", "ArrayLike", "File", "Number", "Progress", "not_none"]
 
 _T = TypeVar("_T")
 
@@ -20,11 +20,11 @@ File = str | os.PathLike[str]
 """Path of a file or a folder."""
 
 Progress = Callable[[int, int], object]
-"""Called with what is done and the whole."""
+"""Called with the number of rows that are done, and that of all."""
 
 
-def known(value: _T | None) -> _T:
-    """Return a value that is not None here, as something else says; it tells a type checker so."""
+def not_none(value: _T | None) -> _T:
+    """Return a value, or raise TypeError where it is None: for a type checker, where other checks exclude None."""
     if value is None:
         raise TypeError("got None, accepted: a value")
     return value

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, known
+from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.refinement import bins_tolerance
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
@@ -76,7 +76,7 @@ class Evolution(Saved, SurvivalResult):
         Coefficients of the densities that `at` returns; zero in row 0 where the start is a point.
     angle_lines, velocity_lines : ndarray
         Lines of the mesh that the coefficients belong to.
-    atom : bool
+    rests_exactly : bool
         Whether `at_rest` is a probability that the density does not contain, as under filtered noise.
     replacement : Replacement, optional
         What the replacement of the noise changes, as `checked` measured it; None where it did not.
@@ -113,7 +113,7 @@ class Evolution(Saved, SurvivalResult):
     coefficients: Annotated[Array, "f8 k+1 x v d d"]
     angle_lines: Annotated[Array, "f8 x+1"]
     velocity_lines: Annotated[Array, "f8 v+1"]
-    atom: bool
+    rests_exactly: bool
     replacement: Replacement | None = None
 
     engine = "Fokker-Planck density"
@@ -193,7 +193,7 @@ class Evolution(Saved, SurvivalResult):
         if self.replacement is None:
             return f"{text}, replacement of the noise: not checked"
         change, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]
-        total = known(self.total_error)[-1, 0]
+        total = not_none(self.total_error)[-1, 0]
         return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
 
     def model_diagnostics(self) -> list[Diagnostic]:
@@ -268,7 +268,7 @@ class Evolution(Saved, SurvivalResult):
         dataset = super().dataset()
         dataset.variables.update(lost=("time", self.lost), at_rest=("time", self.at_rest))
         if (check := self.replacement) is not None:
-            added = check.difference, check.sampling_error, known(self.total_error)
+            added = check.difference, check.sampling_error, not_none(self.total_error)
             names = "survival_replacement", "survival_replacement_error", "survival_total_error"
             dataset.variables.update({name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)})
         return dataset
@@ -298,12 +298,13 @@ class Evolution(Saved, SurvivalResult):
         return Density(self.space, self.coefficients[cycle])
 
     def _binned(self, row, edges):
-        """Probabilities of bins at a row: of the atom of a point start, or of the density and of blocks at rest."""
+        """Probabilities of bins at a row: of a start that is a point, or of the density and of blocks at rest."""
         start = self.scene.start
         if row == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
         moving = self.space.bin_integrals(self.coefficients[row], *edges)
-        return moving + self.at_rest[row] * np.histogram2d([0.0], [0.0], bins=edges)[0] if self.atom else moving
+        at_origin = np.histogram2d([0.0], [0.0], bins=edges)[0]
+        return moving + self.at_rest[row] * at_origin if self.rests_exactly else moving
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:

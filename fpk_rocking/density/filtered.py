@@ -4,8 +4,8 @@ In a step the noise is piecewise constant: at every node a density of angle and 
 constant, by the paths of a block without other noise. Between steps the filter's transition matrix exchanges mass
 between the nodes, exactly. So the noise is constant over each step and has, from step to step, the law of the filter.
 
-Blocks whose impacts accumulate while the force cannot lift them off come to rest at x = v = 0, an atom of each node. It
-is re-injected, on the side of f, in the first step in which |f| passes the level of lift-off.
+Blocks whose impacts accumulate while the force cannot lift them off come to rest at x = v = 0, a point mass of each
+node. It is re-injected, on the side of f, in the first step in which |f| passes the level of lift-off.
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ import numpy as np
 
 from fpk_rocking.base import ahead
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array, known
+from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, filtered_discretization
 from fpk_rocking.density.filtered_start import FilteredStart, deposit_points
 from fpk_rocking.density.periodic import CyclicPropagator, PeriodicState
@@ -195,7 +195,9 @@ class FilteredPropagator(CyclicPropagator):
     def snapshot(self, state: PeriodicState) -> Snapshot:
         """Density over all nodes, outflow and mass at rest of a state, reflected back where it is the mirror image."""
         marginal = state.density.sum(axis=(0, 1))
-        return Snapshot(reflected(marginal) if state.reflected else marginal, state.outflow, known(state.at_rest).sum())
+        return Snapshot(
+            reflected(marginal) if state.reflected else marginal, state.outflow, not_none(state.at_rest).sum()
+        )
 
 
 @kernel

@@ -1,6 +1,6 @@
 """The start-up under filtered noise: from the start of a scene to the first densities that the mesh holds.
 
-A block at rest stays in the atom at rest of its node. From any other start, and from rest under a force that lifts the
+A block at rest stays in the mass at rest of its node. From any other start, and from rest under a force that lifts the
 block off for certain, the flight is linear until something happens to the block: angle, velocity and the states of the
 filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and velocity. The
 mesh takes over when it resolves these, or else at the last step before anything can happen. So narrow a density of an

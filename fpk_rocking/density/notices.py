@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, known
+from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filtered_start import spread_left
 from fpk_rocking.density.refinement import Refined
@@ -63,7 +63,7 @@ def refuse_slow(scene: Scene) -> None:
     noise = scene.noise
     if noise.kind != "filtered":
         return
-    time = max(known(scene.period), TUNING.spreading_time)
+    time = max(not_none(scene.period), TUNING.spreading_time)
     wanted = TUNING.spread_left_of_one if noise.space.order == 1 else TUNING.spread_left_of_two
     faster = 1.0
     while spread_left(noise.scaled(1.0, faster), scene.start.covariance, time) < wanted:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, known
+from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.propagator import Propagator, Snapshot
 from fpk_rocking.density.space.space import Space, reflected
 from fpk_rocking.density.startup import StartUp, takeover_step
@@ -113,7 +113,7 @@ class CyclicPropagator(Propagator):
     def time_of(self, step: int) -> float:
         """Time τ at which a step begins, by its number from τ = 0 on."""
         period, k = divmod(step, len(self.active))
-        return period * known(self.scene.period) / self.periods_per_cycle + self.step_begins[k]
+        return period * not_none(self.scene.period) / self.periods_per_cycle + self.step_begins[k]
 
 
 class PeriodicPropagator(CyclicPropagator):

@@ -149,7 +149,7 @@ def solve_fpk(
         coefficients=fine.coefficients,
         angle_lines=propagator.space.angle_lines,
         velocity_lines=propagator.space.velocity_lines,
-        atom=filtered,
+        rests_exactly=filtered,
     )
     refuse_broken(result)
     _refuse_unresolved(result)

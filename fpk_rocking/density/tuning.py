@@ -118,7 +118,7 @@ class Tuning(NamedTuple):
     no_mass: float = 1e-13
     """Mass below which nothing is left in a cell of a patch, or of a patch."""
     visible_mass: float = 1e-10
-    """Mass of a node of the noise below which a patch need not cover it."""
+    """Mass of a node of the noise below which a patch need not contain it."""
     missing_mass: float = 1e-5
     """Most that the projection of a Gaussian on its patch may miss of its mass."""
     resolved: float = 0.2

@@ -111,8 +111,8 @@ def _draw_surface(axes, result, cycle, surface, highest):
     axes.patch.set_visible(False)
     axes.set(xlim=(-cut_off, cut_off), ylim=(-bound, bound), zlim=(0.0, highest))
     axes.set_box_aspect((1.3, 1.3, 0.8), zoom=1.12)
-    atom = cycle == 0 and scene.start.covariance is None
-    if not atom:
+    point_start = cycle == 0 and scene.start.covariance is None
+    if not point_start:
         # The root brings out the low parts, which hold most of the probability.
         colours = {"cmap": style.SURFACE, "norm": PowerNorm(0.5, 0.0, highest)}
         axes.plot_surface(*surface, **colours, rstride=1, cstride=1, linewidth=0.0)
@@ -128,7 +128,7 @@ def _draw_surface(axes, result, cycle, surface, highest):
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         axis.pane.set_facecolor("white")
-    if atom:
+    if point_start:
         _draw_needle(axes, scene.start, highest)
 
 

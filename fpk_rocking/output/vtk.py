@@ -104,7 +104,7 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
 
 
 def _mesh_of_row(result, cycle):
-    """Mesh with the density of a row: of the solver, a histogram of a sample, or the atom of a point start."""
+    """Mesh with the density of a row: of the solver, a histogram of a sample, or the cell of a point start."""
     if cycle == 0 and result.scene.start.covariance is None:
         return _mesh_of_point(result.scene)
     law = result.at(cycle)

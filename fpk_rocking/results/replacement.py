@@ -139,7 +139,7 @@ def check_remarks(density: Any) -> Iterator[str]:
         f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
     )
     noise, block = density.scene.noise, density.scene.block
-    part = equivalence.cover(noise, block.critical_angle)
+    part = equivalence.relative_variance(noise, block.critical_angle)
     spread = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
     rest = (
         f"; the forcing alone reaches {density.scene.forcing.largest:.3g}, a block at rest lifts off above "
@@ -148,7 +148,7 @@ def check_remarks(density: Any) -> Iterator[str]:
     yield (
         f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
         f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
-        f"strength by {100.0 * spread:.0f} %{'' if density.atom else rest}."
+        f"strength by {100.0 * spread:.0f} %{'' if density.rests_exactly else rest}."
     )
 
 

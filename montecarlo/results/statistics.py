@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, known
+from fpk_rocking.base.types import Array, ArrayLike, not_none
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.binning import ascending_edges
 from fpk_rocking.results.sampling import wilson_interval
@@ -246,7 +246,7 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     after, level = checks.count("after", after), checks.part("level", level)
     if isinstance(side, bool) or not (side is None or (isinstance(side, numbers.Integral) and abs(side) == 1)):
         raise ValueError(checks.refusal("side", side, "None, or -1 (left) or 1 (right)"))
-    cycles, period = known(ensemble.cycles), known(ensemble.scene.period)
+    cycles, period = not_none(ensemble.cycles), not_none(ensemble.scene.period)
     if after >= cycles or ensemble.survivors[after] == 0:
         accepted = f"a number below {cycles}, of cycles after which a block still stands"
         raise ValueError(checks.refusal("after", after, accepted))

@@ -191,7 +191,7 @@ def test_everything_broadcasts():
         ),
         (lambda: melnikov.noise_variance(0.16), TypeError, r"noise: got 0\.16, accepted: BandNoise, "),
         (lambda: melnikov.equivalent_diffusion("white"), TypeError, r"noise: got 'white', accepted: BandNoise, "),
-        (lambda: melnikov.cover(5), TypeError, r"noise: got 5, accepted: BandNoise, "),
+        (lambda: melnikov.relative_variance(5), TypeError, r"noise: got 5, accepted: BandNoise, "),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, repeats=1), ValueError, r"repeats: got 1, .* >= 2"),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=0), ValueError, r"strata: got 0, .* >= 1"),
         (lambda: melnikov.process_mean((4.0, 4.0), 0.5, 0.0), TypeError, r"forcing: got .* accepted: Harmonic"),

@@ -11,16 +11,16 @@ CASES = pathlib.Path(__file__).parents[2] / "cases"
 
 
 def test_options_reach_the_case(monkeypatch, capsys):
-    asked, told = {}, []
+    asked, reported = {}, []
 
     def run(out, realizations=5, tol=0.5, seed=1):
         asked.update(out=out, realizations=realizations, tol=tol, seed=seed)
         return "values"
 
     monkeypatch.setattr("sys.argv", ["case", "--out", "folder", "--realizations", "7", "--seed", "3"])
-    command(run, "results", "one.png", "two.json", told=told.append, realizations="n", tol="t", seed="s")
+    command(run, "results", "one.png", "two.json", report=reported.append, realizations="n", tol="t", seed="s")
     assert asked == {"out": pathlib.Path("folder"), "realizations": 7, "tol": 0.5, "seed": 3}
-    assert told == ["values"]
+    assert reported == ["values"]
     assert capsys.readouterr().out == "Files in folder: one.png, two.json\n"
     monkeypatch.setattr("sys.argv", ["case"])
     command(run, "results", "one.png")
@@ -37,5 +37,5 @@ def test_options_of_every_case(name):
     (run,) = (one for one in module.body if isinstance(one, ast.FunctionDef) and one.name == "run")
     call = module.body[-1].body[0].value
     known = [one.arg for one in run.args.args[len(run.args.args) - len(run.args.defaults) :]]
-    assert {one.arg for one in call.keywords} <= {"told", *known}
+    assert {one.arg for one in call.keywords} <= {"report", *known}
     assert PICTURES[name].keys() <= {one.value for one in call.args[2:]}

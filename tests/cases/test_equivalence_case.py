@@ -22,5 +22,5 @@ def test_equivalence_study_divides_the_difference(case, tmp_path):
     assert divided == pytest.approx(parts["whole"], abs=1e-12)
     assert row["density"][:3] == pytest.approx([0.8627, 0.4696, 0.1739], abs=4e-3)
     assert row["sampled"][0][2] > row["density"][2]
-    assert low["cover"] < 0.2 < row["cover"]
+    assert low["relative_variance"] < 0.2 < row["relative_variance"]
     assert list(module.worst([[0.1, -0.3], [0.2, 0.1]])) == [-0.3, 0.2]

@@ -205,11 +205,11 @@ def resting():
 def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
     assert resting.at_rest == pytest.approx(np.ones(2), abs=1e-12)
     assert resting.survival == pytest.approx(np.ones(2), abs=1e-12)
-    assert resting.atom
+    assert resting.rests_exactly
     assert resting.bin_probabilities(1, *EDGES)[4, 4] == pytest.approx(1.0, abs=1e-12)
     resting.save(tmp_path / "rest.npz")
     again = Evolution.load(tmp_path / "rest.npz")
-    assert again.atom
+    assert again.rests_exactly
     assert np.array_equal(again.at_rest, resting.at_rest)
 
 

@@ -104,7 +104,7 @@ class FakeEvolution(Evolution):
             "coefficients": np.zeros((cycles + 1, 1, 1, 1, 1)),
             "angle_lines": np.array([-1.0, 1.0]),
             "velocity_lines": np.array([-1.0, 1.0]),
-            "atom": False,
+            "rests_exactly": False,
             "replacement": None,
         }
         own = {name for cls in type(self).__mro__[:-1] if issubclass(cls, FakeEvolution) for name in vars(cls)}

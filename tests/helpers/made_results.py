@@ -75,7 +75,7 @@ def _survival_columns(scene, times, survival, overturned, limits=None):
     return columns | {"overturned_left": overturned[:, 0], "overturned_right": overturned[:, 1]}
 
 
-def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
+def evolution(scene=MAIN, times=WHOLE, seed=1, rests_exactly=False, **settings):
     rng, rows = np.random.default_rng(seed), len(times)
     overturned = np.cumsum(rng.uniform(0.2, 1.0, (rows, 2)) * [0.6, 0.15] / rows, axis=0)
     overturned -= overturned[0]
@@ -84,7 +84,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
     at_rest = survival * rng.uniform(0.1, 0.3, rows)
     coefficients = np.zeros((rows, *SPACE.shape))
     masses = rng.uniform(0.5, 1.5, (rows, *SPACE.areas.shape))
-    masses *= ((survival - at_rest * atom) / masses.sum(axis=(1, 2)))[:, None, None]
+    masses *= ((survival - at_rest * rests_exactly) / masses.sum(axis=(1, 2)))[:, None, None]
     coefficients[..., 0, 0] = masses / SPACE.areas
     coefficients[..., 0, 1] = 0.3 * coefficients[..., 0, 0] * rng.uniform(-1.0, 1.0, masses.shape)
     result = Evolution(
@@ -108,7 +108,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, atom=False, **settings):
         coefficients=coefficients,
         angle_lines=SPACE.angle_lines,
         velocity_lines=SPACE.velocity_lines,
-        atom=atom,
+        rests_exactly=rests_exactly,
     )
     columns = _survival_columns(scene, times, survival, overturned) | {"lost": lost, "at_rest": at_rest}
     variables, places = _survival_grids(result, times, survival, overturned)
@@ -367,7 +367,7 @@ def plane_map():
 
 KINDS = {
     "density": evolution,
-    "density with rest": functools.partial(evolution, atom=True),
+    "density with rest": functools.partial(evolution, rests_exactly=True),
     "density after a pulse": functools.partial(evolution, PULSE, UNEVEN),
     "ensemble": ensemble,
     "ensemble after a pulse": functools.partial(ensemble, PULSE, UNEVEN, method="white"),

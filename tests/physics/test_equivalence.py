@@ -91,8 +91,8 @@ def test_cover_of_known_bands():
     """(1/π) ∫ 4/(1+ω²)² dω over the band, by quadrature; all of it for a wide band, whatever σ and N."""
     for low, high in BANDS[:5]:
         part, _ = quad(lambda w: 4.0 / (1.0 + w * w) ** 2 / math.pi, low, high, epsabs=1e-13)
-        assert melnikov.cover(BandNoise(0.3, (low, high), 5)) == pytest.approx(part, rel=1e-9)
-    assert melnikov.cover(BandNoise(2.0, (0.0, 1e4), 1)) == pytest.approx(1.0, abs=1e-9)
+        assert melnikov.relative_variance(BandNoise(0.3, (low, high), 5)) == pytest.approx(part, rel=1e-9)
+    assert melnikov.relative_variance(BandNoise(2.0, (0.0, 1e4), 1)) == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("band", "restitution"), [((0.0, 10.0), 0.5), ((1.0, 6.0), 0.7), ((0.0, 1e4), 0.3)])
@@ -114,6 +114,6 @@ def test_spread_against_quadrature_of_the_response(band, restitution):
 
 @pytest.mark.parametrize("noise", [WhiteNoise(0.01), NoNoise(), BandNoise(0.0, (0.0, 10.0), 10)])
 def test_cover_and_spread_need_a_band(noise):
-    for measure in (melnikov.cover, lambda one: melnikov.realized_spread(one, 0.5)):
+    for measure in (melnikov.relative_variance, lambda one: melnikov.realized_spread(one, 0.5)):
         with pytest.raises(ValueError, match=r"noise: got .* accepted: band noise of a variance > 0"):
             measure(noise)

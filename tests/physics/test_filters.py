@@ -122,8 +122,8 @@ def test_a_named_filter_is_its_closed_form(noise):
     if noise.damping != 1e3:
         lags = np.array([0.0, 0.01, 1.0, -10.0]) / noise.frequency
         assert space.autocovariance(lags) == pytest.approx(formulas.autocovariance(unit, lags), abs=2e-14)
-    cover = melnikov.noise_variance(noise) / (math.pi * formulas.peak_density(noise))
-    assert melnikov.cover(noise) == pytest.approx(cover, rel=1e-13)
+    expected = melnikov.noise_variance(noise) / (math.pi * formulas.peak_density(noise))
+    assert melnikov.relative_variance(noise) == pytest.approx(expected, rel=1e-13)
 
 
 @own
@@ -150,7 +150,7 @@ def test_a_filter_of_any_order_against_quadrature(own, centre, formula):
     assert space.peak_density == pytest.approx(density(np.linspace(0.0, 30.0, 300_001)).max(), rel=1e-8)
     noise = FilteredNoise(own, 0.3)
     assert melnikov.noise_variance(noise) == pytest.approx(0.3 * space.melnikov_variance, rel=1e-14)
-    assert 0.0 < melnikov.cover(noise) < 1.0
+    assert 0.0 < melnikov.relative_variance(noise) < 1.0
 
 
 @pytest.mark.parametrize("noise", NOISES + [FilteredNoise(own, 0.3) for own, _, _ in OWN], ids=noise_text)
@@ -341,6 +341,6 @@ def test_a_class_that_no_file_knows_is_written_as_its_matrices(main_scene):
 
 def test_doubts_need_a_strength():
     with pytest.raises(ValueError, match=r"noise: got FilteredNoise.* accepted: .* of a variance > 0"):
-        equivalence.cover(FilteredNoise("exponential", 0.0, 1.0))
+        equivalence.relative_variance(FilteredNoise("exponential", 0.0, 1.0))
     with pytest.raises(ValueError, match=r"accepted: band noise"):
         equivalence.realized_spread(NOISES[0], 0.5)

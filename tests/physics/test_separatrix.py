@@ -76,7 +76,7 @@ def test_transfer_and_variances_by_quadrature_of_the_kernel(alpha):
 
         exact = sum(quad(spectrum, *ends, epsabs=1e-14, limit=400)[0] for ends in ((0.0, 5.0), (5.0, np.inf)))
         assert melnikov.noise_variance(noise, alpha) == pytest.approx(exact, rel=1e-10)
-        assert melnikov.cover(noise, alpha) == pytest.approx(
+        assert melnikov.relative_variance(noise, alpha) == pytest.approx(
             exact / (0.3 * math.pi * noise.space.peak_density * square), rel=1e-10
         )
 
@@ -96,7 +96,9 @@ def test_a_band_by_quadrature_of_its_spectrum(alpha, band):
     assert melnikov.noise_variance(noise, alpha) == pytest.approx(exact, rel=1e-12)
     square = 2.0 * quad(lambda time: kernel(time, alpha) ** 2, 0.0, 40.0, epsabs=1e-14)[0]
     assert melnikov.equivalent_diffusion(noise, alpha) == pytest.approx(exact / (2.0 * square), rel=1e-12)
-    assert melnikov.cover(noise, alpha) == pytest.approx(exact * (high - low) / (0.3 * math.pi * square), rel=1e-12)
+    assert melnikov.relative_variance(noise, alpha) == pytest.approx(
+        exact * (high - low) / (0.3 * math.pi * square), rel=1e-12
+    )
     first, second = (mean(lambda omega, n=n: equivalence.response(omega, e, alpha) ** n) for n in (1, 2))
     spread = math.sqrt((second / first**2 - 1.0) / 7.0)
     assert melnikov.realized_spread(noise, e, alpha) == pytest.approx(spread, rel=1e-8, abs=1e-7)
@@ -123,7 +125,7 @@ def _of_small_angles(alpha):
             melnikov.impact_loss(0.5, alpha),
             melnikov.process_mean(forcing, 0.5, 0.4, alpha),
             *(melnikov.noise_variance(noise, alpha) for noise in NOISES),
-            melnikov.cover(band, alpha),
+            melnikov.relative_variance(band, alpha),
             melnikov.equivalent_diffusion(band, alpha),
             equivalence.response(1.7, 0.5, alpha),
             melnikov.realized_spread(band, 0.5, alpha),

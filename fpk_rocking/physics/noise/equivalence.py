@@ -4,8 +4,9 @@ Noise seen along the heteroclinic orbit of the undamped, unforced block, M(τ₀
 of `physics.motion.separatrix`, has the variance σ_M² = ∫ G(ω) K̂(ω)² dω, with G the one-sided spectral density of η. A
 slender block has K = e^(-|τ|) and K̂ = 2/(1+ω²) (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
 
-What the replacement changes has to be measured. What may explain it is `cover`, the part of the orbit's frequencies
-that the band takes in, and `realized_spread`, by how much the realizations of finitely many harmonics differ.
+What the replacement changes has to be measured. What may explain it is `relative_variance`, the part of the orbit's
+frequencies that the band takes in, and `realized_spread`, by how much the realizations of finitely many harmonics
+differ.
 """
 
 import math
@@ -105,11 +106,11 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     return 0.5 * noise_variance(noise, critical_angle) / separatrix.white_gain(critical_angle)
 
 
-def cover(noise: Noise, critical_angle: float = 0.0) -> float:
+def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum.
 
-    It says how much of the frequencies that move the block a spectrum covers. With G the peak of the one-sided spectral
-    density the cover of a slender block is σ_M²/(πG), for a band (1/π) ∫ 4/(1+ω²)² dω over the band.
+    It says how much of the frequencies that move the block a spectrum contains. With G the peak of the one-sided
+    spectral density it is σ_M²/(πG) for a slender block, for a band (1/π) ∫ 4/(1+ω²)² dω over the band.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def cover(noise: Noise, critical_angle: float = 0.0) -> float:
     --------
     >>> from fpk_rocking import BandNoise, melnikov
     >>> bands = [(0.0, 10.0), (1.0, 6.0), (4.0, 10.0)]
-    >>> print([round(melnikov.cover(BandNoise(0.04, band, harmonics=100)), 3) for band in bands])
+    >>> print([round(melnikov.relative_variance(BandNoise(0.04, band, harmonics=100)), 3) for band in bands])
     [1.0, 0.18, 0.006]
     """
     _check(noise)

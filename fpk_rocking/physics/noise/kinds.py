@@ -8,7 +8,7 @@ import dataclasses
 from typing import ClassVar, Literal, Self
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import known
+from fpk_rocking.base.types import not_none
 from fpk_rocking.physics.noise.envelope import ENVELOPES, Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS, Filter
 from fpk_rocking.physics.noise.state_space import StateSpace
@@ -179,14 +179,14 @@ class FilteredNoise:
         """State space of the filter, for noise of variance 1."""
         if isinstance(self.filter, Filter):
             return self.filter.space
-        return FILTERS[self.filter].space(known(self.frequency), self.damping)
+        return FILTERS[self.filter].space(not_none(self.frequency), self.damping)
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the noise with accelerations and frequencies multiplied by factors."""
         variance = self.variance * strength**2
         if isinstance(self.filter, Filter):
             return _scaled(self, rate, variance=variance, filter=self.filter.faster(rate))
-        return _scaled(self, rate, variance=variance, frequency=known(self.frequency) * rate)
+        return _scaled(self, rate, variance=variance, frequency=not_none(self.frequency) * rate)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
