@@ -69,23 +69,23 @@ def main_rows():
     seconds = medians({tol: lambda tol=tol: solve_fpk(MAIN, cycles=CYCLES, tol=tol) for tol in TOLERANCES}, rounds=3)
     rows, points = [], []
     for tol in TOLERANCES:
-        found = solve_fpk(MAIN, cycles=CYCLES, tol=tol)
+        evolution = solve_fpk(MAIN, cycles=CYCLES, tol=tol)
         coarse = [
-            distances.l1(found.bin_probabilities(int(k), *edges), theirs)
+            distances.l1(evolution.bin_probabilities(int(k), *edges), theirs)
             for k, theirs in zip(reference["cycles"], reference["probabilities"], strict=True)
             if k in LOOKED_AT
         ]
         fine = [
             np.abs(ours - theirs).sum()
-            for ours, theirs in zip(fine_bins(found.space, found.coefficients), finest, strict=True)
+            for ours, theirs in zip(fine_bins(evolution.space, evolution.coefficients), finest, strict=True)
         ]
         points.append((seconds[tol], max(fine)))
         rows.append(
             [
-                f"{tol:g}", f"{seconds[tol]:.2f}", f"{np.abs(found.survival - sampled).max():.1e}",
-                f"{np.abs(found.survival - truth.survival).max():.1e}", f"{found.error_estimate:.1e}",
+                f"{tol:g}", f"{seconds[tol]:.2f}", f"{np.abs(evolution.survival - sampled).max():.1e}",
+                f"{np.abs(evolution.survival - truth.survival).max():.1e}", f"{evolution.error_estimate:.1e}",
                 " ".join(f"{value:.4f}" for value in coarse), " ".join(f"{value:.4f}" for value in fine),
-                f"{found.settings['unknowns']:,}", f"{peak_memory(tol):.0f}",
+                f"{evolution.settings['unknowns']:,}", f"{peak_memory(tol):.0f}",
             ]
         )  # fmt: skip
     slope = np.polyfit(*np.log(np.array(points)).T[::-1], 1)[0]
@@ -99,15 +99,15 @@ def weak_rows():
     rows = []
     for tol in (1e-2, 1e-3):
         seconds = medians({"": lambda tol=tol: solve_fpk(WEAK, cycles=CYCLES, tol=tol)}, rounds=1)[""]
-        found = solve_fpk(WEAK, cycles=CYCLES, tol=tol)
+        evolution = solve_fpk(WEAK, cycles=CYCLES, tol=tol)
         parts = []
         for cycle, counts in zip(reference.binned, reference.counts, strict=True):
-            ours = found.bin_probabilities(int(cycle), reference.angle_edges, reference.velocity_edges)
+            ours = evolution.bin_probabilities(int(cycle), reference.angle_edges, reference.velocity_edges)
             floor = distances.l1_floor(np.clip(ours, 0.0, 1.0), math.inf, int(reference.paths))
             parts.append(f"{distances.l1(ours, counts / reference.paths):.4f} ({floor:.4f})")
         rows.append(
-            [f"{tol:g}", f"{seconds:.1f}", f"{np.abs(found.survival - standing[: CYCLES + 1]).max():.1e}",
-             f"{found.error_estimate:.1e}", ", ".join(parts), f"{found.settings['unknowns']:,}"]
+            [f"{tol:g}", f"{seconds:.1f}", f"{np.abs(evolution.survival - standing[: CYCLES + 1]).max():.1e}",
+             f"{evolution.error_estimate:.1e}", ", ".join(parts), f"{evolution.settings['unknowns']:,}"]
         )  # fmt: skip
     return rows
 

@@ -71,9 +71,11 @@ def solver_rows(scene, truth):
     seconds = medians({tol: lambda tol=tol: solve_fpk(scene, cycles=CYCLES, tol=tol) for tol in TOLERANCES}, rounds=3)
     rows = {}
     for tol in TOLERANCES:
-        found = solve_fpk(scene, cycles=CYCLES, tol=tol)
-        errors = truth.errors(found.survival, lambda edges, found=found: found.bin_probabilities(CYCLES, *edges))
-        told = {"survival": found.error_estimate, "coarse": found.bins_error_estimate}
+        evolution = solve_fpk(scene, cycles=CYCLES, tol=tol)
+        errors = truth.errors(
+            evolution.survival, lambda edges, evolution=evolution: evolution.bin_probabilities(CYCLES, *edges)
+        )
+        told = {"survival": evolution.error_estimate, "coarse": evolution.bins_error_estimate}
         rows[tol] = {"seconds": seconds[tol], "told": told} | errors
     return rows
 
@@ -92,24 +94,26 @@ def solved_alone(scene, resolution):
 def alone_rows(scene, truth):
     """Seconds and errors of single runs by resolution."""
     names = [f"{r.angle_cells} × {r.velocity_cells}, degree {r.degree}, {r.steps} steps" for r in ALONE]
-    calls = dict(zip(names, [lambda r=r: solved_alone(scene, r) for r in ALONE], strict=True))
-    seconds = medians(calls, rounds=3)
+    solvers = dict(zip(names, [lambda r=r: solved_alone(scene, r) for r in ALONE], strict=True))
+    seconds = medians(solvers, rounds=3)
     rows = {}
-    for name, call in calls.items():
-        run, found = call()
-        last = found.coefficients[CYCLES]
-        errors = truth.errors(found.survival, lambda edges, run=run, last=last: run.space.bin_integrals(last, *edges))
+    for name, call in solvers.items():
+        run, solution = call()
+        last = solution.coefficients[CYCLES]
+        errors = truth.errors(
+            solution.survival, lambda edges, run=run, last=last: run.space.bin_integrals(last, *edges)
+        )
         rows[name] = {"seconds": seconds[name]} | errors
     return rows
 
 
 def sampling_rates(methods):
     """Seconds a realization by method, in turns."""
-    calls = {
+    engines = {
         name: lambda scene=scene, how=how: simulate(scene, cycles=CYCLES, realizations=SAMPLE, **how)
         for name, (scene, how) in methods.items()
     }
-    return {name: seconds / SAMPLE for name, seconds in medians(calls, rounds=3).items()}
+    return {name: seconds / SAMPLE for name, seconds in medians(engines, rounds=3).items()}
 
 
 def baseline_row(truth):
@@ -117,7 +121,7 @@ def baseline_row(truth):
     start = solve_fpk(MAIN, cycles=1, tol=1e-4)
     run, survival = None, np.array(truth.survival)
 
-    def whole():
+    def solve():
         nonlocal run
         run = Baseline(BASELINE, start.at(1))
         for k in range(2, CYCLES + 1):
@@ -125,7 +129,7 @@ def baseline_row(truth):
             survival[k] = run.mass
 
     begin = time.perf_counter()
-    whole()
+    solve()
     return {"seconds": time.perf_counter() - begin} | truth.errors(survival, run.bins)
 
 
@@ -159,13 +163,13 @@ def noise_rows():
         scene = MAIN.varied(noise=WhiteNoise(diffusion))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            found = solve_fpk(scene, cycles=CYCLES, tol=LOOSE)
-        bins = np.clip(found.bin_probabilities(CYCLES, *EDGES), 0.0, 1.0)
+            evolution = solve_fpk(scene, cycles=CYCLES, tol=LOOSE)
+        bins = np.clip(evolution.bin_probabilities(CYCLES, *EDGES), 0.0, 1.0)
         rate = sampling_rates({"white": (scene, METHODS["white"][1])})["white"]
         paths = SAMPLE * (distances.l1_floor(bins, SAMPLE, math.inf) / WHITE_ERROR) ** 2
         rows.append(
-            {"diffusion": diffusion, "seconds": found.wall_s, "unknowns": found.settings["unknowns"],
-             "error_estimate": found.error_estimate, "bins_estimate": found.bins_error_estimate,
+            {"diffusion": diffusion, "seconds": evolution.wall_s, "unknowns": evolution.settings["unknowns"],
+             "error_estimate": evolution.error_estimate, "bins_estimate": evolution.bins_error_estimate,
              "warned": bool(caught), "white": paths * rate}
         )  # fmt: skip
     return rows
@@ -181,10 +185,10 @@ def horizon_rows():
 def peaks():
     """Peak memory of processes that count 50,000 realizations, and of the density solver's, in MB."""
     path = str(ROOT / "cases" / "scenes" / "main.toml")
-    calls = {name: [sys.executable, "-c", PEAK, path, name] for name in ("white", "exact", "rk4")}
+    commands = {name: [sys.executable, "-c", PEAK, path, name] for name in ("white", "exact", "rk4")}
     held = {
         name: int(subprocess.run(call, capture_output=True, text=True, check=True).stdout) / 1024.0
-        for name, call in calls.items()
+        for name, call in commands.items()
     }
     return held | {f"density solver at tol {tol:g}": peak_memory(tol) for tol in TOLERANCES}
 
@@ -203,11 +207,11 @@ def main():
         parts = (scenes[name][part] for part in ("solver", "alone", "rates", "baseline"))
         scenes[name]["equal"] = at_equal_error(truth, *parts)
     noise, horizon, memory = noise_rows(), horizon_rows(), peaks()
-    kept = {
-        name: {k: v for k, v in found.items() if k != "truth"} | {"unsure": found["truth"].unsure}
-        for name, found in scenes.items()
+    plain = {
+        name: {k: v for k, v in figures.items() if k != "truth"} | {"unsure": figures["truth"].unsure}
+        for name, figures in scenes.items()
     }
-    values = {"cycles": CYCLES, "scenes": kept, "noise": noise, "horizon": horizon, "peak_MB": memory}
+    values = {"cycles": CYCLES, "scenes": plain, "noise": noise, "horizon": horizon, "peak_MB": memory}
     write_section(TITLE, body(scenes, noise, horizon, memory), values=values)
     draw(values)
 
@@ -290,8 +294,8 @@ def ratio_range(rows, way):
 def equal_lines(scenes):
     """Lines of the table at equal error."""
     lines = []
-    for name, found in scenes.items():
-        for row in found["equal"]:
+    for name, figures in scenes.items():
+        for row in figures["equal"]:
             own = [row.get(method) for method in ("whole", "told", "alone")]
             labels = ("tol {how:g}: {error:.1e}", "tol {how:g}: {error:.1e}", "{how}: {error:.1e}")
             cells = [

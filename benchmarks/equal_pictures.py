@@ -8,7 +8,7 @@ from fpk_rocking.results import style
 WHITE_ERROR = 0.01  # L1 in bins of 0.1 to which the time of Monte Carlo is given
 
 
-def draw_errors(path, found):
+def draw_errors(path, figures):
     """Errors that are certified against seconds, and beside them measured ones; sampling as lines.
 
     Parameters
@@ -18,7 +18,7 @@ def draw_errors(path, found):
         What the JSON file of the section holds of a scene.
     """
     (first, others), (second, also) = (
-        _certified(found["equal"], target) for target in ("L1 = 0.01, bins of .1", "dS = 5e-4")
+        _certified(figures["equal"], target) for target in ("L1 = 0.01, bins of .1", "dS = 5e-4")
     )
     title = (
         f"To certify an L1 error of 0.01 takes the density solver {first:.2g} s, the fastest sampler {others:.2g} s; "
@@ -31,9 +31,9 @@ def draw_errors(path, found):
     with style.page(path, (10.0, 5.0), title, [note]) as figure:
         panels = figure.subplots(1, 2)
         for axes, (kind, (name, target)) in zip(panels, SHOWN.items(), strict=True):
-            _errors(axes, found, kind, target)
+            _errors(axes, figures, kind, target)
             axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel=name, xlim=(0.05, 5000.0))
-            axes.set_ylim(bottom=0.5 * found["unsure"][kind])
+            axes.set_ylim(bottom=0.5 * figures["unsure"][kind])
         named = list(zip(*panels[0].get_legend_handles_labels(), strict=True))
         for axes, sampled in zip(panels, (False, True), strict=True):
             own = [pair for pair in named if pair[1].startswith("Monte Carlo") == sampled]
@@ -53,25 +53,25 @@ def _certified(equal, target):
     return row["told"]["seconds"], min(row[method] for method in ("white", "exact", "rk4"))
 
 
-def _errors(axes, found, kind, target):
+def _errors(axes, figures, kind, target):
     """Draw the errors of one kind, those of samplers through the time in which they meet a target."""
-    floor, seconds = found["unsure"][kind], [row["seconds"] for row in found["solver"].values()]
-    certified = [row["told"][kind] for row in found["solver"].values()]
+    floor, seconds = figures["unsure"][kind], [row["seconds"] for row in figures["solver"].values()]
+    certified = [row["told"][kind] for row in figures["solver"].values()]
     axes.plot(seconds, certified, "D-", color="black", label="density solver, error it certifies")
     for part, mark, name in (
         ("solver", "D", "the same, measured error"),
         ("alone", "x", "on one mesh, measured error"),
     ):
-        errors = [max(row[kind], floor) for row in found[part].values()]
-        times = [row["seconds"] for row in found[part].values()]
+        errors = [max(row[kind], floor) for row in figures[part].values()]
+        times = [row["seconds"] for row in figures[part].values()]
         axes.plot(times, errors, mark, linestyle="none", color="black", markerfacecolor="white", label=name)
-    (row,) = (one for one in found["equal"] if one["target"] == target)
-    for method, colour in zip(found["rates"], (*style.COLOURS[:3], "#66c2a5"), strict=False):
-        times = np.geomspace(1e4, 1e9, 2) * found["rates"][method]
+    (row,) = (one for one in figures["equal"] if one["target"] == target)
+    for method, colour in zip(figures["rates"], (*style.COLOURS[:3], "#66c2a5"), strict=False):
+        times = np.geomspace(1e4, 1e9, 2) * figures["rates"][method]
         # The error of a sample falls with the square root of its time.
         errors = TARGETS[target] * np.sqrt(row[method] / times)
         axes.plot(times, errors, color=colour, label=f"Monte Carlo {method}")
-    axes.plot(found["baseline"]["seconds"], found["baseline"][kind], "s", color="#777777", label="Eulerian solver")
+    axes.plot(figures["baseline"]["seconds"], figures["baseline"][kind], "s", color="#777777", label="Eulerian solver")
     axes.axhline(floor, color="#777777", ls=":", lw=1.0, label="uncertainty of the reference")
 
 

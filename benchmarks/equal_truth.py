@@ -42,12 +42,12 @@ class Truth:
 
     def against_paths(self):
         """Hold it against the tracked paths: their number, L1 on fine bins, its floor, survival less theirs, error."""
-        kept = load()
-        apart = distances.l1(self.bins["fine"], kept.bins / kept.paths)
-        floor = distances.l1_floor(np.clip(self.bins["fine"], 0.0, 1.0), kept.paths, math.inf)
-        standing = kept.standing / kept.paths
-        error = math.sqrt(standing * (1.0 - standing) / kept.paths)
-        return kept.paths, apart, floor, self.survival[CYCLES] - standing, error
+        counts = load()
+        apart = distances.l1(self.bins["fine"], counts.bins / counts.paths)
+        floor = distances.l1_floor(np.clip(self.bins["fine"], 0.0, 1.0), counts.paths, math.inf)
+        standing = counts.standing / counts.paths
+        error = math.sqrt(standing * (1.0 - standing) / counts.paths)
+        return counts.paths, apart, floor, self.survival[CYCLES] - standing, error
 
     def paths(self, kind, error):
         """Realizations that a sample needs for an expected error."""

@@ -47,8 +47,8 @@ def truth_of(scene, finest):
     levels = [resolution.adapted(scene, bound, motion) for resolution in RESOLUTIONS]
     number = [grid.cells[0] for grid in levels].index(finest.settings["angle_cells"])
     run = PeriodicPropagator(scene, levels[min(number + 1, len(levels) - 1)], TUNING.negligible_mass * TOLERANCES[-1])
-    found = run.propagate(scene.period * np.arange(CYCLES + 1))
-    return found.survival, lambda cycle, edges: run.space.bin_integrals(found.coefficients[cycle], *edges)
+    solution = run.propagate(scene.period * np.arange(CYCLES + 1))
+    return solution.survival, lambda cycle, edges: run.space.bin_integrals(solution.coefficients[cycle], *edges)
 
 
 def judged(name, scene):

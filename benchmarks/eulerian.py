@@ -44,7 +44,7 @@ FINER = [Row(24, 40, 3, 1024, CRANK_NICOLSON), Row(32, 56, 3, 320), Row(44, 80, 
 
 def errors(survival, bins):
     """Return the largest error in survival after 1 cycle or more, and L1 of the bins, as text."""
-    apart = [distances.l1(found, truth) for found, truth in zip(bins, REFERENCE["probabilities"], strict=True)]
+    apart = [distances.l1(binned, truth) for binned, truth in zip(bins, REFERENCE["probabilities"], strict=True)]
     largest = np.abs(np.asarray(survival) - REFERENCE["survival"][1 : CYCLES + 1]).max()
     return [f"{largest:.1e}", " ".join(f"{value:.4f}" for value in apart)]
 
@@ -75,11 +75,11 @@ def baseline(row, truth):
     start = Evolution.load(truth).at(1)
     wall, cpu = time.perf_counter(), time.process_time()
     run = Run(row, start)
-    survival, bins, gone, defect = [run.mass], [run.bins(EDGES)], np.zeros(3), 0.0
+    survival, bins, outflow, defect = [run.mass], [run.bins(EDGES)], np.zeros(3), 0.0
     for cycle in range(2, CYCLES + 1):
-        gone += run.cycle()
+        outflow += run.cycle()
         survival.append(run.mass)
-        defect = max(defect, abs(survival[-1] + gone.sum() - survival[0]))
+        defect = max(defect, abs(survival[-1] + outflow.sum() - survival[0]))
         if cycle in BINNED:
             bins.append(run.bins(EDGES))
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
@@ -99,11 +99,11 @@ def density_solver(tol):
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     density = evolution.at(1)
     mesh = " × ".join(str(len(lines) - 1) for lines in density.mesh_lines)
-    found = errors(evolution.survival[1:], [evolution.bin_probabilities(cycle, *EDGES) for cycle in BINNED])
+    distances = errors(evolution.survival[1:], [evolution.bin_probabilities(cycle, *EDGES) for cycle in BINNED])
     steps, unknowns = evolution.settings["steps"], f"{density.space.unknowns:,}"
     return [
         f"density solver, tol {tol:g}", mesh, density.degree, steps, unknowns, *3 * [""], f"{cpu:.1f}", f"{wall:.1f}",
-        memory(), *found,
+        memory(), *distances,
     ]  # fmt: skip
 
 

@@ -66,8 +66,8 @@ class Run:
 
     def cycle(self):
         """Advance by a cycle and return what left (3,)."""
-        self.density, gone = self.march.cycle(self.density)
-        return gone
+        self.density, outflow = self.march.cycle(self.density)
+        return outflow
 
     @property
     def mass(self):
@@ -81,15 +81,15 @@ class Run:
 
 def finer_meshes(truth):
     """Return lines of errors after one cycle on finer and finer meshes, and the order fitted to those of fine bins."""
-    evolution, lines, found = Evolution.load(truth), [], []
+    evolution, lines, errors = Evolution.load(truth), [], []
     for row in REFINED:
         run = Run(row, evolution.at(1))
         run.cycle()
         apart = [distances.l1(run.bins(edges), evolution.bin_probabilities(2, *edges)) for edges in (EDGES, FINE)]
-        found.append(apart[1])
+        errors.append(apart[1])
         change = run.mass - evolution.survival[2]
         lines.append([row.mesh, row.steps, f"{change:+.0e}", *map("{:.4f}".format, apart)])
-    return lines, order([(row.angle_cells * row.velocity_cells) ** -0.5 for row in REFINED], found)
+    return lines, order([(row.angle_cells * row.velocity_cells) ** -0.5 for row in REFINED], errors)
 
 
 def shorter_steps(truth):
@@ -103,13 +103,13 @@ def shorter_steps(truth):
 
     converged = stepped(CONVERGED, GAUSS)
     for scheme, counts in LONGER.items():
-        found = [distances.l1(stepped(steps, scheme), converged) for steps in counts]
-        fitted = order([1.0 / steps for steps in counts], found)
-        steps, apart = (", ".join(map(form.format, values)) for form, values in (("{}", counts), ("{:.4f}", found)))
+        errors = [distances.l1(stepped(steps, scheme), converged) for steps in counts]
+        fitted = order([1.0 / steps for steps in counts], errors)
+        steps, apart = (", ".join(map(form.format, values)) for form, values in (("{}", counts), ("{:.4f}", errors)))
         lines.append([scheme.name, steps, apart, f"{fitted:.1f}"])
     return lines
 
 
-def order(sizes, found):
+def order(sizes, errors):
     """Return the fitted order of errors in sizes."""
-    return np.polyfit(np.log(sizes), np.log(found), 1)[0]
+    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]

@@ -66,12 +66,12 @@ class March:
 
     def cycle(self, density):
         """Advance a density (unknowns,) by a cycle from its begin; return it and what left (3,)."""
-        gone = np.zeros(3)
+        outflow = np.zeros(3)
         for k in range(self.steps):
             force = mean_force(self.operator.scene.forcing, k * self.duration, self.duration)
             density, losses = self.step(density, force)
-            gone += losses
-        return density, gone
+            outflow += losses
+        return density, outflow
 
     def step(self, density, force):
         """Advance a density by a step under a constant force; return it and what left to the left, right, elsewhere.
@@ -107,13 +107,13 @@ class March:
             self.iterations += 1
 
         shape = matrix.shape
-        found, code = gmres(
+        solution, code = gmres(
             LinearOperator(shape, applied, dtype=kind), right.astype(kind), rtol=TOLERANCE, restart=RESTART,
             maxiter=MOST, M=LinearOperator(shape, preconditioned, dtype=kind), callback=count, callback_type="pr_norm",
         )  # fmt: skip
         if code:
             raise RuntimeError(f"{self.steps} steps a cycle: no convergence within {RESTART * MOST} iterations")
-        return found
+        return solution
 
 
 def mean_force(forcing, start, duration):

@@ -87,26 +87,26 @@ def main():
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--scenes", type=int, default=2, help="of each filter, with rest and without")
     parser.add_argument("--paths", type=int, default=40_000)
-    given = parser.parse_args()
-    rng, rows, found = np.random.default_rng(given.seed), [], []
+    options = parser.parse_args()
+    rng, rows, inside_by_scene = np.random.default_rng(options.seed), [], []
     for rests in (False, True):
         for filtered in FILTERS:
-            for _ in range(given.scenes):
-                row, inside = judged(random_scene(rng, filtered, rests), given.paths)
+            for _ in range(options.scenes):
+                row, inside = judged(random_scene(rng, filtered, rests), options.paths)
                 rows.append(row)
-                found.append(inside)
+                inside_by_scene.append(inside)
                 print(*row, inside, flush=True)
-    text = section(rows, found, given.seed, given.paths)
-    if given.seed == SEED:
+    text = section(rows, inside_by_scene, options.seed, options.paths)
+    if options.seed == SEED:
         write_section("Density solver: filtered noise", text)
     else:
         print(text)
 
 
-def section(rows, found, seed, paths):
+def section(rows, inside_by_scene, seed, paths):
     """Return the text of the section: what was found of the rows, and these."""
-    answered = [inside for inside in found if inside]
-    rests = [inside[1] for row, inside in zip(rows, found, strict=True) if inside and float(row[7]) > 0.0]
+    answered = [inside for inside in inside_by_scene if inside]
+    rests = [inside[1] for row, inside in zip(rows, inside_by_scene, strict=True) if inside and float(row[7]) > 0.0]
     seconds = [float(row[8]) for row in rows if row[8] != "-"]
     return f"""**Result**, `solve_fpk` at tol {TOL:g}: {len(answered)} of {len(rows)} scenes answered; survival is
 right in {sum(one[0] for one in answered)} of them, the share of blocks at rest in {sum(rests)} of the {len(rests)} in

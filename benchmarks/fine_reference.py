@@ -26,17 +26,17 @@ class Counts(NamedTuple):
 
 def load():
     """Read the tracked counts."""
-    with np.load(FILE) as kept:
-        return Counts(int(kept["paths"]), int(kept["standing"]), kept["bins"].astype(float))
+    with np.load(FILE) as file:
+        return Counts(int(file["paths"]), int(file["standing"]), file["bins"].astype(float))
 
 
 def main():
     """Sample, and write the counts."""
     angle, velocity = FINE_EDGES
-    found = tally(MAIN, cycles=CYCLES, realizations=PATHS, seed=SEED, angle_edges=angle, velocity_edges=velocity)
-    bins = np.rint(found.bin_probabilities(CYCLES, angle, velocity) * PATHS).astype(np.uint16)
+    counts = tally(MAIN, cycles=CYCLES, realizations=PATHS, seed=SEED, angle_edges=angle, velocity_edges=velocity)
+    bins = np.rint(counts.bin_probabilities(CYCLES, angle, velocity) * PATHS).astype(np.uint16)
     with replaced_atomically(FILE) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, paths=PATHS, standing=np.rint(found.survival[CYCLES] * PATHS), bins=bins)
+        np.savez_compressed(file, paths=PATHS, standing=np.rint(counts.survival[CYCLES] * PATHS), bins=bins)
 
 
 if __name__ == "__main__":

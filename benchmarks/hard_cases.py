@@ -57,7 +57,7 @@ def survival_errors(evolution, reference: Reference):
 
 def bin_distances(evolution, reference: Reference):
     """Return, for both binned cycles, L1 of the bins, what sampling explains on average, and at most."""
-    found = []
+    distances_and_limits = []
     for cycle, counts in zip(reference.binned, reference.counts, strict=True):
         edges, paths = (reference.angle_edges, reference.velocity_edges), int(reference.paths)
         ours = _pooled(evolution.bin_probabilities(int(cycle), *edges), edges)
@@ -65,8 +65,8 @@ def bin_distances(evolution, reference: Reference):
         floor = distances.l1_floor(np.clip(ours, 0.0, 1.0), math.inf, paths)
         # The bins' absolute deviations are nearly independent, each of variance (1 - 2/pi) p (1 - p) / n.
         spread = math.sqrt((1.0 - 2.0 / math.pi) * float((theirs * (1.0 - theirs)).sum()) / paths)
-        found.append((distances.l1(ours, theirs), floor, floor + SIGMAS * spread))
-    return found
+        distances_and_limits.append((distances.l1(ours, theirs), floor, floor + SIGMAS * spread))
+    return distances_and_limits
 
 
 def _pooled(bins, edges):
@@ -92,20 +92,20 @@ def faults(row: Row, evolution, reference: Reference):
     """Return the names of what a result gets wrong by its own tolerance."""
     tol = evolution.tol
     _, _, beyond = survival_errors(evolution, reference)
-    found = []
+    names = []
     if not beyond <= tol:
-        found.append("survival")
+        names.append("survival")
     if not beyond <= evolution.error_estimate:
-        found.append("estimate")
+        names.append("estimate")
     if not evolution.lost[-1] <= tol:
-        found.append("lost")
+        names.append("lost")
     if not all(distance <= most + BINS * tol for distance, _, most in bin_distances(evolution, reference)):
-        found.append("bins")
+        names.append("bins")
     if row.cycles > row.sampled:
         mine, theirs, noise = tail_rates(evolution, reference)
         if not abs(mine - theirs) <= tol + SIGMAS * noise:
-            found.append("tail")
-    return found
+            names.append("tail")
+    return names
 
 
 def judged(row: Row, reference: Reference | None, tol=TOL):
@@ -152,14 +152,14 @@ def judged(row: Row, reference: Reference | None, tol=TOL):
 
 def renew_references():
     """Simulate the references that are missing or belong to another scene or size, and write them as they come."""
-    kept, wanted = load(), [row for row in rows() if row.paths]
-    found = {row.name: kept[row.name] for row in wanted if row.name in kept and kept[row.name].is_of(row)}
+    stored, wanted = load(), [row for row in rows() if row.paths]
+    references = {row.name: stored[row.name] for row in wanted if row.name in stored and stored[row.name].is_of(row)}
     for row in wanted:
-        if row.name not in found:
-            found[row.name] = simulated(row)
-            save(found)
-            print(f"{row.name}: {found[row.name].standing[-1] / row.paths:.5f} stand", flush=True)
-    save(found)
+        if row.name not in references:
+            references[row.name] = simulated(row)
+            save(references)
+            print(f"{row.name}: {references[row.name].standing[-1] / row.paths:.5f} stand", flush=True)
+    save(references)
 
 
 def main():

@@ -124,9 +124,9 @@ def simulated(row):
         angle_edges=edges[0],
         velocity_edges=edges[1],
     )
-    given = row.scene.to_toml(), row.paths, SEED, row.steps_per_cycle
-    kept = run.counts.histogram[list(row.binned)]
-    return Reference(*map(np.array, given), run.survivors, np.array(row.binned), *edges, kept)
+    settings = row.scene.to_toml(), row.paths, SEED, row.steps_per_cycle
+    histogram = run.counts.histogram[list(row.binned)]
+    return Reference(*map(np.array, settings), run.survivors, np.array(row.binned), *edges, histogram)
 
 
 def load():
@@ -140,6 +140,10 @@ def load():
 
 def save(references):
     """Write the file of references, whole or not at all."""
-    arrays = {f"{name}/{field}": value for name, kept in references.items() for field, value in kept._asdict().items()}
+    arrays = {
+        f"{name}/{field}": value
+        for name, reference in references.items()
+        for field, value in reference._asdict().items()
+    }
     with files.replaced_atomically(REFERENCES) as temporary:
         np.savez_compressed(temporary, **arrays)

@@ -92,11 +92,11 @@ def map_errors(steps, realizations=4000):
     """Return the median error of rk4's one-cycle map from a cloud of starts, for each number of steps."""
     scene = dataclasses.replace(MAIN, start=Start(0.0, 0.3, ((0.25, 0.0), (0.0, 0.4))))
     exact = simulate(scene, cycles=1, realizations=realizations, method="exact")
-    found = []
+    errors = []
     for n in steps:
         run = simulate(scene, cycles=1, realizations=realizations, method="rk4", steps_per_cycle=n)
-        found.append(np.nanmedian(np.hypot(run.angle - exact.angle, run.velocity - exact.velocity)[:, 1]))
-    return np.array(found)
+        errors.append(np.nanmedian(np.hypot(run.angle - exact.angle, run.velocity - exact.velocity)[:, 1]))
+    return np.array(errors)
 
 
 def steps_at(error, steps, errors):
@@ -114,9 +114,9 @@ def dynamics(realizations=20_000):
     def run(**options):
         return simulate(MAIN, cycles=CYCLES, realizations=realizations, **options)
 
-    calls = {"exact": lambda: run(method="exact")}
-    calls |= {f"{n}": lambda n=n: run(method="rk4", steps_per_cycle=n) for n in steps}
-    seconds = medians(calls)
+    engines = {"exact": lambda: run(method="exact")}
+    engines |= {f"{n}": lambda n=n: run(method="rk4", steps_per_cycle=n) for n in steps}
+    seconds = medians(engines)
     errors = map_errors(steps)
     rows = [["exact", "-", "1e-13 *", "1"]]
     rows += [
@@ -137,16 +137,16 @@ def sampling():
         reference = np.load(ROOT / "tests" / "data" / f"{name}.npz")
         place = list(reference["cycles"]).index(4)
         for n in (1_000, 10_000, 100_000):
-            kept = []
+            ensembles = []
 
-            def run(n=n, method=method, scene=scene, kept=kept):
-                kept.append(simulate(scene, cycles=CYCLES, realizations=n, method=method, seed=1 + len(kept)))
+            def run(n=n, method=method, scene=scene, ensembles=ensembles):
+                ensembles.append(simulate(scene, cycles=CYCLES, realizations=n, method=method, seed=1 + len(ensembles)))
 
             seconds = medians({"run": run}, rounds=3)["run"]
-            survival = np.mean([np.abs(e.survival - reference["survival"][: CYCLES + 1]).max() for e in kept])
+            survival = np.mean([np.abs(e.survival - reference["survival"][: CYCLES + 1]).max() for e in ensembles])
             edges = reference["angle_edges"], reference["velocity_edges"]
             l1 = np.mean(
-                [np.abs(e.bin_probabilities(4, *edges) - reference["probabilities"][place]).sum() for e in kept]
+                [np.abs(e.bin_probabilities(4, *edges) - reference["probabilities"][place]).sum() for e in ensembles]
             )
             rows.append([method, f"{n:,}", f"{survival:.1e}", f"{l1:.3f}", f"{seconds:.3f}"])
     return rows

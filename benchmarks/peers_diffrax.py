@@ -85,8 +85,9 @@ def impact(time, step, state, side, kick, split=True):
     leaving = E * (v - before * left)
     if split:
         leaving += (jnp.sqrt(E * E * (1.0 - share) + share) - E) * kick
-    landed = (leaving + 0.5 * after * left) * left, leaving + after * left
-    return tuple(jnp.where(hit, new, old) for new, old in zip(landed, state, strict=True)), jnp.where(hit, -side, side)
+    after_impact = (leaving + 0.5 * after * left) * left, leaving + after * left
+    state = tuple(jnp.where(hit, new, old) for new, old in zip(after_impact, state, strict=True))
+    return state, jnp.where(hit, -side, side)
 
 
 @functools.partial(jax.jit, static_argnames=("steps", "split"))
@@ -127,12 +128,12 @@ def rows():
     """Return the lines of the table, and by run the time over the default white engine's and the error as text."""
     truth = np.load(REFERENCE)["survival"][CYCLES]
     peers = [(steps, True) for steps in STEPS] + [(PLAIN, False)]
-    calls = {peer: lambda peer=peer: standing(jax.random.key(0), *peer).block_until_ready() for peer in peers}
-    calls |= {steps: lambda steps=steps: engine(5 * BATCH, 1, steps) for steps in ENGINE_STEPS}
-    calls["density"] = lambda: solve_fpk(MAIN, cycles=CYCLES, tol=TOL)
-    seconds, total, lines = medians(calls, rounds=5), BATCH * BATCHES, []
+    solvers = {peer: lambda peer=peer: standing(jax.random.key(0), *peer).block_until_ready() for peer in peers}
+    solvers |= {steps: lambda steps=steps: engine(5 * BATCH, 1, steps) for steps in ENGINE_STEPS}
+    solvers["density"] = lambda: solve_fpk(MAIN, cycles=CYCLES, tol=TOL)
+    seconds, total, lines = medians(solvers, rounds=5), BATCH * BATCHES, []
     each = {name: seconds[name] / (BATCH if name in peers else 5 * BATCH) for name in (*peers, *ENGINE_STEPS)}
-    unit, spread, found = each[ENGINE_STEPS[-1]], math.sqrt(truth * (1.0 - truth) / total), {}
+    unit, spread, figures = each[ENGINE_STEPS[-1]], math.sqrt(truth * (1.0 - truth) / total), {}
     for name, cost in each.items():
         if name in peers:
             keys = jax.random.split(jax.random.key(name[0]), BATCHES)
@@ -142,16 +143,16 @@ def rows():
             survival, label = engine(total, 2, name).survival[-1], "white engine"
             steps = f"shortest steps: {name * TUNING.finest_step:,}"
         needed = cost * truth * (1.0 - truth) / TARGET**2
-        found[name] = cost / unit, f"{survival - truth:+.4f} ± {spread:.4f}"
-        lines.append([label, steps, found[name][1], f"{1e6 * cost:.1f}", f"{cost / unit:.1f}", f"{needed:.1f}"])
+        figures[name] = cost / unit, f"{survival - truth:+.4f} ± {spread:.4f}"
+        lines.append([label, steps, figures[name][1], f"{1e6 * cost:.1f}", f"{cost / unit:.1f}", f"{needed:.1f}"])
     survival = solve_fpk(MAIN, cycles=CYCLES, tol=TOL).survival[-1]
     lines.append([f"density solver, tol {TOL:g}", "", f"{survival - truth:+.4f}", "", "", f"{seconds['density']:.1f}"])
-    return lines, found
+    return lines, figures
 
 
 def section():
     """Return the body of the section, and by run the time over the white engine's and the error."""
-    lines, found = rows()
+    lines, figures = rows()
     head = ["", "steps a cycle", "error of S(10)", "μs a path", "ratio", f"s to ± {TARGET:g}"]
     return (
         f"""Main scene with white noise, {CYCLES} cycles. Errors of survival are those of {BATCH * BATCHES:,} paths a
@@ -171,5 +172,5 @@ the ends of steps, and overturned paths are carried on to the end.
 `SEA` and `Euler`, of first order in the drift, are off by 0.04 with 400 steps a cycle. `vmap` over paths with a key
 each takes 3 times as long, 64 bits twice as long. The generator `unsafe_rbg` is no faster.
 """,
-        found,
+        figures,
     )

@@ -74,8 +74,8 @@ def follow(harmonics, cycles, tol):
         )  # fmt: skip
         (x,), (v,) = solution.ys
         hit, over = solution.event_mask
-        landed = jnp.where(hit, -side * TINY, x), jnp.where(hit, E * v, v)
-        return solution.ts[-1], landed, jnp.where(hit, -side, side), over, count + 1
+        after_impact = jnp.where(hit, -side * TINY, x), jnp.where(hit, E * v, v)
+        return solution.ts[-1], after_impact, jnp.where(hit, -side, side), over, count + 1
 
     def path(rows):
         side = jnp.sign(force(0.0, rows))
@@ -93,9 +93,9 @@ def rows():
     with jax.enable_x64(True):
         harmonics, lines, ratios = jnp.asarray(realizations(PATHS)), [], {}
         for cycles in CYCLES:
-            calls = {tol: lambda tol=tol, c=cycles: jax.block_until_ready(follow(harmonics, c, tol)) for tol in TOLS}
-            calls["exact"] = lambda c=cycles: simulate(BAND, cycles=c, realizations=100 * PATHS, method="exact")
-            seconds = medians(calls, rounds=3)
+            solvers = {tol: lambda tol=tol, c=cycles: jax.block_until_ready(follow(harmonics, c, tol)) for tol in TOLS}
+            solvers["exact"] = lambda c=cycles: simulate(BAND, cycles=c, realizations=100 * PATHS, method="exact")
+            seconds = medians(solvers, rounds=3)
             unit = seconds["exact"] / (100 * PATHS)
             exact = simulate(BAND, cycles=cycles, realizations=PATHS, seed=1, method="exact")
             for tol in TOLS:

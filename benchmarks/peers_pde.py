@@ -134,11 +134,11 @@ class Run:
 
     def __call__(self):
         """Return the density after each cycle, the start before them."""
-        state, found = self.start.copy(), [self.start]
+        state, states = self.start.copy(), [self.start]
         for cycle in range(KRAMERS_CYCLES):
             self.advance(state, cycle * self.scene.period, (cycle + 1) * self.scene.period)
-            found.append(state.copy())
-        return found
+            states.append(state.copy())
+        return states
 
     def judge(self, truth):
         """Return the largest errors in survival and in L1 of the bins after a cycle or more."""
@@ -155,10 +155,10 @@ def errors(survival, bins, truth):
     return {"dS": np.abs(survival - truth.survival)[1:].max(), "L1": max(apart[1:])}
 
 
-def seconds_at(target, found, seconds):
+def seconds_at(target, errors, seconds):
     """Return the time at which an error is met by the power law through the runs, and whether it lies beyond them."""
-    slope, offset = np.polyfit(np.log(found), np.log(seconds), 1)
-    return math.exp(offset + slope * math.log(target)), not min(found) <= target <= max(found)
+    slope, offset = np.polyfit(np.log(errors), np.log(seconds), 1)
+    return math.exp(offset + slope * math.log(target)), not min(errors) <= target <= max(errors)
 
 
 def compared(scene, rows):
@@ -171,10 +171,10 @@ def compared(scene, rows):
     runs = {row: Run(scene, row) for row in rows}
     solves = {tol: lambda tol=tol: solve_fpk(scene, cycles=KRAMERS_CYCLES, tol=tol) for tol in TOLS}
     seconds = medians(runs | solves, rounds=3)
-    found = {row: run.judge(truth) for row, run in runs.items()}
+    judged = {row: run.judge(truth) for row, run in runs.items()}
     lines = [
-        [f"py-pde, {row.name}", f"{row.cells} × {row.cells}", run.steps, f"{found[row]['dS']:.1e}",
-         f"{found[row]['L1']:.4f}", f"{seconds[row]:.2f}", f"{run.seconds:.0f}"]
+        [f"py-pde, {row.name}", f"{row.cells} × {row.cells}", run.steps, f"{judged[row]['dS']:.1e}",
+         f"{judged[row]['L1']:.4f}", f"{seconds[row]:.2f}", f"{run.seconds:.0f}"]
         for row, run in runs.items()
     ]  # fmt: skip
     for tol, solve in solves.items():
@@ -186,7 +186,7 @@ def compared(scene, rows):
         )  # fmt: skip
     plain, ratios = [row for row in rows if row.name == "central"], []
     for name, target in TARGETS.items():
-        needed, beyond = seconds_at(target, [found[row][name] for row in plain], [seconds[row] for row in plain])
+        needed, beyond = seconds_at(target, [judged[row][name] for row in plain], [seconds[row] for row in plain])
         ratios.append(f"{needed / seconds[TOLS[0]]:.1f} at {name} = {target:g}" + " (extrapolated)" * beyond)
     head = ["", "cells", "steps a cycle", "dS", "L1", "s", "compilation, s"]
     remark = f"dS {against['dS']:.1e}, L1 {against['L1']:.4f} (sampling alone: {floor:.4f})"

@@ -56,8 +56,8 @@ def exponents():
         speed, group = np.abs(run.impact_velocity[late]), run.impact_realization[late] % GROUPS
         # Impacts of one path come in bursts, so the error is that of groups of paths.
         error = np.std([fitted_exponent(speed[group == k], *SPEEDS) for k in range(GROUPS)], ddof=1) / math.sqrt(GROUPS)
-        published, found = persistence_exponent(restitution), fitted_exponent(speed, *SPEEDS)
-        lines.append([restitution, f"{published:.3f}", f"{found:.3f} ± {error:.3f}"])
+        published, fitted = persistence_exponent(restitution), fitted_exponent(speed, *SPEEDS)
+        lines.append([restitution, f"{published:.3f}", f"{fitted:.3f} ± {error:.3f}"])
     return lines
 
 

@@ -130,23 +130,23 @@ def motion_edges(scene):
     """
     run = histories(scene, cycles=CYCLES, realizations=2000, seed=_TIMED_SEED, samples_per_cycle=16)
     ends = [edges[-1] for edges in joint_edges(scene)]
-    found = []
+    edges_of_axes = []
     for values, end, least in zip(
         (run.angle, run.velocity), ends, (TUNING.least_angle_range, TUNING.least_velocity_range), strict=True
     ):
         reach = min(max(np.nanquantile(np.abs(values), 0.999), 0.5 * least), 0.95 * end)
-        found.append(np.concatenate([[-end], centred_edges(-reach, reach, 20), [end]]))
-    return found
+        edges_of_axes.append(np.concatenate([[-end], centred_edges(-reach, reach, 20), [end]]))
+    return edges_of_axes
 
 
 def reference_of(scene, paths):
     """Return the `Reference` of a scene with white noise; from the folder of those kept where it is there."""
-    given = scene.to_toml(), paths, _PATHS_SEED, 200
-    name = hashlib.sha256(repr((*given, CYCLES, BINNED)).encode()).hexdigest()[:16]
+    settings = scene.to_toml(), paths, _PATHS_SEED, 200
+    name = hashlib.sha256(repr((*settings, CYCLES, BINNED)).encode()).hexdigest()[:16]
     file = KEPT / f"{name}.npz"
     if file.exists():
-        with np.load(file) as kept:
-            return Reference(**kept)
+        with np.load(file) as stored:
+            return Reference(**stored)
     edges = motion_edges(scene)
     run = tally(
         scene,
@@ -158,7 +158,7 @@ def reference_of(scene, paths):
         velocity_edges=edges[1],
     )
     histogram = run.counts.histogram[list(BINNED)]
-    reference = Reference(*map(np.array, given), run.survivors, np.array(BINNED), *edges, histogram)
+    reference = Reference(*map(np.array, settings), run.survivors, np.array(BINNED), *edges, histogram)
     KEPT.mkdir(parents=True, exist_ok=True)
     with files.replaced_atomically(file) as temporary:
         np.savez_compressed(temporary, **reference._asdict())
@@ -198,8 +198,8 @@ def judged(scene, tol, paths):
             apart = [(distance, floor) for distance, floor, _ in bin_distances(evolution, reference)]
     survival = reference.standing[-1] / reference.paths
     diffusion = white.noise.diffusion
-    found = error, z, estimate, bins, apart
-    return Row(scene, diffusion, survival, *found, paths, seconds, variance, rates, "; ".join(said))
+    figures = error, z, estimate, bins, apart
+    return Row(scene, diffusion, survival, *figures, paths, seconds, variance, rates, "; ".join(said))
 
 
 def cells_of(number, row):
@@ -234,21 +234,21 @@ def summary(rows, tol):
             lines.append(f"* seconds of the {name}: median {statistics.median(spent):.1f}, worst {max(spent):.1f}")
     if answers:
         worst = max(answers, key=lambda row: abs(row.error))
-        told = max(row.estimate for row in answers)
+        largest = max(row.estimate for row in answers)
         lines.append(f"* largest |dS|, in units of tol: {abs(worst.error) / tol:.2g} (z = {worst.z:+.1f})")
-        lines.append(f"* largest estimate, in units of tol: {told / tol:.2g}")
+        lines.append(f"* largest estimate, in units of tol: {largest / tol:.2g}")
     for error in TARGETS:
         cheap = [row for row in rows if row.is_cheapest(row.sampling_seconds, error)]
-        told = sum(row.estimate <= error for row in cheap)
+        count = sum(row.estimate <= error for row in cheap)
         lines.append(
             f"* faster than the best Monte Carlo at a standard error of {error:g} in survival: {len(cheap)} of "
-            f"{len(rows)}; the solver's own estimate is that small for {told} of them"
+            f"{len(rows)}; the solver's own estimate is that small for {count} of them"
         )
     cheap = [row for row in rows if row.is_cheapest(row.binning_seconds, BINNED_TARGET)]
-    told = sum(row.bins_estimate <= BINNED_TARGET for row in cheap)
+    count = sum(row.bins_estimate <= BINNED_TARGET for row in cheap)
     lines.append(
         f"* faster than the best Monte Carlo at an expected L1 of {BINNED_TARGET:g} in the bins: {len(cheap)} of "
-        f"{len(rows)}; the solver's own estimate is that small for {told} of them"
+        f"{len(rows)}; the solver's own estimate is that small for {count} of them"
     )
     return "\n".join(lines)
 

@@ -51,8 +51,8 @@ def paths_of(scene, scale, paths):
     while sum(batch["paths"] for batch in batches) < paths:
         seed = 1 + max((batch["seed"] for batch in batches), default=0)
         begin = time.process_time()
-        found = tally(scene, times=result_times(scene)[1:ROWS], realizations=BATCH, seed=seed)
-        batch = {"scale": scale, "seed": seed, "paths": BATCH, "standing": found.survivors.tolist()}
+        counts = tally(scene, times=result_times(scene)[1:ROWS], realizations=BATCH, seed=seed)
+        batch = {"scale": scale, "seed": seed, "paths": BATCH, "standing": counts.survivors.tolist()}
         batches.append(batch | {"seconds": time.process_time() - begin})
         KEPT.parent.mkdir(exist_ok=True)
         with KEPT.open("a") as file:

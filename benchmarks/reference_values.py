@@ -78,19 +78,19 @@ def rows():
         "exact-band": block,
         "exact-start": Scene(exact, forced, NoNoise(), scattered),
     }
-    made = {name: Row(scene) for name, scene in periodic.items()}
+    rows_by_name = {name: Row(scene) for name, scene in periodic.items()}
     pulse = Pulse("one-sine", 3.0, 3.0)
     sized = Block(None, Dimensions(0.5, 1.8))
     after = pulse.duration * np.array([0.5, 1.0, 1.5, 2.0, 3.0])
-    made["pulse-white"] = Row(Scene(exact, pulse, WhiteNoise(0.02)), after)
-    made["pulse-band"] = Row(Scene(Block(0.85), pulse, BandNoise(0.09, (0.0, 9.0), 60)), after)
+    rows_by_name["pulse-white"] = Row(Scene(exact, pulse, WhiteNoise(0.02)), after)
+    rows_by_name["pulse-band"] = Row(Scene(Block(0.85), pulse, BandNoise(0.09, (0.0, 9.0), 60)), after)
     record = Scene(sized, shaken, WhiteNoise(0.01))
     ends = record.forcing.duration * np.array([0.25, 0.5, 0.75, 1.0, 1.25])
-    made["record-white"] = Row(record, ends, tol=1e-3)
-    made["record-band"] = Row(record.varied(noise=BandNoise(0.09, (0.0, 9.0), 60)), ends)
+    rows_by_name["record-white"] = Row(record, ends, tol=1e-3)
+    rows_by_name["record-band"] = Row(record.varied(noise=BandNoise(0.09, (0.0, 9.0), 60)), ends)
     for filter_, *of in (("exponential", 0.1, 5.0), ("kanai-tajimi", 0.2, 5.0, 0.6)):
-        made[filter_] = Row(Scene(Block(0.7), second, FilteredNoise(filter_, *of)), tol=1e-3, steps=400)
-    return made
+        rows_by_name[filter_] = Row(Scene(Block(0.7), second, FilteredNoise(filter_, *of)), tol=1e-3, steps=400)
+    return rows_by_name
 
 
 def sampled(row, paths, **method):
@@ -120,18 +120,18 @@ def sampled(row, paths, **method):
 def solved(row):
     """Return values and estimated errors (times, quantities; none for moments) of the density solver."""
     noise_replacement = "filtered" if row.scene.noise.kind == "filtered" else "white"
-    found = solve_fpk(row.scene, tol=row.tol, noise_replacement=noise_replacement, **row.when)
-    count = found.survival.size - 1
-    rest = found.at_rest if found.rests_exactly else np.full(count + 1, np.nan)
+    evolution = solve_fpk(row.scene, tol=row.tol, noise_replacement=noise_replacement, **row.when)
+    count = evolution.survival.size - 1
+    rest = evolution.at_rest if evolution.rests_exactly else np.full(count + 1, np.nan)
     moments = np.full((5, count), np.nan)
-    if not found.rests_exactly:
+    if not evolution.rests_exactly:
         for k in range(count):
-            density = found.at(k + 1)
+            density = evolution.at(k + 1)
             (xx, xv), (_, vv) = density.covariance
             moments[:, k] = *density.mean, xx, xv, vv
-    values = np.array([found.survival[1:], *found.overturned[1:].T, rest[1:], *moments]).T
+    values = np.array([evolution.survival[1:], *evolution.overturned[1:].T, rest[1:], *moments]).T
     errors = np.full(values.shape, np.nan)
-    errors[:, :3] = found.error_estimate
+    errors[:, :3] = evolution.error_estimate
     return values, errors
 
 
@@ -146,7 +146,7 @@ def lines_of(name, row):
     again = by_paths(row.scene)
     second = sampled(row, row.second_paths, seed=OTHER_SEED, method="rk4") if again else solved(row)
     engine = "Runge-Kutta paths" if again else "density"
-    made = []
+    lines = []
     times = row.scene.period * np.arange(1, CYCLES + 1) if row.times is None else row.times
     for k, time in enumerate(times):
         for j, quantity in enumerate(QUANTITIES):
@@ -155,8 +155,8 @@ def lines_of(name, row):
                 "" if math.isnan(number) else f"{number:.3g}" if i % 2 else f"{number:.7f}"
                 for i, number in enumerate(numbers)
             ]
-            made.append([name, f"{time:.10g}", quantity, *written, engine if written[2] else ""])
-    return made
+            lines.append([name, f"{time:.10g}", quantity, *written, engine if written[2] else ""])
+    return lines
 
 
 def load():
@@ -167,16 +167,16 @@ def load():
 
 def main():
     """Compute the scenes that are asked for and write the file after each."""
-    known = rows()
-    for name in sys.argv[1:] or known:
-        lines = lines_of(name, known[name])
-        kept = [list(line.values()) for line in load() if line["scene"] != name]
-        order = list(known)
+    rows_by_name = rows()
+    for name in sys.argv[1:] or rows_by_name:
+        lines = lines_of(name, rows_by_name[name])
+        other_lines = [list(line.values()) for line in load() if line["scene"] != name]
+        order = list(rows_by_name)
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerows([HEAD, *sorted(kept + lines, key=lambda line: order.index(line[0]))])
+        writer.writerows([HEAD, *sorted(other_lines + lines, key=lambda line: order.index(line[0]))])
         write_text(FOLDER / "values.csv", text.getvalue())
-        write_text(FOLDER / f"{name}.toml", known[name].scene.to_toml())
+        write_text(FOLDER / f"{name}.toml", rows_by_name[name].scene.to_toml())
         last = lines[-len(QUANTITIES)]
         print(f"{name}: survival {last[3]} ± {last[4]}; {last[7]} {last[5]} ± {last[6]}", flush=True)
 

@@ -66,14 +66,14 @@ def judged(scene, paths):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
-            found = solve_checked(scene, tol=TOL, **rows)
+            density = solve_checked(scene, tol=TOL, **rows)
         except ValueError as reason:
             return {"scene": scene, "reason": str(reason)}
     end = scene.overturning.angle
     edges = {"angle_edges": [-end, end], "velocity_edges": [-1e6, 1e6]}
     many = tally(scene, realizations=paths, seed=_REFERENCE_SEED, **rows, **edges)
-    apart = (many.survival - found.survival)[1:]
-    return {"scene": scene, "found": found, "many": many, "apart": apart}
+    apart = (many.survival - density.survival)[1:]
+    return {"scene": scene, "found": density, "many": many, "apart": apart}
 
 
 def cells_of(number, row):
@@ -82,12 +82,13 @@ def cells_of(number, row):
     first = [number, f"{scene.forcing.largest:.2f}", f"{scene.block.restitution:.2f}"]
     if "reason" in row:
         return [*first, *["-"] * (len(COLUMNS) - 4), row["reason"].replace("|", "¦")]
-    found, check = row["found"], row["found"].replacement
+    density, check = row["found"], row["found"].replacement
     return [
-        *first, f"{found.survival[-1]:.4f}", f"{found.error_estimate:.1g}",
-        f"{check.difference[-1, 0]:+.4f} ± {check.sampling_error[-1, 0]:.4f}", f"{found.total_error[-1, 0]:.4f}",
+        *first, f"{density.survival[-1]:.4f}", f"{density.error_estimate:.1g}",
+        f"{check.difference[-1, 0]:+.4f} ± {check.sampling_error[-1, 0]:.4f}", f"{density.total_error[-1, 0]:.4f}",
         f"{row['many'].survival[-1]:.4f}", f"{row['apart'][np.abs(row['apart']).argmax()]:+.4f}",
-        f"{inside(row).sum()} of {inside(row).size}", found.trust.verdict, f"{found.wall_s:.1f}", f"{check.wall_s:.2f}",
+        f"{inside(row).sum()} of {inside(row).size}", density.trust.verdict, f"{density.wall_s:.1f}",
+        f"{check.wall_s:.2f}",
     ]  # fmt: skip
 
 
@@ -98,13 +99,13 @@ def inside(row):
 
 def summary(rows):
     """Figures that sum up the rows."""
-    told = [row for row in rows if "found" in row]
-    held = np.concatenate([inside(row) for row in told])
-    said = [row for row in told if row["found"].trust.verdict == "ok"]
-    seconds = {"solve": [row["found"].wall_s for row in told]}
-    seconds["check"] = [row["found"].replacement.wall_s for row in told]
+    answered = [row for row in rows if "found" in row]
+    held = np.concatenate([inside(row) for row in answered])
+    said = [row for row in answered if row["found"].trust.verdict == "ok"]
+    seconds = {"solve": [row["found"].wall_s for row in answered]}
+    seconds["check"] = [row["found"].replacement.wall_s for row in answered]
     return {
-        "answered": f"{len(told)} of {len(rows)}",
+        "answered": f"{len(answered)} of {len(rows)}",
         "rows inside the total error": f"{held.sum()} of {held.size}",
         "ok": len(said),
         f"ok, off by more than {max(REPLACED, TOL):g}": sum(

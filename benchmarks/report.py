@@ -15,7 +15,7 @@ DATA = ROOT / "docs" / "benchmarks"
 TABLE = re.compile(r"(?m)(?:^\|.*\|\n?)+")
 
 
-def medians(calls, rounds=5):
+def medians(functions, rounds=5):
     """Time calls in turn, several rounds after a first one that is dropped, so that whatever slows one slows all.
 
     Parameters
@@ -30,11 +30,11 @@ def medians(calls, rounds=5):
     dict of str to float
         Median seconds of each call.
     """
-    seconds = {name: [] for name in calls}
-    for call in calls.values():
+    seconds = {name: [] for name in functions}
+    for call in functions.values():
         call()
     for _ in range(rounds):
-        for name, call in calls.items():
+        for name, call in functions.items():
             begin = time.perf_counter()
             call()
             seconds[name].append(time.perf_counter() - begin)
@@ -49,11 +49,11 @@ def table(head, rows):
 
 def tables_of(body):
     """Tables of a section: columns and rows, numbers where an entry is nothing but one."""
-    found = []
+    tables = []
     for block in TABLE.findall(body):
         head, _, *rows = ([cell.strip() for cell in line[2:-2].split(" | ")] for line in block.splitlines())
-        found.append({"columns": head, "rows": [[_number(entry) for entry in row] for row in rows]})
-    return found
+        tables.append({"columns": head, "rows": [[_number(entry) for entry in row] for row in rows]})
+    return tables
 
 
 def _number(text):
@@ -80,8 +80,8 @@ def write_section(title, body, page=PAGE, values=None):
     """
     body = body.strip()
     print(f"## {title}\n\n{body}\n", flush=True)
-    kept = {"title": title, "text": body.split("\n"), "tables": tables_of(body), **(values or {})}
-    files.write_text(DATA / f"{slug(title)}.json", json.dumps(kept, indent=1, ensure_ascii=False) + "\n")
+    values_of_file = {"title": title, "text": body.split("\n"), "tables": tables_of(body), **(values or {})}
+    files.write_text(DATA / f"{slug(title)}.json", json.dumps(values_of_file, indent=1, ensure_ascii=False) + "\n")
     if page is None:
         return
     pictures = re.findall(r"(?m)^!\[.*$", body)[:1]

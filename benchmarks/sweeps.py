@@ -58,7 +58,7 @@ def cluster(workers):
     from distributed import Client, LocalCluster
 
     options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": ":0"}
-    with LocalCluster(**options) as made, Client(made) as client:
+    with LocalCluster(**options) as local, Client(local) as client:
         sweep(SOME[:4], nap, workers=client.get_executor())
         yield client.get_executor()
 
@@ -106,9 +106,9 @@ def clock():
         def halves(part):
             numbered = list(enumerate(part))
             futures = [pool.submit(loop, numbered[half::2], size) for half in (0, 1)]
-            found = [0] * len(part)
-            found[::2], found[1::2] = (future.result() for future in futures)
-            return found
+            results = [0] * len(part)
+            results[::2], results[1::2] = (future.result() for future in futures)
+            return results
 
         ways = {
             "plain loop": lambda part: loop(enumerate(part), size),
@@ -139,7 +139,7 @@ def _in_turns(ways):
 
     What is done can be stopped by an interruption: the rounds that are whole count.
     """
-    found, names, size = [], list(ways), SCENES // ROUNDS
+    seconds, names, size = [], list(ways), SCENES // ROUNDS
     for name in names:
         assert ways[name](SOME[:6]) == ways["plain loop"](SOME[:6]), "not the same bits"
     with contextlib.suppress(KeyboardInterrupt):
@@ -149,9 +149,9 @@ def _in_turns(ways):
                 begin = time.perf_counter(), _processor()
                 ways[names[way]](part)
                 own[way] = time.perf_counter() - begin[0], _processor() - begin[1]
-            found.append([own[way] for way in range(len(names))])
-            print(f"round {number + 1} of {ROUNDS}: {np.round(found[-1], 1).T.tolist()}", flush=True)
-    return np.transpose(found, (2, 1, 0))
+            seconds.append([own[way] for way in range(len(names))])
+            print(f"round {number + 1} of {ROUNDS}: {np.round(seconds[-1], 1).T.tolist()}", flush=True)
+    return np.transpose(seconds, (2, 1, 0))
 
 
 def _processor():
@@ -170,27 +170,27 @@ def _realizations():
     return round(4000 * SCENE_S / (time.process_time() - begin))
 
 
-def _survivors(found):
-    return [row["values"]["survivors"] for row in found.rows]
+def _survivors(result):
+    return [row["values"]["survivors"] for row in result.rows]
 
 
 def curves():
     """Print how long fragility curves take by the exact engine: of the main scene, and of the record of the project."""
     for cycles in (10, 40):
-        found = fragility(scene, scale=np.geomspace(0.3, 1.5, 20), cycles=cycles)
-        print(f"main scene, 20 scales, 10,000 realizations of {cycles} cycles: {found.wall_s:.1f} s", flush=True)
+        result = fragility(scene, scale=np.geomspace(0.3, 1.5, 20), cycles=cycles)
+        print(f"main scene, 20 scales, 10,000 realizations of {cycles} cycles: {result.wall_s:.1f} s", flush=True)
     shaken = recorded()
     for scale in (0.5, 0.7, 1.0, 1.5):
         begin = time.perf_counter(), time.process_time()
-        found = simulate(scaled(shaken, scale), realizations=4000)
+        result = simulate(scaled(shaken, scale), realizations=4000)
         clock, processor = time.perf_counter() - begin[0], time.process_time() - begin[1]
         rates = f"{60 * 4000 / clock:.2g} realizations a minute, {60 * 4000 / processor:.2g} a minute of processor time"
-        print(f"record of 40 s at scale {scale}, {1.0 - found.survival[-1]:.3f} overturn: {rates}", flush=True)
+        print(f"record of 40 s at scale {scale}, {1.0 - result.survival[-1]:.3f} overturn: {rates}", flush=True)
     begin = time.process_time()
-    found = fragility(shaken, scale=np.geomspace(0.3, 1.5, 20))
+    result = fragility(shaken, scale=np.geomspace(0.3, 1.5, 20))
     print(
-        f"record of 40 s, 20 scales, 10,000 realizations: {found.wall_s:.1f} s, {time.process_time() - begin:.1f} s of "
-        f"processor time; P from {found.overturned[0, 0]:.3f} to {found.overturned[0, -1]:.3f}"
+        f"record of 40 s, 20 scales, 10,000 realizations: {result.wall_s:.1f} s, {time.process_time() - begin:.1f} s "
+        f"of processor time; P from {result.overturned[0, 0]:.3f} to {result.overturned[0, -1]:.3f}"
     )
 
 

@@ -86,8 +86,8 @@ def order(rows):
         return limit + factor * m**-order
 
     guess = values[-1], (values[0] - values[-1]) * m[0], 1.0
-    found, spread = curve_fit(law, m, values, guess, errors, absolute_sigma=True)
-    return found[2], math.sqrt(spread[2, 2])
+    fitted, spread = curve_fit(law, m, values, guess, errors, absolute_sigma=True)
+    return fitted[2], math.sqrt(spread[2, 2])
 
 
 def balance_table(paths):
@@ -95,22 +95,22 @@ def balance_table(paths):
     lines = []
     for (restitution, diffusion), brief in itertools.product(((0.5, 0.01), (0.7, 0.005)), (0.0, white.BRIEF)):
         steps, fitted = 2.0 ** -np.arange(7, 11), "-"
-        found = [balance(restitution, diffusion, step, paths, brief) for step in steps]
-        error, noise = np.array(found).T
+        balances = [balance(restitution, diffusion, step, paths, brief) for step in steps]
+        error, noise = np.array(balances).T
         if brief == 0.0:
             slope, spread = np.polyfit(np.log(steps), np.log(error), 1, w=error / noise, cov="unscaled")
             fitted = f"{slope[0]:.2f} ± {math.sqrt(spread[0, 0]):.2f}"
-        cells = [f"{mean:.4f} ± {own:.4f}" for mean, own in found]
+        cells = [f"{mean:.4f} ± {own:.4f}" for mean, own in balances]
         lines.append([restitution, diffusion, "one draw" if brief else "steps", *cells, fitted])
     return table(["e", "D", "low bounces", *(f"h = 1/{2**k}" for k in range(7, 11)), "order"], lines)
 
 
 def scene_table(scene, paths):
     """Table of survival and moments by shortest step, and the largest bias at the default with its standard error."""
-    found = {m: survival_and_moments(scene, m, paths) for m in (*COARSE, DEFAULT)}
+    figures = {m: survival_and_moments(scene, m, paths) for m in (*COARSE, DEFAULT)}
     share, worst, lines = REFERENCE / (DEFAULT - REFERENCE), (0.0, 0.0), []
     for cycle, i in itertools.product(CYCLES, range(len(NAMES))):
-        rows = [(m, mean[cycle, i], error[cycle, i]) for m, (mean, error) in found.items()]
+        rows = [(m, mean[cycle, i], error[cycle, i]) for m, (mean, error) in figures.items()]
         best, noise = rows[-1][1:]
         if noise == 0.0:
             continue

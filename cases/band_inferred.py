@@ -144,10 +144,10 @@ def _fates(band, seeds, few_seeds, maps, overturned="clamped"):
     """Count the mean maps that stand, and those that are fractal, for each σ: [count, of so many]."""
     stands, fractal = {}, {}
     for deviation, count in ((0.05, few_seeds), (0.06, few_seeds), (0.12, seeds), (0.13, seeds), (0.16, few_seeds)):
-        found = [mean_points(band, deviation, seed, overturned, **maps) for seed in range(1, count + 1)]
-        stands[str(deviation)] = [sum(stood for _, stood in found), count]
+        maps_of_seeds = [mean_points(band, deviation, seed, overturned, **maps) for seed in range(1, count + 1)]
+        stands[str(deviation)] = [sum(stood for _, stood in maps_of_seeds), count]
         if deviation < 0.1:
-            dimensions = [correlation_dimension(points, *LENGTHS) for points, _ in found]
+            dimensions = [correlation_dimension(points, *LENGTHS) for points, _ in maps_of_seeds]
             fractal[str(deviation)] = [sum(one >= 1.0 for one in dimensions), count]
     return {"mean_stands": stands, "mean_is_fractal": fractal}
 
@@ -168,8 +168,8 @@ def mean_points(band, deviation, seed, overturned="clamped", *, realizations=120
     noise = {"variance": deviation**2, "band": band}
     scene = load_scene("main").varied(forcing={"phase": 3.14}, noise=noise)
     sampled = {"cycles": cycles, "realizations": realizations, "seed": seed, "overturned": overturned}
-    found = restarted_poincare_map(scene, **sampled)
-    return found.points[SETTLED + 1 : found.overturned_after], found.overturned_after is None
+    mean_map = restarted_poincare_map(scene, **sampled)
+    return mean_map.points[SETTLED + 1 : mean_map.overturned_after], mean_map.overturned_after is None
 
 
 def _fate_likelihoods(fates):
@@ -206,13 +206,13 @@ def draw(path, values):
     rows = [row for row in values["rows"] if row["band"][0] == 0.0]
     joint, ends = values["joint"], [row["band"][1] for row in rows]
     met = joint["meets_all"]
-    found = f"b from {min(met):g} to {max(met):g}" if met else "no b"
+    inferred = f"b from {min(met):g} to {max(met):g}" if met else "no b"
     note = (
         f"{values['realizations']:,} realizations a band. Dashed: {100 * LIKELY:g} %, from which on a statement "
         f"counts as met. Grey: b whose likelihood is within a factor e^{WITHIN:g} of the largest. Triangles: "
         "lower than drawn."
     )
-    title = f"Noise bands [0, b] meet what the paper shows with {found}; the likeliest b is {joint['best']:g}"
+    title = f"Noise bands [0, b] meet what the paper shows with {inferred}; the likeliest b is {joint['best']:g}"
     with style.page(path, (10.5, 8.2), title, [note]) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
         for name, axes in zip((*HINTS[1:], "all"), panels, strict=True):
@@ -238,9 +238,11 @@ def _likelihood(axes, name, rows, ends, joint):
     if name == "all":
         logs = np.array(joint["log_likelihood"])
         less, drawn = logs - logs.max(), np.array(ends)
-        shown = less > -_SHOWN
-        axes.plot(drawn[shown], less[shown], "o-", color=style.COLOURS[1], markersize=4)
-        axes.plot(drawn[~shown], np.full(np.count_nonzero(~shown), -_SHOWN), "v", color=style.COLOURS[1], markersize=6)
+        visible = less > -_SHOWN
+        axes.plot(drawn[visible], less[visible], "o-", color=style.COLOURS[1], markersize=4)
+        axes.plot(
+            drawn[~visible], np.full(np.count_nonzero(~visible), -_SHOWN), "v", color=style.COLOURS[1], markersize=6
+        )
         axes.axhline(-WITHIN, color="black", linewidth=0.8, linestyle="--")
         axes.set(title="Figs. 3 to 9 together:\nlikelihood, over its largest", ylim=(-_SHOWN - 0.6, 0.6))
         axes.set_ylabel("natural logarithm of the ratio")

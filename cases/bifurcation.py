@@ -72,7 +72,7 @@ def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
         "crisis": list(crises[0]),
         "crisis_at_twice_the_cutoff": list(crises[1]),
         "criterion": f"{BLOCKS} blocks begun on the attractor of A = {BRACKET[0]:g} all stand for {cycles} cycles",
-        "rest_overturns": [a for a, kept in zip(amplitudes, points["from rest"], strict=True) if not len(kept)],
+        "rest_overturns": [a for a, settled in zip(amplitudes, points["from rest"], strict=True) if not len(settled)],
         "symmetric_orbit_stable_up_to": _stable_up_to(scene),
         "beyond": [_lifetime(scene, crises[0][1] + distance, cycles) for distance in BEYOND],
     }
@@ -83,11 +83,11 @@ def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
 
 def continued(scene, amplitudes):
     """Poincaré points (n, 2) at each amplitude, begun where the one before ended; n is 0 where the block overturned."""
-    found, start = [], (0.0, 0.0)
+    attractors, start = [], (0.0, 0.0)
     for amplitude in amplitudes:
-        found.append(_settled(scene, amplitude, start))
-        start = tuple(found[-1][-1]) if len(found[-1]) else (0.0, 0.0)
-    return found
+        attractors.append(_settled(scene, amplitude, start))
+        start = tuple(attractors[-1][-1]) if len(attractors[-1]) else (0.0, 0.0)
+    return attractors
 
 
 def _settled(scene, amplitude, start):
@@ -119,12 +119,15 @@ def _overturned(scene, amplitude, cycles):
 def _lifetime(scene, amplitude, cycles):
     """Mean number of cycles that blocks stand, as if overturning came at a constant rate, and a 95 % interval."""
     times = _overturned(scene, amplitude, cycles)
-    gone = np.count_nonzero(np.isfinite(times))
-    found = {"amplitude": amplitude, "overturned": int(gone), "cycles": None, "interval": None}
-    if gone:
-        mean, factor = float(np.nan_to_num(times, nan=cycles).sum() / gone), math.exp(1.96 / math.sqrt(gone))
-        found |= {"cycles": mean, "interval": [mean / factor, mean * factor]}
-    return found
+    overturned = np.count_nonzero(np.isfinite(times))
+    lifetime = {"amplitude": amplitude, "overturned": int(overturned), "cycles": None, "interval": None}
+    if overturned:
+        mean, factor = (
+            float(np.nan_to_num(times, nan=cycles).sum() / overturned),
+            math.exp(1.96 / math.sqrt(overturned)),
+        )
+        lifetime |= {"cycles": mean, "interval": [mean / factor, mean * factor]}
+    return lifetime
 
 
 def _orbits(scene, amplitude):
@@ -164,9 +167,9 @@ def _draw(path, scene, points, values):
         _beyond(panels["beyond"], values)
 
 
-def _diagram(axes, scene, found, values, markersize):
+def _diagram(axes, scene, attractors, values, markersize):
     amplitudes = np.array(values["amplitudes"])
-    places, velocity = np.repeat(amplitudes, [len(one) for one in found]), np.concatenate(found)[:, 1]
+    places, velocity = np.repeat(amplitudes, [len(one) for one in attractors]), np.concatenate(attractors)[:, 1]
     axes.plot(places, velocity, ".", markersize=markersize, color=style.COLOURS[0], rasterized=True)
     for line, orbit in zip(("-", "--"), _symmetric(scene, amplitudes), strict=True):
         axes.plot(amplitudes, orbit, line, color="black", linewidth=1.2)
@@ -176,11 +179,11 @@ def _diagram(axes, scene, found, values, markersize):
 
 def _symmetric(scene, amplitudes):
     """Velocities (2, amplitudes) on the stable and on the unstable symmetric orbit, nan where there is none."""
-    found = np.full((2, amplitudes.size), np.nan)
+    velocities = np.full((2, amplitudes.size), np.nan)
     for place, amplitude in enumerate(amplitudes):
         for orbit in _orbits(scene, amplitude):
-            found[0 if orbit.stable else 1, place] = orbit.state(scene.forcing.phase)[1]
-    return found
+            velocities[0 if orbit.stable else 1, place] = orbit.state(scene.forcing.phase)[1]
+    return velocities
 
 
 def _orbits_named(axes, scene, values):
@@ -197,10 +200,10 @@ def _orbits_named(axes, scene, values):
 
 
 def _beyond(axes, values):
-    found = [one for one in values["beyond"] if one["overturned"]]
+    lifetimes = [one for one in values["beyond"] if one["overturned"]]
     end = values["crisis"][1]
-    columns = ([one[name] for one in found] for name in ("cycles", "interval"))
-    style.error_bars(axes, [one["amplitude"] - end for one in found], *columns, color=style.COLOURS[0])
+    columns = ([one[name] for one in lifetimes] for name in ("cycles", "interval"))
+    style.error_bars(axes, [one["amplitude"] - end for one in lifetimes], *columns, color=style.COLOURS[0])
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
     axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)

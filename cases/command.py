@@ -23,11 +23,13 @@ def command(run, folder, *files, report=None, **options) -> None:
     """
     parser = argparse.ArgumentParser(description=run.__globals__["__doc__"].partition("\n")[0])
     parser.add_argument("--out", type=pathlib.Path, default=folder, help="folder (default: %(default)s)")
-    for name, what in options.items():
+    for name, help_text in options.items():
         default = inspect.signature(run).parameters[name].default
-        parser.add_argument(f"--{name}", type=type(default), default=default, help=f"{what} (default: %(default)s)")
-    given = parser.parse_args()
-    values = run(**vars(given))
+        parser.add_argument(
+            f"--{name}", type=type(default), default=default, help=f"{help_text} (default: %(default)s)"
+        )
+    arguments = parser.parse_args()
+    values = run(**vars(arguments))
     if report is not None:
         report(values)
-    print(f"Files in {given.out}: {', '.join(files)}")
+    print(f"Files in {arguments.out}: {', '.join(files)}")

@@ -109,8 +109,8 @@ def survival_by_diffusion(scene, diffusions, tol):
     for diffusion in diffusions:
         label = f"density, e = {scene.block.restitution:g}, D = {diffusion:.2g}"
         solved.append(_solved(scene.varied(noise=WhiteNoise(diffusion)), max(CYCLES), tol, label))
-    known = np.array([np.ones(len(CYCLES)), *(one.survival[list(CYCLES)] for one in solved)])
-    curve = PchipInterpolator(np.log([STILL, *diffusions]), known, extrapolate=False)
+    survivals = np.array([np.ones(len(CYCLES)), *(one.survival[list(CYCLES)] for one in solved)])
+    curve = PchipInterpolator(np.log([STILL, *diffusions]), survivals, extrapolate=False)
     return lambda diffusion: curve(np.log(np.clip(diffusion, STILL, diffusions[-1])))
 
 
@@ -149,8 +149,8 @@ def budget(scene, realizations, tol, seed):
     ours = _solved(few, last, tol, "density, error budget")
     error = np.sqrt(first * (1.0 - first) / realizations)
     parts = (first - ours.survival, first - second, second - third, third - ours.survival, error)
-    found = {name: part[list(CYCLES)].tolist() for name, part in zip(PARTS, parts, strict=True)}
-    return found | {"error_estimate": ours.error_estimate, "realizations": realizations}
+    differences = {name: part[list(CYCLES)].tolist() for name, part in zip(PARTS, parts, strict=True)}
+    return differences | {"error_estimate": ours.error_estimate, "realizations": realizations}
 
 
 def worst(differences):
@@ -223,16 +223,16 @@ def _against_spread(axes, findings):
     axes.legend(loc="upper left", bbox_to_anchor=(0.26, 1.0))
 
 
-def _budget(axes, found):
+def _budget(axes, budgeted):
     places, height = np.arange(len(PARTS)), 0.8 / len(CYCLES)
     for k, (cycle, colour) in enumerate(zip(CYCLES, style.shades(len(CYCLES)), strict=True)):
-        axes.barh(places + height * (k - 1.5), [found[name][k] for name in PARTS], 0.9 * height, color=colour,
+        axes.barh(places + height * (k - 1.5), [budgeted[name][k] for name in PARTS], 0.9 * height, color=colour,
                   label=f"after {cycle} cycles")  # fmt: skip
     axes.set_axisbelow(True)
     axes.set_yticks(places, PARTS)
     axes.invert_yaxis()
     (low, high), sigma = BUDGETED
-    size = f"{found['realizations']:,} realizations"
+    size = f"{budgeted['realizations']:,} realizations"
     title = f"(c) Parts of the error: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
     axes.set(xlabel="difference of survival", title=title)
     axes.legend(fontsize=9)

@@ -44,8 +44,8 @@ def median_of(size, motions) -> dict:
     """Median peak velocity at which a block overturns, its 95 % limits, and the dispersion."""
     forcings = [Scene(Block(dimensions=size), motion, NoNoise()) for motion in motions]
     scale = 0.18 * GRAVITY * size.width / size.height * np.array(SCALES)
-    found = fragility([at_intensity(one) for one in forcings], scale=scale)
-    fit = IntensityCurve.of(found, samples=400).fit
+    curves = fragility([at_intensity(one) for one in forcings], scale=scale)
+    fit = IntensityCurve.of(curves, samples=400).fit
     return {"median": fit.median, "interval": list(fit.median_interval), "dispersion": fit.dispersion}
 
 
@@ -76,12 +76,12 @@ def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
     for slender in SLENDER:
         widths = [2.0 * radius / math.hypot(1.0, slender) for radius in radii]
         others += [Dimensions(width, slender * width) for width in widths]
-    found = []
+    blocks = []
     with reporting("blocks") as progress:
         for number, size in enumerate([*sizes, *others]):
-            found.append({"width": size.width, "height": size.height} | median_of(size, suite))
+            blocks.append({"width": size.width, "height": size.height} | median_of(size, suite))
             progress(number + 1, len(sizes) + len(others))
-    values = {"motions": motions, "published": [median for *_, median in published], "blocks": found}
+    values = {"motions": motions, "published": [median for *_, median in published], "blocks": blocks}
     files.write_json(out / "fema_p58.json", plain(values))
     draw(out / "fema_p58.png", values)
     return values
@@ -100,9 +100,9 @@ def draw(path, values):
         f"{values['motions']} synthetic motions of firm ground (nonstationary Kanai-Tajimi), scaled to equal PGV, "
         "without noise; Housner's restitution. Bars: 95 % intervals, bootstrap over the motions."
     )
-    found = [one for one in others if math.isclose(one["height"] / one["width"], SLENDER[0], rel_tol=1e-9)]
-    rise = seconds_of(found[-1], found[-1]["median"]) / seconds_of(found[0], found[0]["median"])
-    low, high = (0.5 * math.hypot(one["width"], one["height"]) for one in (found[0], found[-1]))
+    alike = [one for one in others if math.isclose(one["height"] / one["width"], SLENDER[0], rel_tol=1e-9)]
+    rise = seconds_of(alike[-1], alike[-1]["median"]) / seconds_of(alike[0], alike[0]["median"])
+    low, high = (0.5 * math.hypot(one["width"], one["height"]) for one in (alike[0], alike[-1]))
     title = (
         f"FEMA P-58 knows no effect of size; a rigid block of R = {high:.2g} m stands {rise:.1f} times the PGV of one "
         f"of {low:.2g} m"
@@ -154,12 +154,12 @@ def report(values):
     count = len(values["published"])
     same, others = values["blocks"][:count], values["blocks"][count:]
     theirs = [seconds_of(one, median) for one, median in zip(same, values["published"], strict=True)]
-    for name, found in (
+    for name, medians in (
         ("FEMA P-58, nine sizes", theirs),
         ("rigid block, nine sizes", [seconds_of(one, one["median"]) for one in same]),
         ("rigid block, other sizes", [seconds_of(one, one["median"]) for one in others]),
     ):
-        print(f"{name}: median over g B/H from {min(found):.3f} to {max(found):.3f} s")
+        print(f"{name}: median over g B/H from {min(medians):.3f} to {max(medians):.3f} s")
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
     sampled = {"cycles": cycles, "realizations": realizations, "seed": seed}
     ensembles = {band: simulate(scene.varied(noise={"band": (0.0, band)}), **sampled) for band in BANDS}
     chosen = _late(ensembles[OURS])
-    shown = histories(scene, cycles=LATE + 2 * NEAR, realizations=chosen + 1, seed=seed, samples_per_cycle=50)
+    paths = histories(scene, cycles=LATE + 2 * NEAR, realizations=chosen + 1, seed=seed, samples_per_cycle=50)
     still = scene.varied(noise=NoNoise())
     quiet = histories(still, cycles=LATE + 2 * NEAR, samples_per_cycle=50)
     long = simulate(still, cycles=bounded_cycles, realizations=1)
@@ -66,11 +66,11 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
         "bounded_without_noise": bool(long.survivors[-1]),
         "bounded_cycles": bounded_cycles,
         "realization": chosen,
-        "overturned_after_cycles": float(shown.overturn_time[chosen] / scene.period),
+        "overturned_after_cycles": float(paths.overturn_time[chosen] / scene.period),
         "late": [_lateness(ensemble, band) for band, ensemble in ensembles.items()],
         "remarks": [scene.noise.remark],
     }
-    _draw(out / "fig05.png", quiet, shown, chosen, ensembles, values)
+    _draw(out / "fig05.png", quiet, paths, chosen, ensembles, values)
     files.write_json(out / "fig05.json", values)
     return values
 
@@ -87,8 +87,8 @@ def _late(ensemble):
 
 def _lateness(ensemble, highest):
     """Survival and the cycles of overturning of an ensemble, as plain values."""
-    gone = ensemble.overturn_side != 0
-    cycles = np.where(gone, ensemble.overturn_time / ensemble.scene.period, np.inf)
+    overturned = ensemble.overturn_side != 0
+    cycles = np.where(overturned, ensemble.overturn_time / ensemble.scene.period, np.inf)
     beyond = int(np.count_nonzero(cycles > LATE))
     shares = (0.025, 0.25, 0.5, 0.75, 0.975)
     quantiles = np.quantile(cycles, shares, method="inverted_cdf")
@@ -97,7 +97,7 @@ def _lateness(ensemble, highest):
         "band": [0.0, highest],
         "standing_after_125": beyond / cycles.size,
         "interval": wilson_interval(beyond, cycles.size).tolist(),
-        "to_the_right": float(np.mean(ensemble.overturn_side[gone] > 0)),
+        "to_the_right": float(np.mean(ensemble.overturn_side[overturned] > 0)),
         "quantiles_of_cycles": {
             str(share): float(one) if np.isfinite(one) else None for share, one in zip(shares, quantiles, strict=True)
         },
@@ -105,8 +105,8 @@ def _lateness(ensemble, highest):
     }
 
 
-def _draw(path, quiet, shown, chosen, ensembles, values):
-    noise, after = shown.scene.noise, values["overturned_after_cycles"]
+def _draw(path, quiet, paths, chosen, ensembles, values):
+    noise, after = paths.scene.noise, values["overturned_after_cycles"]
     notes = [f"(d): {values['realizations']:,} realizations a band, σ² = {noise.variance:g}; the paper states no band."]
     title = (
         f"Paper Fig. 5: periodic without noise; with it the block turns chaotic and overturns after {after:.0f} cycles"
@@ -116,26 +116,26 @@ def _draw(path, quiet, shown, chosen, ensembles, values):
         panels = figure.subplot_mosaic(rows, height_ratios=(0.5, 0.5, 1.0))
         band = f"[{noise.band[0]:g}, {noise.band[1]:g}]"
         titles = ("(a) No noise", f"(b) σ² = {noise.variance:g} on {band}, realization {chosen}")
-        drawn = (("periodic", quiet, 0), ("noisy", shown, chosen))
+        drawn = (("periodic", quiet, 0), ("noisy", paths, chosen))
         for (name, history, r), text in zip(drawn, titles, strict=True):
             motion.history_panel(panels[name], history, r, impacts=False)
             panels[name].set_title(text, loc="left")
             panels[name].set_ylabel(motion.ANGLE)
         panels["noisy"].set_title("dashed: the cut-off; cross: the overturning", loc="right", color="#333333")
-        panels["noisy"].set_xlabel(f"{motion.TIME} (a forcing cycle is {shown.scene.period:.3f})")
-        _points(panels["points"], quiet, shown, chosen)
+        panels["noisy"].set_xlabel(f"{motion.TIME} (a forcing cycle is {paths.scene.period:.3f})")
+        _points(panels["points"], quiet, paths, chosen)
         _standing(panels["standing"], ensembles)
 
 
-def _points(axes, periodic, shown, chosen):
-    cutoff = shown.scene.overturning.angle
-    angle, velocity = (states[chosen] for states in shown.poincare())
+def _points(axes, periodic, paths, chosen):
+    cutoff = paths.scene.overturning.angle
+    angle, velocity = (states[chosen] for states in paths.poincare())
     axes.plot(angle, velocity, "o", markersize=3.5, markerfacecolor="white", color=style.COLOURS[1], label="(b) noise")
     angle, velocity = (states[0, SETTLED:] for states in periodic.poincare())
     axes.plot(angle, velocity, "D", markersize=6, color=style.COLOURS[0], label="(a) no noise: two points")
-    last = np.flatnonzero(np.isfinite(shown.angle[chosen]))
+    last = np.flatnonzero(np.isfinite(paths.angle[chosen]))
     end = slice(int(last[-1]) - 20, None)
-    axes.plot(shown.angle[chosen, end], shown.velocity[chosen, end], color=style.OVERTURNED, linewidth=1.0,
+    axes.plot(paths.angle[chosen, end], paths.velocity[chosen, end], color=style.OVERTURNED, linewidth=1.0,
               label="(b) its last motion")  # fmt: skip
     axes.axvline(cutoff, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
     axes.set(title="(c) Poincaré points of (a) and (b)", xlabel=motion.ANGLE, ylabel=motion.VELOCITY)

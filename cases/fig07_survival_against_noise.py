@@ -200,13 +200,13 @@ def _both(axes, values, limits=False):
     ours = next(one for one in values["bands"] if one["band"][1] == OURS)
     look = {"color": style.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
     _limited(axes, values["variances"], ours["survival"], ours["interval"], look, limits)
-    white, found = values["white"], values["density"]
+    white, densities = values["white"], values["density"]
     columns = ([one[name] for one in white] for name in ("variance", "survival", "interval"))
     label = f"white noise, {white[0]['realizations']:,} realizations"
     _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label}, limits)
     if limits:
         axes.plot([], [], "v", color="#777777", markersize=5, label="no realization stands: 95 % upper limit")
-    columns = ([one[name] for one in found] for name in ("variance", "survival"))
+    columns = ([one[name] for one in densities] for name in ("variance", "survival"))
     look = {"marker": "D", "markersize": 8.0, "markerfacecolor": "none", "linestyle": "none"}
     variances, survival = columns
     axes.plot(np.sqrt(variances), survival, color=style.COLOURS[0], label="Fokker-Planck density, white noise", **look)
@@ -223,9 +223,9 @@ def _limited(axes, variances, survival, interval, look, limits):
 
 
 def _several(axes, variances, rows, looks):
-    for (label, found), look in zip(rows.items(), looks, strict=True):
+    for (label, columns), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
-        style.error_bars(axes, np.sqrt(variances), found["survival"], found["interval"], **(shape | look))
+        style.error_bars(axes, np.sqrt(variances), columns["survival"], columns["interval"], **(shape | look))
     axes.legend(fontsize=9)
 
 

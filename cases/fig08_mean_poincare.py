@@ -101,8 +101,11 @@ def _spread(points):
 
 def dimensions_of(samples):
     """Mean and standard deviation of the correlation dimensions of sets of points."""
-    found = [correlation_dimension(points, *LENGTHS) for points in samples]
-    return {"dimension": float(np.mean(found)), "deviation_of_dimension": float(np.std(found, ddof=len(found) > 1))}
+    dimensions = [correlation_dimension(points, *LENGTHS) for points in samples]
+    return {
+        "dimension": float(np.mean(dimensions)),
+        "deviation_of_dimension": float(np.std(dimensions, ddof=len(dimensions) > 1)),
+    }
 
 
 def _draw(path, attractor, free, mapped, mean, values):
@@ -125,8 +128,8 @@ def _draw(path, attractor, free, mapped, mean, values):
         text = "(b) Mean of {:,}, restarted each cycle:\ndimension {} (blue), {} without noise (grey)"
         panels["b"].set_title(text.format(values["realizations"], *dimensions), loc="left", fontsize=10)
         single = free.angle[:, SETTLED + 1 : 26], free.velocity[:, SETTLED + 1 : 26]
-        shown = slice(0, values["cycles"] // 20)
-        panels["c"].plot(*(states[shown].ravel() for states in single), ".", markersize=3.0, color=style.COLOURS[1])
+        first = slice(0, values["cycles"] // 20)
+        panels["c"].plot(*(states[first].ravel() for states in single), ".", markersize=3.0, color=style.COLOURS[1])
         panels["c"].set_title("(c) As many points of single blocks", loc="left", fontsize=10)
         _free_mean(panels["d"], mean)
 
@@ -148,9 +151,9 @@ def _cycle_by_cycle(axes, free, values):
 
 def _free_mean(axes, mean):
     for k, (name, colour) in enumerate(zip(("angle", "velocity"), style.COLOURS, strict=False)):
-        found, error = mean.points[: FREE_CYCLES + 1, k], 1.96 * mean.standard_error[: FREE_CYCLES + 1, k]
-        axes.errorbar(np.arange(FREE_CYCLES + 1), found, error, marker="o", markersize=3, linewidth=0.8, color=colour)
-        axes.annotate(name, (FREE_CYCLES, found[-1]), xytext=(8, -3), textcoords="offset points", color=colour)
+        means, error = mean.points[: FREE_CYCLES + 1, k], 1.96 * mean.standard_error[: FREE_CYCLES + 1, k]
+        axes.errorbar(np.arange(FREE_CYCLES + 1), means, error, marker="o", markersize=3, linewidth=0.8, color=colour)
+        axes.annotate(name, (FREE_CYCLES, means[-1]), xytext=(8, -3), textcoords="offset points", color=colour)
     axes.set(xlabel="forcing cycles", ylabel="mean, nondimensional", xlim=(-0.5, 1.1 * FREE_CYCLES))
     axes.set_title("(d) Mean of an ensemble that runs freely, 95 % intervals: it settles", loc="left", fontsize=10)
 

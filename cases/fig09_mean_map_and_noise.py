@@ -72,7 +72,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         "seeds": seeds,
         "lengths": list(LENGTHS),
         "without_noise": dimensions_of(np.split(attractor, seeds)),
-        "maps": [_judged(deviation, found, cycles) for deviation, found in maps.items()],
+        "maps": [_judged(deviation, maps_of_seeds, cycles) for deviation, maps_of_seeds in maps.items()],
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig09.png", attractor, [maps[one][0] for one in paper[1:]], paper, values)
@@ -80,24 +80,24 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
     return values
 
 
-def _settled(found):
+def _settled(mean_map):
     """Mean points from the sixth cycle on, until the mean overturns."""
-    return found.points[SETTLED + 1 : found.overturned_after]
+    return mean_map.points[SETTLED + 1 : mean_map.overturned_after]
 
 
 def _judged(deviation, maps, cycles):
     """Fate and dimension of the maps of one σ, as plain values; a map of few points has no dimension."""
-    settled = [_settled(found) for found in maps]
+    settled = [_settled(mean_map) for mean_map in maps]
     many = [points for points in settled if len(points) > 0.2 * cycles]
     return {
         "deviation": deviation,
-        "overturned_after": [found.overturned_after for found in maps],
+        "overturned_after": [mean_map.overturned_after for mean_map in maps],
         "largest_angle": [float(np.abs(points[:, 0]).max(initial=0.0)) for points in settled],
         **(dimensions_of(many) if many else {"dimension": None, "deviation_of_dimension": None}),
     }
 
 
-def _draw(path, attractor, shown, paper, values):
+def _draw(path, attractor, mean_maps, paper, values):
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
     note = (
         f"{size}, noise on [0, 10], which is inferred. Grey: without noise. Cross: overturned, at the cut-off. "
@@ -110,14 +110,14 @@ def _draw(path, attractor, shown, paper, values):
     with style.page(path, (10.5, 11.4), title, [note]) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
         panels = top.subplots(2, 3, sharex=True, sharey=True).ravel()
-        for letter, axes, deviation, found in zip("abcdef", panels, paper, [None, *shown], strict=True):
+        for letter, axes, deviation, mean_map in zip("abcdef", panels, paper, [None, *mean_maps], strict=True):
             axes.plot(*attractor.T, ".", markersize=1.0, color="#bbbbbb", rasterized=True)
             axes.axvline(np.pi / 2, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
-            axes.set_title(_panel(letter, deviation, found), fontsize=10)
-            points = _settled(found) if found else attractor[: values["cycles"]]
+            axes.set_title(_panel(letter, deviation, mean_map), fontsize=10)
+            points = _settled(mean_map) if mean_map else attractor[: values["cycles"]]
             axes.plot(*points.T, ".", markersize=2.0, color=style.COLOURS[0])
-            if found and found.overturned_after:
-                axes.plot(*found.points[-1], "x", color=style.OVERTURNED, markersize=9, mew=2)
+            if mean_map and mean_map.overturned_after:
+                axes.plot(*mean_map.points[-1], "x", color=style.OVERTURNED, markersize=9, mew=2)
         panels[0].annotate("cut-off", (np.pi / 2, -1.1), xytext=(-4, 0), textcoords="offset points", rotation=90,
                            color=style.OVERTURNED, ha="right", va="bottom")  # fmt: skip
         top.supxlabel(motion.ANGLE, fontsize=10)
@@ -127,11 +127,11 @@ def _draw(path, attractor, shown, paper, values):
         _ended_panel(ended, paper, values)
 
 
-def _panel(letter, deviation, found):
+def _panel(letter, deviation, mean_map):
     """Title of a panel: which noise, and what becomes of the mean."""
-    if found is None:
+    if mean_map is None:
         return f"({letter}) σ = 0"
-    after = found.overturned_after
+    after = mean_map.overturned_after
     return f"({letter}) σ = {deviation:g}: {f'the mean overturns in cycle {after}' if after else 'bounded'}"
 
 
@@ -140,8 +140,8 @@ def _dimension_panel(axes, paper, values):
     columns = ([one[name] for one in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
     x, y, error = map(np.array, columns)
     shape = {"marker": "o", "markersize": 4, "linestyle": "none", "color": style.COLOURS[0]}
-    for shown, face in _by_paper(x, paper):
-        axes.errorbar(x[shown], y[shown], error[shown], markerfacecolor=face, **shape)
+    for chosen, face in _by_paper(x, paper):
+        axes.errorbar(x[chosen], y[chosen], error[chosen], markerfacecolor=face, **shape)
     still = values["without_noise"]
     axes.errorbar(0.0, still["dimension"], still["deviation_of_dimension"], **(shape | {"color": "black"}))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle="--")
@@ -158,10 +158,10 @@ def _ended_panel(axes, paper, values):
     ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)
     standing = np.array(sorted({deviation for deviation, after in pairs if not after}))
     look = {"color": style.COLOURS[0], "linestyle": "none"}
-    for shown, face in _by_paper(ended[:, 0], paper):
-        axes.plot(*ended[shown].T, "o", markersize=4, markerfacecolor=face, **look)
-    for shown, face in _by_paper(standing, paper):
-        axes.plot(standing[shown], np.full(shown.sum(), last), "^", markersize=5, markerfacecolor=face, **look)
+    for chosen, face in _by_paper(ended[:, 0], paper):
+        axes.plot(*ended[chosen].T, "o", markersize=4, markerfacecolor=face, **look)
+    for chosen, face in _by_paper(standing, paper):
+        axes.plot(standing[chosen], np.full(chosen.sum(), last), "^", markersize=5, markerfacecolor=face, **look)
     for one in values["maps"]:
         fallen = sum(after is not None for after in one["overturned_after"])
         if one["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
@@ -174,8 +174,8 @@ def _ended_panel(axes, paper, values):
 
 def _by_paper(deviations, paper):
     """Return which values of σ the paper shows, for filled symbols, and which it does not, for open ones."""
-    shown = np.isin(deviations, paper)
-    return (shown, style.COLOURS[0]), (~shown, "white")
+    in_paper = np.isin(deviations, paper)
+    return (in_paper, style.COLOURS[0]), (~in_paper, "white")
 
 
 def report(values):

@@ -94,16 +94,16 @@ def _counted(scene, sampled):
 def _row(density, band, white):
     """Overturned in each cycle by all three, as plain values; z in standard errors of the sample."""
     expected = np.diff(density.overturned.sum(axis=1))
-    found = {"density": expected.tolist(), "error_estimate": float(density.error_estimate)}
+    row = {"density": expected.tolist(), "error_estimate": float(density.error_estimate)}
     for name, sample in (("band", band), ("white", white)):
         counts = -np.diff(sample.survivors)
-        found[name] = (counts / sample.realizations).tolist()
-        found[f"{name}_interval"] = wilson_interval(counts, sample.realizations).tolist()
+        row[name] = (counts / sample.realizations).tolist()
+        row[f"{name}_interval"] = wilson_interval(counts, sample.realizations).tolist()
         enough = expected * sample.realizations >= 10.0
         share, errors = expected[enough], np.sqrt(expected[enough] * (1.0 - expected[enough]) / sample.realizations)
         z = (counts[enough] / sample.realizations - share) / errors
-        found[f"{name}_z"] = dict(zip(map(str, 1 + np.flatnonzero(enough)), z.tolist(), strict=True))
-    return found
+        row[f"{name}_z"] = dict(zip(map(str, 1 + np.flatnonzero(enough)), z.tolist(), strict=True))
+    return row
 
 
 def draw(path, values):
@@ -162,9 +162,9 @@ def _cycles(axes, values):
         label = f"σ² = {row['variance']:g}"
         steps = {"baseline": None, "color": colour, "linewidth": 1.0}
         axes.stairs(np.maximum(row["density"], 1e-12), np.arange(cycles.size + 1) + 0.5, **steps)
-        found, limits = np.array(row["band"]), np.array(row["band_interval"])
-        some = found > 0.0
-        style.error_bars(axes, cycles[some], found[some], limits[some], color=colour, marker=marker, label=label)
+        probability, limits = np.array(row["band"]), np.array(row["band_interval"])
+        some = probability > 0.0
+        style.error_bars(axes, cycles[some], probability[some], limits[some], color=colour, marker=marker, label=label)
     axes.set(title="(b) Overturned in each cycle: paths of band noise (points), density (steps)", yscale="log")
     axes.set(xlabel="forcing cycle", ylabel="probability", ylim=(3e-6, 0.3), xlim=(0.0, cycles[-1] + 1.0))
     axes.legend(ncols=3)

@@ -76,7 +76,7 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
     dict
         What ``blocks.json`` holds.
     """
-    found = {}
+    curves_by_block = {}
     sample = {"realizations": realizations, "seed": seed}
     for name in blocks:
         scene, own = scene_of(*BLOCKS[name]), {}
@@ -85,13 +85,13 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
             options = {"tol": tol} if engine == "density" else sample
             with reporting(f"{name}, {engine}") as progress:
                 own[engine] = fragility(scene, scale=asked, engine=engine, progress=progress, **options)
-        found[name] = own
-    apart = {name: difference(own["white"], own["density"]) for name, own in found.items()}
+        curves_by_block[name] = own
+    apart = {name: difference(own["white"], own["density"]) for name, own in curves_by_block.items()}
     values = {
         "blocks": {
             name: {"scene": own["white"].scenes[0].to_toml(), "largest_difference": apart[name]}
             | {engine: result.summary() for engine, result in own.items()}
-            for name, own in found.items()
+            for name, own in curves_by_block.items()
         }
     }
     draw(out / "blocks.png", values)
@@ -101,13 +101,13 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
 
 def difference(paths, density) -> dict:
     """Return the largest difference of P(overturned), paths less density, where both know it, and what explains it."""
-    place, known = np.searchsorted(paths.scale, density.scale), density.overturned[0]
-    apart = paths.overturned[0, place] - known
+    place, expected = np.searchsorted(paths.scale, density.scale), density.overturned[0]
+    apart = paths.overturned[0, place] - expected
     n = int(np.nanargmax(np.abs(apart)))
     return {
         "scale": float(density.scale[n]),
         "difference": float(apart[n]),
-        "interval": (paths.interval()[0, 0, place[n]] - known[n]).tolist(),
+        "interval": (paths.interval()[0, 0, place[n]] - expected[n]).tolist(),
         "error_estimate": float(density.error_estimate[0, 0, n]),
     }
 
@@ -154,8 +154,8 @@ def _curves(axes, block):
     axes.plot(density["scale"], density["overturned"][0], "x-", color=style.COLOURS[1], linewidth=1.0, label=label)
     looks = {"white": ("o", style.COLOURS[0], "paths, white noise"), "exact": ("s", "0.5", "paths, band noise")}
     for engine, (marker, colour, label) in looks.items():
-        found = block[engine]
-        points = found["scale"], found["overturned"][0], found["interval"][0][0]
+        curve = block[engine]
+        points = curve["scale"], curve["overturned"][0], curve["interval"][0][0]
         style.error_bars(axes, *points, color=colour, marker=marker, label=label)
     axes.set(ylim=(-0.03, 1.03))
 
@@ -164,9 +164,9 @@ def _differences(axes, block):
     """Draw paths less density with the intervals of the paths, over a bar of the density's estimate."""
     density, paths = block["density"], block["white"]
     place, scale = np.searchsorted(paths["scale"], density["scale"]), density["scale"]
-    known = np.array(density["overturned"][0])
-    apart = np.array(paths["overturned"][0])[place] - known
-    limits = np.array(paths["interval"][0][0])[place] - known[:, None]
+    expected = np.array(density["overturned"][0])
+    apart = np.array(paths["overturned"][0])[place] - expected
+    limits = np.array(paths["interval"][0][0])[place] - expected[:, None]
     estimate = np.array(density["error_estimate"][0][0], dtype=float)
     axes.axhline(0.0, color=style.COLOURS[1], linewidth=1.0)
     look = {"color": style.COLOURS[1], "linestyle": "none", "linewidth": 6.0, "alpha": 0.4}

@@ -52,12 +52,12 @@ def run(out, sizes=SIZES, slendernesses=SLENDERNESSES, scales=SCALES, realizatio
     common = {"cycles": CYCLES, "realizations": realizations, "seed": seed, "workers": workers}
     blocks = grid(SCENE, {"size": sizes, "slenderness": slendernesses})
     with reporting("sizes and slendernesses") as progress:
-        found = sweep(blocks, "mc", progress=progress, **common)
+        result = sweep(blocks, "mc", progress=progress, **common)
     with reporting("sizes") as progress:
         by_size = fragility(SCENE, scale=scales, over={"size": sizes}, progress=progress, **common)
     with reporting("slendernesses") as progress:
         by_shape = fragility(SCENE, scale=scales, over={"slenderness": slendernesses}, progress=progress, **common)
-    overturned = 1.0 - found.values("survival")
+    overturned = 1.0 - result.values("survival")
     values = {
         "scene": SCENE.to_toml(),
         "sizes": list(sizes),

@@ -100,12 +100,12 @@ def run(gallery, results, only=tuple(PICTURES), redraw=False) -> dict:
         folder, numbers = pathlib.Path(results) / name, pathlib.Path(gallery) / numbers_of(name)
         module = importlib.import_module(name)
         if redraw:
-            (made,) = PICTURES[name]
-            module.draw(folder / made, json.loads(numbers.read_text(encoding="utf-8")))
+            (picture,) = PICTURES[name]
+            module.draw(folder / picture, json.loads(numbers.read_text(encoding="utf-8")))
         else:
             module.run(folder)
-        for made, kept in PICTURES[name].items():
-            reduce(folder / made, pathlib.Path(gallery) / kept)
+        for picture, reduced in PICTURES[name].items():
+            reduce(folder / picture, pathlib.Path(gallery) / reduced)
         if not redraw:
             write_text(numbers, _numbers(folder))
         seconds[name] = time.monotonic() - started
@@ -120,8 +120,8 @@ def numbers_of(name):
 
 def _numbers(folder):
     """Return the one JSON file of a case with a line for each of its entries."""
-    (made,) = folder.glob("*.json")
-    entries = json.loads(made.read_text(encoding="utf-8")).items()
+    (numbers,) = folder.glob("*.json")
+    entries = json.loads(numbers.read_text(encoding="utf-8")).items()
     lines = (f"{json.dumps(name)}: {json.dumps(entry, ensure_ascii=False)}" for name, entry in entries)
     return "{\n" + ",\n".join(lines) + "\n}\n"
 

@@ -104,17 +104,17 @@ def draw(path, values):
         f"cycle {values['cycles']}."
     )
     studies = *values["over_noise"], values["over_restitution"]
-    ratios = [float(f"{ratio:.2g}") for found in studies for ratio in found["flux_over_rate"] if ratio]
+    ratios = [float(f"{ratio:.2g}") for study in studies for ratio in study["flux_over_rate"] if ratio]
     title = (
         f"The phase flux hardly changes with the noise; it is {min(ratios)} to {max(ratios):,.0f} times the rate of "
         "overturning"
     )
     with style.page(path, (10.5, 5.6), title, [sampled]) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
-        for found, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
-            _pair(noise, values["variances"], found, colour, marker)
-            point = values["variances"][0], found["rate"][0]
-            style.named(noise, f"band [0, {found['band'][1]:g}]", point, colour, offset=(10.0, -4.0))
+        for study, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
+            _pair(noise, values["variances"], study, colour, marker)
+            point = values["variances"][0], study["rate"][0]
+            style.named(noise, f"band [0, {study['band'][1]:g}]", point, colour, offset=(10.0, -4.0))
         point = values["variances"][0], values["over_noise"][0]["flux_per_cycle"][0]
         style.named(noise, "ΦT, all three bands", point, "black", (0.0, 6.0))
         noise.set(xscale="log", xlabel="variance of the noise σ², nondimensional", ylabel="ΦT and rate, per cycle")
@@ -133,9 +133,9 @@ def draw(path, values):
         block.set_title("(b) Variance σ² = 0.04")
 
 
-def _pair(axes, places, found, colour, marker):
-    axes.plot(places, found["flux_per_cycle"], "-", color="black", linewidth=0.8)
-    rate, limits = np.array(found["rate"]), np.array(found["interval"])
+def _pair(axes, places, study, colour, marker):
+    axes.plot(places, study["flux_per_cycle"], "-", color="black", linewidth=0.8)
+    rate, limits = np.array(study["rate"]), np.array(study["interval"])
     some = rate > 0.0
     style.error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
 
@@ -144,9 +144,9 @@ def report(values):
     """Print how far the flux is off."""
     studies = [("σ²", values["variances"], f"band {one['band']}", one) for one in values["over_noise"]]
     studies.append(("e", values["restitutions"], "σ² = 0.04", values["over_restitution"]))
-    for name, places, title, found in studies:
-        print(f"{title}: Kendall's τ {found['kendall']:+.2f}")
-        columns = zip(places, found["flux_per_cycle"], found["rate"], found["flux_over_rate"], strict=True)
+    for name, places, title, study in studies:
+        print(f"{title}: Kendall's τ {study['kendall']:+.2f}")
+        columns = zip(places, study["flux_per_cycle"], study["rate"], study["flux_over_rate"], strict=True)
         for place, flux, rate, ratio in columns:
             print(f"  {name} = {place:<7g} Φ T {flux:.4f}   rate {rate:.5f}   ratio {ratio or float('inf'):.1f}")
 

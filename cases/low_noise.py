@@ -81,11 +81,13 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
 
 def _split(scene, walkers, seed):
     """Rate of overturning per cycle between two cycles, and its standard error over the repeats."""
-    found = split(scene, cycles=BETWEEN[1], walkers=walkers, repeats=REPEATS, seed=seed)
-    rates = (found.repeat_probability[:, BETWEEN[1]] - found.repeat_probability[:, BETWEEN[0]]) / np.diff(BETWEEN)
+    splitting = split(scene, cycles=BETWEEN[1], walkers=walkers, repeats=REPEATS, seed=seed)
+    before, after = (splitting.repeat_probability[:, cycle] for cycle in BETWEEN)
+    rates = (after - before) / np.diff(BETWEEN)
     return {
         "diffusion": scene.noise.diffusion, "walkers": walkers, "repeats": REPEATS, "rate": float(rates.mean()),
-        "standard_error": float(rates.std(ddof=1) / math.sqrt(REPEATS)), "skewed": found.skewed, "wall_s": found.wall_s,
+        "standard_error": float(rates.std(ddof=1) / math.sqrt(REPEATS)), "skewed": splitting.skewed,
+        "wall_s": splitting.wall_s,
     }  # fmt: skip
 
 

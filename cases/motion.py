@@ -112,9 +112,9 @@ def _points(axes, ensemble):
 
 def _means(axes, maps, column):
     """Draw one coordinate of mean Poincaré points against the cycle, their curves side by side within it."""
-    for k, ((label, found), colour, marker) in enumerate(zip(maps.items(), style.COLOURS, "osD^", strict=False)):
+    for k, ((label, mean_map), colour, marker) in enumerate(zip(maps.items(), style.COLOURS, "osD^", strict=False)):
         shape = {"marker": marker, "markersize": 3.5, "markerfacecolor": "white", "linewidth": 0.7, "elinewidth": 1.0}
-        mean, error = found.points[:, column], 1.96 * found.standard_error[:, column]
+        mean, error = mean_map.points[:, column], 1.96 * mean_map.standard_error[:, column]
         axes.errorbar(np.arange(len(mean)) + 0.12 * k, mean, error, color=colour, label=label, **shape)
 
 

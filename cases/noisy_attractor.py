@@ -109,11 +109,11 @@ def _draw(path, operator, quiet, ensemble, outlook):
             aspect="equal",
         )
         fourth.plot(outlook.cycles, outlook.survival, color=style.COLOURS[0], label="one-cycle operator")
-        shown = np.arange(5, ensemble.cycles + 1, 5)
-        interval = ensemble.survival_interval()[shown]
+        rows = np.arange(5, ensemble.cycles + 1, 5)
+        interval = ensemble.survival_interval()[rows]
         look = {"color": style.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}
         label = f"Monte Carlo of white noise, {ensemble.realizations:,} realizations"
-        style.error_bars(fourth, shown, ensemble.survival[shown], interval, label=label, **look)
+        style.error_bars(fourth, rows, ensemble.survival[rows], interval, label=label, **look)
         fourth.set(title="(d) Survival from rest, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
         fourth.set_yscale("log")
         fourth.legend()

@@ -77,8 +77,8 @@ def draw(path, frequencies, amplitudes, modes, bounds, exact):
     with style.page(path, (13.0, 5.8), title, notes) as figure:
         axes, ratios = figure.subplots(1, 2)
         for mode, colour in ((0, "0.78"), (1, "#9ecae1")):
-            shown = np.where(np.minimum(modes.T, 1) == mode, 1.0, np.nan)
-            axes.pcolormesh(frequencies, amplitudes, shown, cmap=ListedColormap([colour]), shading="nearest")
+            of_mode = np.where(np.minimum(modes.T, 1) == mode, 1.0, np.nan)
+            axes.pcolormesh(frequencies, amplitudes, of_mode, cmap=ListedColormap([colour]), shading="nearest")
         axes.plot(frequencies, bounds[:, 1], color="black", label="least amplitude without impact")
         axes.plot(frequencies, bounds[:, 0], color=style.COLOURS[1], marker=".", label="least amplitude with impacts")
         middle = {"ha": "center", "va": "center"}

@@ -74,17 +74,17 @@ def _noises(scene, filtered):
 
 
 def _sampled(scene, cycles, realizations, seed):
-    found = simulate(scene, cycles=cycles, realizations=realizations, seed=seed)
-    return {"survival": found.survival.tolist(), "at_rest": found.at_rest.tolist()}
+    ensemble = simulate(scene, cycles=cycles, realizations=realizations, seed=seed)
+    return {"survival": ensemble.survival.tolist(), "at_rest": ensemble.at_rest.tolist()}
 
 
 def _solved(scene, cycles, tol, replacement):
     with warnings.catch_warnings():  # the probability at rest is looked at here, not the bins
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=math.inf, noise_replacement=replacement)
+        evolution = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=math.inf, noise_replacement=replacement)
     names = ("error_estimate", "rest_error_estimate", "wall_s")
-    values = {name: getattr(found, name) for name in names}
-    return values | {"survival": found.survival.tolist(), "at_rest": found.at_rest.tolist()}
+    values = {name: getattr(evolution, name) for name in names}
+    return values | {"survival": evolution.survival.tolist(), "at_rest": evolution.at_rest.tolist()}
 
 
 def look_inside(scene, resolution):
@@ -109,7 +109,7 @@ def draw(path, values):
     """Draw survival, rest by cycle, and rest by value of the noise."""
     scene = Scene.from_toml(values["scene"])
     forcing, noise, solved, sampled = scene.forcing, scene.noise, values["solved"], values["sampled"]
-    overturned = [1.0 - found["survival"][-1] for found in (solved["white"], sampled["band"], solved["filtered"])]
+    overturned = [1.0 - result["survival"][-1] for result in (solved["white"], sampled["band"], solved["filtered"])]
     title = (
         "White noise overturns a block that rests in between too often: {:.2f} against {:.2f} (band noise) and {:.2f} "
         "(low-pass noise)"
@@ -135,8 +135,8 @@ def draw(path, values):
 
 
 def _by_cycle(axes, values, name):
-    for (noise, found), colour, marker in zip(values["sampled"].items(), style.COLOURS, "os", strict=False):
-        axes.plot(found[name], marker, color=colour, markersize=5, label=f"{noise} noise, Monte Carlo")
+    for (noise, result), colour, marker in zip(values["sampled"].items(), style.COLOURS, "os", strict=False):
+        axes.plot(result[name], marker, color=colour, markersize=5, label=f"{noise} noise, Monte Carlo")
     axes.plot(values["solved"]["filtered"][name], color=style.COLOURS[1], label="low-pass noise, density")
     if name == "survival":
         axes.plot(values["solved"]["white"][name], color=style.COLOURS[2], label="white noise, density")
@@ -161,8 +161,8 @@ def _over_cycle(figure, axes, inside, most):
 def report(values):
     """Print survival."""
     for kind in ("sampled", "solved"):
-        for name, found in values[kind].items():
-            print(f"{kind} {name}: survival {found['survival'][-1]:.4f}, at rest {found['at_rest'][-1]:.4f}")
+        for name, result in values[kind].items():
+            print(f"{kind} {name}: survival {result['survival'][-1]:.4f}, at rest {result['at_rest'][-1]:.4f}")
 
 
 if __name__ == "__main__":

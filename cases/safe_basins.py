@@ -66,13 +66,17 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
     rows, maps, mean = [], {}, None
     for variance in variances:
         operator = CycleOperator(scene.varied(noise={"variance": variance}), tol=tol)
-        found = [operator.survival_map(cycles) for cycles in horizons]
+        maps_of_horizons = [operator.survival_map(cycles) for cycles in horizons]
         if variance in shown:
-            maps[variance] = found[0]
+            maps[variance] = maps_of_horizons[0]
             mean = operator.mean_cycles_map() if variance == max(shown) else mean
         rows.append(
-            {"variance": variance, "area": [one.integral for one in found], "escape_rate": operator.escape_rate}
-            | {"error": [one.error_estimate * one.integral for one in found]}
+            {
+                "variance": variance,
+                "area": [one.integral for one in maps_of_horizons],
+                "escape_rate": operator.escape_rate,
+            }
+            | {"error": [one.error_estimate * one.integral for one in maps_of_horizons]}
         )
     bound = maps[max(shown)].mesh_lines[1][-1]
     quiet, quiet_areas = _quiet(scene, horizons, starts, seed, bound)
@@ -127,8 +131,8 @@ def _draw(path, scene, quiet, maps, mean, values):
         look = {"cmap": "viridis", "vmin": 0.0, "vmax": 1.0, "rasterized": True}
         panels["quiet"].pcolormesh(*edges, parts.T, **look)
         panels["quiet"].set_title("(a) No noise, exact engine")
-        for letter, (place, (variance, found)) in zip("bde", enumerate(maps.items()), strict=False):
-            image = panels[place].pcolormesh(*grid, found(grid[0][:, None], grid[1][None]).T, **look)
+        for letter, (place, (variance, survival_map)) in zip("bde", enumerate(maps.items()), strict=False):
+            image = panels[place].pcolormesh(*grid, survival_map(grid[0][:, None], grid[1][None]).T, **look)
             panels[place].set_title(f"({letter}) σ = {math.sqrt(variance):g}")
         four = [panels[name] for name in ("quiet", 0, 1, 2)]
         bar = {"location": "bottom", "aspect": 50, "shrink": 0.7}

@@ -218,21 +218,21 @@ def _forces(axes, scene):
 
 
 def _against_amplitude(axes, values):
-    for found, colour in zip(values["phases"], style.COLOURS, strict=True):
-        axes.plot(values["amplitudes"], found["survival"], color=colour)
-        points = (values["amplitudes"], found["sampled_survival"], found["sampled_survival_interval"])
+    for curve, colour in zip(values["phases"], style.COLOURS, strict=True):
+        axes.plot(values["amplitudes"], curve["survival"], color=colour)
+        points = (values["amplitudes"], curve["sampled_survival"], curve["sampled_survival_interval"])
         style.error_bars(axes, *points, color=colour)
-        place = (1.02 * values["amplitudes"][-1], found["survival"][-1])
-        axes.text(*place, f" Ψ₂ = {found['phase']}", va="center", color=colour)
+        place = (1.02 * values["amplitudes"][-1], curve["survival"][-1])
+        axes.text(*place, f" Ψ₂ = {curve['phase']}", va="center", color=colour)
     axes.set(title=f"(b) From rest: survival after {values['cycles']} cycles", ylim=(0.0, 1.0))
     axes.set(xlabel="amplitude A₂ of the second harmonic, nondimensional", ylabel="P(not overturned)")
     axes.set_xlim(-0.03, 1.25 * values["amplitudes"][-1])
     axes.set_xticks(np.linspace(0.0, values["amplitudes"][-1], 5))
 
 
-def _shares(axes, found):
-    phases, (left, right) = _closed(found["phases"]), _closed(found["overturned"]).T
-    sampled, interval = _closed(found["sampled_overturned"]), _closed(found["sampled_overturned_interval"])
+def _shares(axes, shares):
+    phases, (left, right) = _closed(shares["phases"]), _closed(shares["overturned"]).T
+    sampled, interval = _closed(shares["sampled_overturned"]), _closed(shares["sampled_overturned_interval"])
     look = {"alpha": 0.25, "linewidth": 0.0}
     for border, edge, sign, k in ((left, 0.0, 1.0, 0), (1.0 - right, 1.0, -1.0, 1)):
         axes.fill_between(phases, edge, border, color=style.COLOURS[k], **look)
@@ -246,11 +246,13 @@ def _shares(axes, found):
     axes.set(title=f"(c) From rest: the state after {CYCLES} cycles", ylim=(0.0, 1.0), ylabel="probability")
 
 
-def _rates(axes, found):
-    phases = _closed(found["phases"])
-    rate, sampled, interval, flux = (_closed(found[name]) for name in ("rate", "sampled", "interval", "flux_per_cycle"))
+def _rates(axes, curves):
+    phases = _closed(curves["phases"])
+    rate, sampled, interval, flux = (
+        _closed(curves[name]) for name in ("rate", "sampled", "interval", "flux_per_cycle")
+    )
     for k, (name, colour) in enumerate(zip(SIDES, style.COLOURS, strict=False)):
-        alone, flux_alone = found["rate_without"][k], found["flux_per_cycle_without"][k]
+        alone, flux_alone = curves["rate_without"][k], curves["flux_per_cycle_without"][k]
         axes.plot(phases, rate[:, k] / alone, color=colour, label=f"rate of overturning, {name}")
         axes.plot(phases, flux[:, k] / flux_alone, "--", color=colour, label=f"Melnikov flux, {name}")
         style.error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
@@ -266,9 +268,9 @@ def _closed(column):
 
 def report(values):
     """Print survival and rates."""
-    for found in values["phases"]:
-        print(f"Ψ₂ = {found['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
-        for row in zip(values["amplitudes"], found["survival"], found["sampled_survival"], strict=True):
+    for curve in values["phases"]:
+        print(f"Ψ₂ = {curve['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
+        for row in zip(values["amplitudes"], curve["survival"], curve["sampled_survival"], strict=True):
             print("  {:<6g} {:.4f} | {:.4f}".format(*row))
     print("Ψ₂/π: rates per cycle in the long run, to the left and to the right; Melnikov fluxes")
     later = values["long_run"]

@@ -45,12 +45,13 @@ def rows_of(scene):
 
 def half(scene, realizations, seed):
     """Scale at which half of the blocks overturn, the first of a grid and between it; nan where there is none."""
-    found = fragility(scene, scale=SCALES, realizations=realizations, seed=seed, **rows_of(scene)).overturned[0]
-    above = np.flatnonzero(found >= 0.5)
+    curves = fragility(scene, scale=SCALES, realizations=realizations, seed=seed, **rows_of(scene))
+    overturned_share = curves.overturned[0]
+    above = np.flatnonzero(overturned_share >= 0.5)
     if not above.size or above[0] == 0:
         return math.nan
     k = above[0]
-    share = (0.5 - found[k - 1]) / (found[k] - found[k - 1])
+    share = (0.5 - overturned_share[k - 1]) / (overturned_share[k] - overturned_share[k - 1])
     return SCALES[k - 1] * (SCALES[k] / SCALES[k - 1]) ** share
 
 
@@ -85,11 +86,11 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
             for number, frequency in enumerate(frequencies):
                 scale = half(scene_of(kind, frequency), realizations // 4, seed)
                 scales.append(scale)
-                known = math.isfinite(scale)
-                slender.append(overturned(scene_of(kind, frequency), scale, realizations, seed) if known else math.nan)
+                finite = math.isfinite(scale)
+                slender.append(overturned(scene_of(kind, frequency), scale, realizations, seed) if finite else math.nan)
                 exact.append(
                     [
-                        overturned(scene_of(kind, frequency, one), scale, realizations, seed) if known else math.nan
+                        overturned(scene_of(kind, frequency, one), scale, realizations, seed) if finite else math.nan
                         for one in angles
                     ]
                 )

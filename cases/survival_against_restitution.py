@@ -74,10 +74,10 @@ def run(
         "bands": [
             {
                 "band": [0.0, band],
-                "survival": [one.survival[list(CYCLES)].tolist() for one in found],
-                "interval": [one.survival_interval()[list(CYCLES)].tolist() for one in found],
+                "survival": [one.survival[list(CYCLES)].tolist() for one in ensembles_of_band],
+                "interval": [one.survival_interval()[list(CYCLES)].tolist() for one in ensembles_of_band],
             }
-            for band, found in ensembles.items()
+            for band, ensembles_of_band in ensembles.items()
         ],
         "density": [
             {"restitution": e, "survival": one.survival[list(CYCLES)].tolist(), "error_estimate": one.error_estimate}
@@ -130,8 +130,8 @@ def _quiet(axes, values):
     """Shade the restitutions with which the block overturns without noise."""
     overturns = np.array(values["cycles_without_noise"]) < QUIET_CYCLES
     if overturns.any():
-        found = np.array(values["restitutions"])[overturns]
-        axes.axvspan(found[0], found[-1], color="#dddddd", zorder=0)
+        quiet = np.array(values["restitutions"])[overturns]
+        axes.axvspan(quiet[0], quiet[-1], color="#dddddd", zorder=0)
 
 
 def _ours(values):
@@ -146,22 +146,22 @@ def _both(axes, values, limits=False):
     for column, (cycle, colour) in enumerate(zip(values["cycles"], style.COLOURS, strict=False)):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
-        x, shown = np.array(values["restitutions"])[some], survival[some, column]
-        style.error_bars(axes, x, shown, interval[some, column], color=colour)
+        x, values_at = np.array(values["restitutions"])[some], survival[some, column]
+        style.error_bars(axes, x, values_at, interval[some, column], color=colour)
         if limits:
             look = {"color": colour, "markersize": 5}
             axes.plot(np.array(values["restitutions"])[~some], interval[~some, column, 1], "v", **look)
         else:
-            _named_at_peak(axes, x, shown, f"{cycle} cycles", colour)
+            _named_at_peak(axes, x, values_at, f"{cycle} cycles", colour)
 
 
 def _bands(axes, values):
     column = values["cycles"].index(COMPARED_AT)
-    for found, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
-        survival, limits = np.array(found["survival"])[:, column], np.array(found["interval"])[:, column]
+    for curve, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
+        survival, limits = np.array(curve["survival"])[:, column], np.array(curve["interval"])[:, column]
         shape = {"marker": marker, "linestyle": "-", "linewidth": 0.8}
         style.error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
-        _named_at_peak(axes, values["restitutions"], survival, f"band [0, {found['band'][1]:g}]", colour)
+        _named_at_peak(axes, values["restitutions"], survival, f"band [0, {curve['band'][1]:g}]", colour)
     axes.set(title=f"(c) Three noise bands, {COMPARED_AT} cycles", ylim=(-0.02, 1.02))
 
 
@@ -173,10 +173,10 @@ def _named_at_peak(axes, places, survival, text, colour):
 def report(values):
     """Print the survival."""
     ours = _ours(values)
-    known = {one["restitution"]: one["survival"] for one in values["density"]}
+    survival_at = {one["restitution"]: one["survival"] for one in values["density"]}
     print(f"e: survival after {values['cycles']} cycles, Monte Carlo | density; cycles stood without noise")
     for e, row, quiet in zip(values["restitutions"], ours["survival"], values["cycles_without_noise"], strict=True):
-        density = "  ".join(f"{one:.5f}" for one in known.get(e, ()))
+        density = "  ".join(f"{one:.5f}" for one in survival_at.get(e, ()))
         print(f"{e:<6g}" + "  ".join(f"{one:.4f}" for one in row) + f" | {density:27} ; {quiet:.1f}")
 
 

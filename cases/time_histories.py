@@ -87,7 +87,7 @@ def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
         "scene": scene.to_toml(),
         "ensemble": ensemble.summary(),
         "impacts_per_realization": float(hits.impacts.mean()),
-        "maps": {name: _plain(found) for name, found in maps.items()},
+        "maps": {name: _plain(mean_map) for name, mean_map in maps.items()},
         "restarts_differ_by": {rule: _distance(restarted[rule], other[rule]) for rule in RULES},
         "first_passage": _plain(passage),
         "impact_speeds": _plain(speeds),
@@ -101,8 +101,8 @@ def _distance(first, second) -> list:
     return _listed(np.hypot(*(first.points - second.points).T))
 
 
-def _plain(found) -> dict:
-    return {name: _listed(value) if np.ndim(value) else value for name, value in found._asdict().items()}
+def _plain(mean_map) -> dict:
+    return {name: _listed(value) if np.ndim(value) else value for name, value in mean_map._asdict().items()}
 
 
 def _listed(array) -> list:

@@ -110,8 +110,8 @@ def _draw(plotter, frame):
     for title in list(plotter.scalar_bars.keys()):
         plotter.remove_scalar_bar(title)
     bar = {"title": "density", "color": "black", "vertical": True, "fmt": "%.3g"}
-    shown = {"clim": (0.0, peak or 1.0), "scalar_bar_args": bar, "show_scalar_bar": peak > 0.0}
-    plotter.add_mesh(surface, scalars="element_density", cmap=SURFACE, name="surface", **shown)
+    colours = {"clim": (0.0, peak or 1.0), "scalar_bar_args": bar, "show_scalar_bar": peak > 0.0}
+    plotter.add_mesh(surface, scalars="element_density", cmap=SURFACE, name="surface", **colours)
 
     low, high = frame.bounds[2:4]
     for name, x in (("overturned_left", -values["cut_off"]), ("overturned_right", values["cut_off"])):
@@ -133,9 +133,9 @@ def _surface(frame):
 
     middles = frame.cell_centers().points[:, 0]
     sides = [frame.extract_cells(chosen).clean().cell_data_to_point_data() for chosen in (middles < 0.0, middles > 0.0)]
-    whole = pyvista.merge(sides, merge_points=False)
-    peak = float(whole.point_data["element_density"].max())
-    return (whole.warp_by_scalar("element_density", factor=_HEIGHT / peak) if peak > 0.0 else whole), peak
+    surface = pyvista.merge(sides, merge_points=False)
+    peak = float(surface.point_data["element_density"].max())
+    return (surface.warp_by_scalar("element_density", factor=_HEIGHT / peak) if peak > 0.0 else surface), peak
 
 
 def _needle(plotter, frame):

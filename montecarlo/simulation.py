@@ -291,9 +291,9 @@ def _with_middles(edges):
     return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
 
 
-def _checked_edges(name, given, default):
+def _checked_edges(name, edges, default):
     """Return the edges of bins (n + 1,) that a user has given, or the default ones and their middles."""
-    return _with_middles(default) if given is None else ascending_edges(name, given, finite=True)
+    return _with_middles(default) if edges is None else ascending_edges(name, edges, finite=True)
 
 
 def _check_size(run, edges):

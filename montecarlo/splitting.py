@@ -146,17 +146,17 @@ class Splitting(Result):
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return what speaks against the model, and against the number of walkers and repeats."""
-        found = super().model_diagnostics()
+        diagnostics = super().model_diagnostics()
         if self.skewed:
             few = (
                 f"Few repeats dominate the mean: {self.effective_repeats[-1]:.1f} of {self.repeats} are effective, "
                 f"less than {_SKEWED:g} of them, so it is probably too small; take more walkers."
             )
-            found.append(Diagnostic(UNUSABLE, few, "skewed"))
+            diagnostics.append(Diagnostic(UNUSABLE, few, "skewed"))
         if self.repeats < _USUAL_REPEATS:
             few = f"{self.repeats} repeats are few for a standard error; take {_USUAL_REPEATS} or more."
-            found.append(Diagnostic(CAUTION, few, "few repeats"))
-        return found
+            diagnostics.append(Diagnostic(CAUTION, few, "few repeats"))
+        return diagnostics
 
     @property
     def title(self) -> str:
@@ -187,11 +187,11 @@ class Splitting(Result):
             from matplotlib.ticker import MaxNLocator
 
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            seen = self.probability > 0.0
-            bars = 2.0 * self.standard_error[seen]
+            rows = np.flatnonzero(self.probability > 0.0)
+            bars = 2.0 * self.standard_error[rows]
             label = "two standard errors"
-            axes.errorbar(np.flatnonzero(seen), self.probability[seen], bars, marker="o", markersize=4.0, label=label)
-            axes.set(xlabel="forcing cycles", ylabel="P(overturned)", yscale="log" if seen.any() else "linear")
+            axes.errorbar(rows, self.probability[rows], bars, marker="o", markersize=4.0, label=label)
+            axes.set(xlabel="forcing cycles", ylabel="P(overturned)", yscale="log" if rows.size else "linear")
             axes.legend(fontsize=8)
 
         return figure_of(probability)

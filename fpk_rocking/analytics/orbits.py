@@ -172,10 +172,10 @@ def _flight(orbit, time):
     scale = orbit.amplitude / (1.0 + omega * omega)
     angle = omega * time + orbit.impact_phase
     p = scale * math.cos(orbit.impact_phase)
-    first, last, whole = np.exp(-time), np.exp(time - half), -math.expm1(-2.0 * half)
-    rise, fall = -np.expm1(-2.0 * time) * last / whole, -np.expm1(2.0 * (time - half)) * first / whole
+    first, last, full = np.exp(-time), np.exp(time - half), -math.expm1(-2.0 * half)
+    rise, fall = -np.expm1(-2.0 * time) * last / full, -np.expm1(2.0 * (time - half)) * first / full
     u = 1.0 + scale * np.cos(angle) - (1.0 + p) * fall - (1.0 - p) * rise
-    rise, fall = (1.0 + np.exp(-2.0 * time)) * last / whole, -(1.0 + np.exp(2.0 * (time - half))) * first / whole
+    rise, fall = (1.0 + np.exp(-2.0 * time)) * last / full, -(1.0 + np.exp(2.0 * (time - half))) * first / full
     w = -scale * omega * np.sin(angle) - (1.0 + p) * fall - (1.0 - p) * rise
     return u, w
 

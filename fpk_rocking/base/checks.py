@@ -18,10 +18,10 @@ _LONGEST = 500
 def refusal(name, got, accepted):
     """Text of a refusal: the parameter's name, what was got and what is accepted."""
     try:
-        shown = repr(got)
+        text = repr(got)
     except ValueError:  # Python writes no integer of more than 4300 digits
-        shown = f"{type(got).__name__} of very many digits"
-    return f"{name}: got {shown if len(shown) <= _LONGEST else shown[:_LONGEST] + '...'}, accepted: {accepted}"
+        text = f"{type(got).__name__} of very many digits"
+    return f"{name}: got {text if len(text) <= _LONGEST else text[:_LONGEST] + '...'}, accepted: {accepted}"
 
 
 def number(name, value, *, at_least=None, above=None, at_most=None):
@@ -69,8 +69,8 @@ def number(name, value, *, at_least=None, above=None, at_most=None):
 
 def keep(value, **checked):
     """Set fields of a frozen dataclass to their checked values, in its `__post_init__`."""
-    for name, given in checked.items():
-        object.__setattr__(value, name, given)
+    for name, checked_value in checked.items():
+        object.__setattr__(value, name, checked_value)
 
 
 def keep_numbers(value, prefix, *names, **bounds):
@@ -84,10 +84,10 @@ def keep_numbers(value, prefix, *names, **bounds):
 
 def part(name, value):
     """Return a float between 0 and 1, neither of them, or raise TypeError or ValueError."""
-    found = number(name, value, above=0.0)
-    if found >= 1.0:
+    fraction = number(name, value, above=0.0)
+    if fraction >= 1.0:
         raise ValueError(refusal(name, value, "a number above 0 and below 1"))
-    return found
+    return fraction
 
 
 def count(name, value, at_least=1, at_most=None):
@@ -111,12 +111,12 @@ def count(name, value, at_least=1, at_most=None):
 def array(name, value, accepted):
     """Return an array of floats, or raise TypeError where one is no real number; `accepted` completes the message."""
     try:
-        found = np.asarray(value)
+        numbers = np.asarray(value)
     except ValueError:
         raise TypeError(refusal(name, value, accepted)) from None
-    if found.dtype.kind not in "fiu":
+    if numbers.dtype.kind not in "fiu":
         raise TypeError(refusal(name, value, accepted))
-    return found.astype(float)
+    return numbers.astype(float)
 
 
 def several(name, value, *, most, **bounds):

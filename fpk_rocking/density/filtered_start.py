@@ -143,8 +143,8 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     begin = np.eye(size)
     begin[:2, :2] = covariance
     states = np.concatenate([mean, begin.ravel()])
-    found = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
-    return lambda time: (found(time)[:2], found(time)[2:].reshape(size, size))
+    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
+    return lambda time: (moments_at(time)[:2], moments_at(time)[2:].reshape(size, size))
 
 
 def spread_left(noise, covariance, time):

@@ -61,23 +61,26 @@ def leading_modes(apply, start, count=TUNING.modes):
         raise ValueError(
             checks.refusal("scene", f"no convergence of the eigenvalue solver ({error})", accepted)
         ) from error
-    kept, columns, blocks = [], [], []
+    eigenvalues, columns, blocks = [], [], []
     for k in np.argsort(-np.abs(values), kind="stable"):
         value = values[k]
         if value.imag == 0.0:
-            kept, columns, blocks = [*kept, value], [*columns, vectors[:, k].real], [*blocks, [[value.real]]]
+            eigenvalues.append(value)
+            columns.append(vectors[:, k].real)
+            blocks.append([[value.real]])
         elif value.imag > 0.0 and value.conj() in values:
-            kept += [value, value.conj()]
+            eigenvalues += [value, value.conj()]
             columns += [vectors[:, k].real, vectors[:, k].imag]
             blocks.append([[value.real, value.imag], [-value.imag, value.real]])
     basis, block = np.stack(columns, axis=1), block_diag(*blocks)
     images = np.stack([apply(np.ascontiguousarray(column)) for column in basis.T], axis=1)
     residuals = np.linalg.norm(images - basis @ block, axis=0)
-    if not (kept[0].imag == 0.0 < kept[0].real and residuals[0] <= TUNING.mode_residual * kept[0].real):
+    leading = eigenvalues[0]
+    if not (leading.imag == 0.0 < leading.real and residuals[0] <= TUNING.mode_residual * leading.real):
         accepted = f"one that is real and positive, with a residual up to {TUNING.mode_residual:g} of it"
-        got = f"a leading eigenvalue {kept[0]:.3g}, residual {residuals[0]:.1e}"
+        got = f"a leading eigenvalue {leading:.3g}, residual {residuals[0]:.1e}"
         raise ValueError(checks.refusal("scene", got, accepted))
-    return Modes(np.array(kept), basis, block, residuals)
+    return Modes(np.array(eigenvalues), basis, block, residuals)
 
 
 class Powers:

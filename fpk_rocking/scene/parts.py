@@ -52,8 +52,8 @@ class Block:
         checks.keep_numbers(self, "block", "restitution", at_least=0.0, at_most=1.0)
         checks.instance("block.slender", self.slender, bool)
         own = 0.0 if self.dimensions is None or self.slender else self.dimensions.critical_angle
-        given = own if self.critical_angle is None else self.critical_angle
-        angle = checks.number("block.critical_angle", given, at_least=0.0, at_most=0.5 * math.pi)
+        critical_angle = own if self.critical_angle is None else self.critical_angle
+        angle = checks.number("block.critical_angle", critical_angle, at_least=0.0, at_most=0.5 * math.pi)
         # A critical angle that was measured may differ from that of the dimensions by a thousandth of it.
         if angle != own and (self.slender or (self.dimensions and abs(angle - own) > 1e-3 * own)):
             accepted = f"{own!r}, as block.{'slender' if self.slender else 'dimensions'} says, or nothing"
@@ -109,8 +109,8 @@ def _covariance(value):
     """Return a covariance as two rows of floats, or refuse what is none."""
     name = "start.covariance"
     accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
-    given = checks.sequence(name, value, accepted)
-    rows = tuple(checks.vector(f"{name}[{i}]", row, "a row of two numbers") for i, row in enumerate(given))
+    sequence = checks.sequence(name, value, accepted)
+    rows = tuple(checks.vector(f"{name}[{i}]", row, "a row of two numbers") for i, row in enumerate(sequence))
     if len(rows) != 2:
         raise ValueError(checks.refusal(name, value, accepted))
     (xx, xv), (vx, vv) = rows

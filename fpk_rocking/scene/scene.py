@@ -115,12 +115,12 @@ class Scene:
         """
         own = _fields(self)
         checks.arguments("", own | parts, Scene)
-        for name, given in parts.items():
-            if isinstance(given, dict):
+        for name, part in parts.items():
+            if isinstance(part, dict):
                 cls = type(own[name])
-                dropped = {"remark"} | ({"critical_angle"} if given.keys() & {"dimensions", "slender"} else set())
+                dropped = {"remark"} | ({"critical_angle"} if part.keys() & {"dimensions", "slender"} else set())
                 unchanged = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
-                parts[name] = cls(**checks.arguments(name, unchanged | given, cls))
+                parts[name] = cls(**checks.arguments(name, unchanged | part, cls))
         return dataclasses.replace(self, **parts)
 
     def white_equivalent(self) -> Self:
@@ -294,8 +294,8 @@ class Scene:
         block = read_part("block", tables.pop("block"), folder)
         parts = {"block": block}
         for name, table in tables.items():
-            given = without_units(name, checks.table(name, table), block.dimensions)
-            parts[name] = read_part(name, given, folder)
+            plain_table = without_units(name, checks.table(name, table), block.dimensions)
+            parts[name] = read_part(name, plain_table, folder)
         return cls(**parts)
 
     def to_toml(self) -> str:

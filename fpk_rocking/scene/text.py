@@ -86,11 +86,11 @@ def _converted(name, key, value, size):
         strength = checks.number(name, in_units(name, value, "acceleration"), at_least=0.0)
         return size.amplitude(strength) ** _STRENGTHS[key][1]
     kind = _SUFFIXES[key[key.rindex("_") :]]
-    given = in_units(name, value, kind)
+    converted = in_units(name, value, kind)
     change = {"frequency": size.frequency, "time": size.tau, "angle": lambda angle: angle / size.critical_angle}[kind]
-    if isinstance(given, list | tuple):
-        return [change(checks.number(f"{name}[{place}]", number)) for place, number in enumerate(given)]
-    return change(checks.number(name, given))
+    if isinstance(converted, list | tuple):
+        return [change(checks.number(f"{name}[{place}]", number)) for place, number in enumerate(converted)]
+    return change(checks.number(name, converted))
 
 
 def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
@@ -144,7 +144,7 @@ def _block(name, table, folder):
     return Block(**values)
 
 
-def _of_kind(classes, default=None, make=lambda cls, *given: _read(cls)(*given)):
+def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arguments)):
     """Return the reader of a table whose key "kind" names one of several classes."""
 
     def read(name, table, folder):

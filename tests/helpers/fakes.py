@@ -37,9 +37,9 @@ def exact_bins(scene, cycle, angle_edges, velocity_edges):
     total = 0.0
     for side, (low, high, share) in enumerate(_sides(scene)):
         limits = ndtr((np.clip(angle_edges, low, high) - ANGLE_MEAN[side]) / ANGLE_SPREAD)
-        whole = ndtr((high - ANGLE_MEAN[side]) / ANGLE_SPREAD) - ndtr((low - ANGLE_MEAN[side]) / ANGLE_SPREAD)
+        normalization = ndtr((high - ANGLE_MEAN[side]) / ANGLE_SPREAD) - ndtr((low - ANGLE_MEAN[side]) / ANGLE_SPREAD)
         velocity = np.diff(ndtr((np.asarray(velocity_edges) - VELOCITY_MEAN[side]) / VELOCITY_SPREAD))
-        total = total + share * np.multiply.outer(np.diff(limits) / whole, velocity)
+        total = total + share * np.multiply.outer(np.diff(limits) / normalization, velocity)
     return KEPT**cycle * total
 
 
@@ -58,8 +58,8 @@ class FakeDensity:
 
     def on_side(self, side, angle, velocity):
         low, high, share = _sides(self.scene)[side]
-        whole = ndtr((high - ANGLE_MEAN[side]) / ANGLE_SPREAD) - ndtr((low - ANGLE_MEAN[side]) / ANGLE_SPREAD)
-        shape = _normal(angle, ANGLE_MEAN[side], ANGLE_SPREAD) / whole
+        normalization = ndtr((high - ANGLE_MEAN[side]) / ANGLE_SPREAD) - ndtr((low - ANGLE_MEAN[side]) / ANGLE_SPREAD)
+        shape = _normal(angle, ANGLE_MEAN[side], ANGLE_SPREAD) / normalization
         return KEPT**self.cycle * share * shape * _normal(velocity, VELOCITY_MEAN[side], VELOCITY_SPREAD)
 
     def __call__(self, angle, velocity):
@@ -152,8 +152,8 @@ class FakeEnsemble(Saved, Sample):
             angle[chosen] = drawn[chosen]
             velocity[chosen] = rng.normal(VELOCITY_MEAN[side], VELOCITY_SPREAD, chosen.sum())
         angle[:, 0] = velocity[:, 0] = 0.0
-        gone = lasts[:, None] <= np.arange(self.cycles + 1)
-        angle[gone] = velocity[gone] = math.nan
+        absorbed = lasts[:, None] <= np.arange(self.cycles + 1)
+        angle[absorbed] = velocity[absorbed] = math.nan
         return lasts, rng.random(self.realizations) < LEFT_SHARE, angle, velocity
 
     @property
@@ -176,8 +176,8 @@ class FakeEnsemble(Saved, Sample):
     @property
     def overturned(self):
         lasts, left, _, _ = self._draws
-        gone = lasts[:, None] <= np.arange(self.cycles + 1)
-        return np.stack([(gone & left[:, None]).mean(axis=0), (gone & ~left[:, None]).mean(axis=0)], axis=-1)
+        absorbed = lasts[:, None] <= np.arange(self.cycles + 1)
+        return np.stack([(absorbed & left[:, None]).mean(axis=0), (absorbed & ~left[:, None]).mean(axis=0)], axis=-1)
 
     def survival_interval(self, level=0.95):
         z, n, p = ndtri(0.5 + level / 2.0), self.realizations, self.survival

@@ -79,8 +79,8 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, rests_exactly=False, **settings):
     rng, rows = np.random.default_rng(seed), len(times)
     overturned = np.cumsum(rng.uniform(0.2, 1.0, (rows, 2)) * [0.6, 0.15] / rows, axis=0)
     overturned -= overturned[0]
-    lost = 1e-7 * np.sqrt(np.arange(rows))
-    survival = 1.0 - overturned.sum(axis=1) - lost
+    truncated = 1e-7 * np.sqrt(np.arange(rows))
+    survival = 1.0 - overturned.sum(axis=1) - truncated
     at_rest = survival * rng.uniform(0.1, 0.3, rows)
     coefficients = np.zeros((rows, *SPACE.shape))
     masses = rng.uniform(0.5, 1.5, (rows, *SPACE.areas.shape))
@@ -95,7 +95,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, rests_exactly=False, **settings):
         times=times,
         survival=survival,
         overturned=overturned,
-        lost=lost,
+        lost=truncated,
         at_rest=at_rest,
         error_estimate=4e-4,
         bins_error_estimate=3e-3,
@@ -110,9 +110,9 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, rests_exactly=False, **settings):
         velocity_lines=SPACE.velocity_lines,
         rests_exactly=rests_exactly,
     )
-    columns = _survival_columns(scene, times, survival, overturned) | {"lost": lost, "at_rest": at_rest}
+    columns = _survival_columns(scene, times, survival, overturned) | {"lost": truncated, "at_rest": at_rest}
     variables, places = _survival_grids(result, times, survival, overturned)
-    variables |= {"lost": (("time",), lost), "at_rest": (("time",), at_rest)}
+    variables |= {"lost": (("time",), truncated), "at_rest": (("time",), at_rest)}
     return Made(result, columns, variables, places)
 
 
@@ -131,29 +131,29 @@ def _paths(times, seed, paths=PATHS):
 def ensemble(scene=MAIN, times=WHOLE, seed=5, method="rk4"):
     angle, velocity, ends, side = _paths(times, seed)
     result = Ensemble(scene, method, seed, 200, 2.5, times, angle, velocity, ends, side)
-    gone = np.array([[np.sum((ends <= time) & (side == one)) for one in (-1, 1)] for time in times]) / PATHS
-    survival = 1.0 - gone.sum(axis=1)
+    overturned = np.array([[np.sum((ends <= time) & (side == one)) for one in (-1, 1)] for time in times]) / PATHS
+    survival = 1.0 - overturned.sum(axis=1)
     limits = wilson(survival, PATHS)
-    variables, places = _survival_grids(result, times, survival, gone, limits)
+    variables, places = _survival_grids(result, times, survival, overturned, limits)
     variables |= {"angle": (("realization", "time"), angle), "velocity": (("realization", "time"), velocity)}
     variables |= {"overturn_time": (("realization",), ends), "overturn_side": (("realization",), side)}
-    return Made(result, _survival_columns(scene, times, survival, gone, limits), variables, places)
+    return Made(result, _survival_columns(scene, times, survival, overturned, limits), variables, places)
 
 
 def tally():
     rng, (angles, velocities) = np.random.default_rng(7), joint_edges(MAIN)
     passages = rng.integers(0, [5, 2], (PARTS * CYCLES + 1, 2))
     passages[0] = 0
-    gone = np.array([passages[: PARTS * k + 1].sum(axis=0) for k in range(CYCLES + 1)])
-    size = int(gone[-1].sum()) + 2000
-    standing = size - gone.sum(axis=1)
+    overturned_counts = np.array([passages[: PARTS * k + 1].sum(axis=0) for k in range(CYCLES + 1)])
+    size = int(overturned_counts[-1].sum()) + 2000
+    standing = size - overturned_counts.sum(axis=1)
     share = rng.dirichlet(np.full((angles.size - 1) * (velocities.size - 1), 0.5))
     histogram = rng.multinomial(standing, share).reshape(CYCLES + 1, angles.size - 1, -1).astype(np.int32)
     sums, products = np.zeros((CYCLES + 1, 2), np.int64), np.zeros((CYCLES + 1, 3, 2), np.int64)
     quantum = np.array([2.0**-30, 2.0**-28])
     counts = Counts(WHOLE, angles, velocities, quantum, standing, passages, histogram, sums, products)
     result = Tally(MAIN, "exact", 7, 200, 3.5, counts)
-    survival, overturned = standing / size, gone / size
+    survival, overturned = standing / size, overturned_counts / size
     limits = wilson(survival, size)
     columns = _survival_columns(MAIN, WHOLE, survival, overturned, limits)
     return Made(result, columns, *_survival_grids(result, WHOLE, survival, overturned, limits))
@@ -221,13 +221,13 @@ def comparison():
     columns |= {"difference": pair[0] - pair[1], "standard_error": error, "z": scores}
     variables = {name: (("cycle",), columns[name]) for name in ("difference", "standard_error", "z")}
     bins = [[one.result.bin_probabilities(cycle, *joint_edges(MAIN)) for cycle in JOINT] for one in (sample, density)]
-    found = {
+    figures = {
         "l1": [np.abs(one - other).sum() for one, other in zip(*bins, strict=True)],
         "l1_floor": [distances.l1_floor(law, PATHS, math.inf) for law in bins[1]],
         "hellinger": [math.sqrt(0.5 * ((np.sqrt(a) - np.sqrt(b)) ** 2).sum()) for a, b in zip(*bins, strict=True)],
         "hellinger_floor": [distances.hellinger_floor(law, PATHS, math.inf) for law in bins[1]],
     }
-    for name, values in found.items():
+    for name, values in figures.items():
         columns[name] = nothing.copy()
         columns[name][JOINT] = values
         variables[name] = ("cycle",), columns[name]
@@ -397,11 +397,11 @@ def kind(name):
     return KINDS[name]()
 
 
-def equal(found, wanted, name=""):
+def equal(actual, expected, name=""):
     """Hold arrays against each other: texts and whole numbers exactly, others to 1e-9."""
-    found, wanted = np.asarray(found), np.asarray(wanted)
-    assert found.shape == wanted.shape, name
-    if wanted.dtype.kind in "fc":
-        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12, err_msg=name)
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    assert actual.shape == expected.shape, name
+    if expected.dtype.kind in "fc":
+        np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-12, err_msg=name)
     else:
-        assert found.tolist() == wanted.tolist(), name
+        assert actual.tolist() == expected.tolist(), name

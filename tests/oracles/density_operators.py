@@ -93,7 +93,7 @@ def basis_values(line, points):
     return values.reshape(len(points), -1)
 
 
-def moved(line, shift, nodes, weights, pressed):
+def moved(line, shift, nodes, weights, clamped):
     """Projection (unknowns, unknowns) after moving a line by `shift` and nodes, and what leaves (2, unknowns).
 
     At an end that is `pressed` what would leave is set down on it.
@@ -108,7 +108,7 @@ def moved(line, shift, nodes, weights, pressed):
         source = parts[:, None] * basis_values(line, points)
         matrix += basis_values(line, points + node).T @ source / sizes[:, None]
         ends += source[points + node < line[0]].sum(axis=0), source[points + node > line[-1]].sum(axis=0)
-    for end in np.flatnonzero(pressed):
+    for end in np.flatnonzero(clamped):
         cell = slice(-4, None) if end else slice(0, 4)
         edge = NORMS if end else NORMS * (-1.0) ** np.arange(4)
         matrix[cell] += np.outer(edge / sizes[cell], ends[end])
@@ -116,14 +116,14 @@ def moved(line, shift, nodes, weights, pressed):
     return matrix, ends
 
 
-def move_along_velocity(density, mesh_lines, shift_of, nodes, weights, pressed):
+def move_along_velocity(density, mesh_lines, shift_of, nodes, weights, clamped):
     """Move every line of Gauss points of the angle along the velocity: coefficients, and what leaves (2,)."""
     out, left = np.zeros(density.shape), np.zeros(2)
     for i, (low, high) in enumerate(itertools.pairwise(mesh_lines[0])):
         for point, part in zip(0.5 * (GAUSS + 1.0), 0.5 * GAUSS_WEIGHTS, strict=True):
             x = low + point * (high - low)
             shapes = basis_values(np.array([low, high]), np.array([x]))[0]
-            matrix, ends = moved(mesh_lines[1], shift_of(x), nodes, weights, pressed)
+            matrix, ends = moved(mesh_lines[1], shift_of(x), nodes, weights, clamped)
             line = np.einsum("vab,a->vb", density[i], shapes).ravel()
             out[i] += np.einsum("a,vb->vab", part * shapes, (matrix @ line).reshape(-1, 4))
             left += part * (high - low) * (ends @ line)
@@ -143,7 +143,7 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
     small = dynamics.diffusion * shear * (1.0 - duration / sinh)
     large = dynamics.diffusion * (sinh + duration * cosh)
     many, few = np.polynomial.hermite_e.hermegauss(15), np.polynomial.hermite_e.hermegauss(3)
-    fine, blur = (math.sqrt(small) * few[0], few[1]), (math.sqrt(large) * many[0], many[1])
+    fine, wide = (math.sqrt(small) * few[0], few[1]), (math.sqrt(large) * many[0], many[1])
     leave, over = (False, False), (side > 0, side < 0)
 
     def drift(v):
@@ -154,7 +154,7 @@ def free_flight(density, mesh_lines, dynamics, start, duration, side):
 
     now, early = move_along_angle(density, mesh_lines, drift, *fine, over)
     now, first = move_along_velocity(now, mesh_lines, kick, np.zeros(1), np.ones(1), leave)
-    now, second = move_along_velocity(now, mesh_lines, lambda _: 0.0, *blur, leave)
+    now, second = move_along_velocity(now, mesh_lines, lambda _: 0.0, *wide, leave)
     now, late = move_along_angle(now, mesh_lines, drift, *fine, over)
     return now, early + late, first + second
 

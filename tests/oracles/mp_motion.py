@@ -141,19 +141,19 @@ def next_event(motion, longest):
     step, at = max(free, 0.05), motion.at
     while free < longest:
         end = min(free + step, longest)
-        found = _examine(motion, at, free, end)
-        if found is _FREE:
+        event = _examine(motion, at, free, end)
+        if event is _FREE:
             free, step, at = end, 2.0 * step, motion.at
-        elif found is _UNCLEAR:
+        elif event is _UNCLEAR:
             step = 0.5 * (end - free)
             if step < 4.0 * math.ulp(end):
                 raise UndecidedError(f"a touch at {mpmath.nstr(motion.time + free, 20)}")
-        elif found is _INEXACT:
+        elif event is _INEXACT:
             if at == motion.at_length:
                 raise UndecidedError(f"a touch at {mpmath.nstr(motion.time + free, 20)}")
             at = motion.at_length
         else:
-            return found
+            return event
     return None
 
 

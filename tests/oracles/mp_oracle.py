@@ -148,11 +148,11 @@ class _Follower:
         """Go on to the next event."""
         longest = float(self.times[-1] - self.time) * (1.0 + 1e-15)
         motion = self.rest() if self.side == 0 else self.flight()
-        found = next_event(motion, longest)
+        event = next_event(motion, longest)
         time = mp.inf
-        if found:
-            level = found[2]
-            time, waves, derivatives = polish(motion, *found)
+        if event:
+            level = event[2]
+            time, waves, derivatives = polish(motion, *event)
         self.see(time, motion)
         if time > self.times[-1]:
             self.time = self.times[-1]

@@ -127,15 +127,15 @@ class Block:
             self.t, (self.x, self.v) = end, path.y[:, -1]
             self.bound = self.bound * self._grown(end - start) + ROUNDING
             return
-        landed = path.t_events[0].size > 0
-        level = 0.0 if landed else side * self.cutoff
+        hits_zero = path.t_events[0].size > 0
+        level = 0.0 if hits_zero else side * self.cutoff
         t, (x, v) = path.t[-1], path.y[:, -1]
         before = np.flatnonzero(path.t < t - 1e-9)[-1] if path.t[0] < t - 1e-9 else 0
         x, v = self._integrate(path.t[before], path.y[:, before], t).y[:, -1]
         late = (x - level) / v
         self.t, self.x, self.v = t - late, level, v - late * self.pull(x, side, self.force(t))
         self.bound = self.bound * self._grown(self.t - start) + ROUNDING
-        if landed:
+        if hits_zero:
             self._land()
         else:
             self.bound *= max(1.0, 1.0 / abs(self.v), abs(self.pull(self.x, side, self.force(self.t))) / abs(self.v))

@@ -61,7 +61,7 @@ def _followed(x, v, forces, noise, time, alpha, restitution, scale, draws):
 def _walk(paths, draws, start, forces, time, scales, alphas, restitution, cutoff, rows):
     """Survivors (2, rows) of both blocks, and paths (rows,) on which they differ."""
     steps = len(forces)
-    found, differ = np.zeros((2, rows), np.int64), np.zeros(rows, np.int64)
+    standing, differ = np.zeros((2, rows), np.int64), np.zeros(rows, np.int64)
     for _ in range(paths):
         states, stands = np.zeros((2, 2)), np.ones(2, np.bool_)
         states[:] = start
@@ -77,11 +77,11 @@ def _walk(paths, draws, start, forces, time, scales, alphas, restitution, cutoff
                     stands[b] = abs(x) < cutoff
             if k == steps - 1:
                 for b in range(2):
-                    found[b, n // steps] += stands[b]
+                    standing[b, n // steps] += stands[b]
                 differ[n // steps] += stands[0] != stands[1]
             if not (stands[0] or stands[1]):
                 break
-    return found, differ
+    return standing, differ
 
 
 def paired_survival(scene, cycles, paths, seed, longest=0.02):
@@ -109,7 +109,7 @@ def paired_survival(scene, cycles, paths, seed, longest=0.02):
     scales = np.full(cycles * steps, math.sqrt(2.0 * scene.noise.diffusion * time))
     alphas = np.array([scene.block.critical_angle, 0.0])
     start = np.array([scene.start.angle, scene.start.velocity])
-    found, differ = _walk(
+    standing, differ = _walk(
         paths,
         np.random.default_rng(seed),
         start,
@@ -121,6 +121,6 @@ def paired_survival(scene, cycles, paths, seed, longest=0.02):
         scene.overturning.angle,
         cycles,
     )
-    exact, slender = np.concatenate([np.ones((2, 1)), found / paths], axis=1)
+    exact, slender = np.concatenate([np.ones((2, 1)), standing / paths], axis=1)
     part = np.concatenate([[0.0], differ / paths])
     return exact, slender, np.sqrt(np.maximum(part - (exact - slender) ** 2, 0.0) / paths)

@@ -50,7 +50,7 @@ def survival(block, cutoff, forcing, diffusion, start, cycles, paths, steps, see
         side = np.sign(np.where(x != 0.0, x, np.where(v != 0.0, v, -amplitude * np.cos(phase))))
         return x, v, side, np.ones(paths, dtype=bool), push(x, side, 0.0)
 
-    fine, coarse, found = begin(), begin(), []
+    fine, coarse, shares = begin(), begin(), []
     for k in range(0, cycles * steps, 2):
         increments = np.sqrt(h) * rng.standard_normal((2, paths))
         moments = 0.5 * h * increments + h**1.5 / np.sqrt(12.0) * rng.standard_normal((2, paths))
@@ -58,5 +58,5 @@ def survival(block, cutoff, forcing, diffusion, start, cycles, paths, steps, see
         fine = move(fine, (k + 1) * h, h, increments[1], moments[1])
         coarse = move(coarse, k * h, 2.0 * h, increments.sum(axis=0), moments.sum(axis=0) + h * increments[0])
         if (k + 2) % steps == 0:
-            found.append((fine[3].mean(), coarse[3].mean()))
-    return np.array(found).T
+            shares.append((fine[3].mean(), coarse[3].mean()))
+    return np.array(shares).T

@@ -12,7 +12,7 @@ def followed(alpha, restitution, cutoff, force, start, times):
     `alpha` is the critical angle; `start` is angle and velocity, and from (0, 0) a block leaves to the side of the
     force.
     """
-    (x, v), t, found = start, 0.0, np.full((len(times), 2), math.nan)
+    (x, v), t, states = start, 0.0, np.full((len(times), 2), math.nan)
     side = math.copysign(1.0, x or v or force(0.0))
 
     def fall(time, y):
@@ -35,8 +35,8 @@ def followed(alpha, restitution, cutoff, force, start, times):
             path = solve_ivp(fall, (t, end), (x, v), events=(land, overturn), **options)
             t, (x, v) = path.t[-1], path.y[:, -1]
             if path.t_events[1].size:
-                return found
+                return states
             if path.t_events[0].size:
                 x, v, side = 0.0, restitution * v, -side
-        found[row] = x, v
-    return found
+        states[row] = x, v
+    return states

@@ -107,13 +107,13 @@ def _peer(text):
     units = unit_of(said[1]) if said else None
     if units is None:
         raise ValueError(f"got the third line {lines[2][:80]!r}, accepted: one that says 'UNITS OF G', or of cm/s2")
-    found = next(filter(None, (header.search(lines[3]) for header in _HEADERS)), None)
-    if found is None:
+    match = next(filter(None, (header.search(lines[3]) for header in _HEADERS)), None)
+    if match is None:
         accepted = "'NPTS= n, DT= seconds' or 'n seconds NPTS, DT'"
         raise ValueError(f"got the fourth line {lines[3][:80]!r}, accepted: {accepted}")
-    count, interval = int(found[1]), _numbers([found[2]])[0]
+    count, interval = int(match[1]), _numbers([match[2]])[0]
     if not 0.0 < interval < math.inf:
-        raise ValueError(f"got DT = {found[2]}, accepted: a number above 0")
+        raise ValueError(f"got DT = {match[2]}, accepted: a number above 0")
     _accept_count(count)
     words = _parted(" ".join(lines[4:]).split(), count)
     if len(words) != count:

@@ -94,15 +94,15 @@ class Record(TransientForcing):
         """
         file = checks.path("forcing.file", path)
         wanted = None if units is None else _unit(units)
-        found = read(file)
-        if wanted and found.units and wanted != found.units:
-            accepted = f"{found.units!r}, as the file {str(file)!r} says, or nothing"
+        motion = read(file)
+        if wanted and motion.units and wanted != motion.units:
+            accepted = f"{motion.units!r}, as the file {str(file)!r} says, or nothing"
             raise ValueError(checks.refusal("forcing.units", units, accepted))
-        if not wanted and not found.units:
+        if not wanted and not motion.units:
             raise ValueError(
                 f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
             )
-        return cls(found.interval, tuple(found.samples.tolist()), wanted or found.units, scale, file.name)
+        return cls(motion.interval, tuple(motion.samples.tolist()), wanted or motion.units, scale, file.name)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:

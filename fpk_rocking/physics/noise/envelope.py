@@ -158,8 +158,8 @@ class Table(_Linear):
 
     def __post_init__(self):
         for name in ("times", "values"):
-            given = checks.several(f"noise.envelope.{name}", getattr(self, name), most=1000, at_least=0.0)
-            checks.keep(self, **{name: given})
+            values = checks.several(f"noise.envelope.{name}", getattr(self, name), most=1000, at_least=0.0)
+            checks.keep(self, **{name: values})
         if len(self.times) < 2 or not all(a < b for a, b in itertools.pairwise(self.times)):
             raise ValueError(checks.refusal("noise.envelope.times", self.times, "two or more ascending times"))
         if len(self.values) != len(self.times) or not any(self.values):

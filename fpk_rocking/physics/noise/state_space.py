@@ -90,8 +90,8 @@ class StateSpace(NamedTuple):
                 reach = reach * math.sqrt(fastest) / (size * spread)
                 return cls(rate * spread / spread[:, None], reach, weights / strength, correlation)
         accepted = "a filter whose white noise reaches every state, and whose states reach the output"
-        given = f"input {np.asarray(source).tolist()} and output {np.asarray(output).tolist()}"
-        raise ValueError(f"noise.filter: got {given}, accepted: {accepted}")
+        matrices = f"input {np.asarray(source).tolist()} and output {np.asarray(output).tolist()}"
+        raise ValueError(f"noise.filter: got {matrices}, accepted: {accepted}")
 
     @property
     def order(self) -> int:
