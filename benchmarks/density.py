@@ -10,11 +10,11 @@ import sys
 
 import numpy as np
 from hard_rows import load
-from numba import prange
 from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.periodic import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore
 from fpk_rocking.density.space.mesh import velocity_bound
@@ -112,10 +112,10 @@ def weak_rows():
     return rows
 
 
-@kernel(parallel=True)
-def copy_all(source, target):
-    """Copy an array, all threads at once."""
-    for k in prange(len(source)):
+@kernel
+def copy_part(begin, end, source, target):
+    """Copy a part of an array."""
+    for k in range(begin, end):
         target[k] = source[k]
 
 
@@ -123,7 +123,7 @@ def copy_bandwidth():
     """Bandwidth of a copy of a large array, bytes a second."""
     source = np.ones(30_000_000)
     target = np.empty_like(source)
-    return 2 * source.nbytes / medians({"copy": lambda: copy_all(source, target)})["copy"]
+    return 2 * source.nbytes / medians({"copy": lambda: run_in_parts(copy_part, len(source), source, target)})["copy"]
 
 
 def step_figures(tol=1e-3):

@@ -7,11 +7,11 @@ import dataclasses
 import math
 
 import numpy as np
-from numba import prange
 from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import Start
 from montecarlo import simulate
@@ -25,10 +25,10 @@ STEPS = 200
 TARGET = 1e-6
 
 
-@kernel(parallel=True)
-def rotation_sum(keys, parameters, samples, spacing, sink):
+@kernel
+def rotation_sum(begin, end, keys, parameters, samples, spacing, sink):
     """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
-    for r in prange(sink.size):
+    for r in range(begin, end):
         own = band.allocate_realization(parameters.band.harmonics, 1)
         draw_start_and_noise(open_stream(keys, r), parameters.start, parameters.band, own)
         band.write_rotation(own.ratios, spacing, own.hop[0], own.hop[1])
@@ -51,10 +51,10 @@ def _rotated(own, samples):
     return total
 
 
-@kernel(parallel=True)
-def chunked_sum(keys, parameters, samples, spacing, half, sink):
+@kernel
+def chunked_sum(begin, end, keys, parameters, samples, spacing, half, sink):
     """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
-    for r in prange(sink.size):
+    for r in range(begin, end):
         own = band.allocate_realization(parameters.band.harmonics, half)
         draw_start_and_noise(open_stream(keys, r), parameters.start, parameters.band, own)
         band.write_sample_rotations(own, half, spacing)
@@ -82,8 +82,12 @@ def floor(realizations=20_000):
             "rk4, the whole engine": lambda: simulate(
                 MAIN, cycles=CYCLES, realizations=realizations, method="rk4", steps_per_cycle=STEPS
             ),
-            "rotation sum alone": lambda: rotation_sum(keys, parameters, samples, spacing, sink),
-            "the engine's own sum alone": lambda: chunked_sum(keys, parameters, samples, spacing, half, sink),
+            "rotation sum alone": lambda: run_in_parts(
+                rotation_sum, len(sink), keys, parameters, samples, spacing, sink
+            ),
+            "the engine's own sum alone": lambda: run_in_parts(
+                chunked_sum, len(sink), keys, parameters, samples, spacing, half, sink
+            ),
         }
     )
 

@@ -7,10 +7,10 @@ import math
 import time
 from typing import Any
 
-import numba
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.threads import thread_count
 from fpk_rocking.base.types import Array, Progress
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
@@ -276,7 +276,7 @@ def split(
     scores = score_table(scene, parameters.grid.count)
     overturned = np.zeros((repeats, run.rows + 1, 2))
     levels, killed = np.empty((2, repeats), np.int64)
-    pool = concurrent.futures.ThreadPoolExecutor(numba.get_num_threads())
+    pool = concurrent.futures.ThreadPoolExecutor(thread_count())
     try:
         common = keys, walkers, parameters, scores
         counts = pool.map(lambda r: simulate_splitting(r, *common, overturned[r]), range(repeats))

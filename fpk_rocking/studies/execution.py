@@ -126,14 +126,10 @@ def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
 
     The number of the attempt is a parameter because Dask answers equal calls with the result of the first.
     """
-    import numba
+    from fpk_rocking.base.threads import at_most
 
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
+    with at_most(1):
         return run_job(task, job, options)
-    finally:
-        numba.set_num_threads(threads)
 
 
 def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, None]:

@@ -86,7 +86,7 @@ def divide_by_window(harmonics, parameters):
         )
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def write_first_samples(samples, cycle, parameters):
     """Write the samples for the first CHUNK intervals from a cycle on."""
     harmonics, spacing = samples.harmonics, parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing)
@@ -98,7 +98,7 @@ def write_first_samples(samples, cycle, parameters):
     _write_chunk(harmonics, samples.values)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def write_next_samples(samples, number, cycle, parameters):
     """Write the samples for CHUNK intervals from a number on, if the last ones are used up; return whether so."""
     used_up = number % CHUNK == 0 and number > 0
@@ -107,7 +107,7 @@ def write_next_samples(samples, number, cycle, parameters):
     return used_up
 
 
-@kernel(borrows=True)
+@kernel
 def _write_further(harmonics, values, number, cycle, intervals):
     """Move the centre of the harmonics on by a chunk, or put it there anew now and then, and write its samples."""
     if number // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
@@ -118,7 +118,7 @@ def _write_further(harmonics, values, number, cycle, intervals):
     _write_chunk(harmonics, values)
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _write_chunk(harmonics, values):
     """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1."""
     for k in range(WIDTH - 1):
@@ -128,7 +128,7 @@ def _write_chunk(harmonics, values):
 
 
 # Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def interpolate(out, base, s, g, k):
     """Write `base` plus the samples `g` from number k on times the columns of `s` (WIDTH, n): the noise in an interval.
 

@@ -42,7 +42,7 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
     return h
 
 
-@kernel(borrows=True)
+@kernel
 def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, origin):
     """Return u, w, side and the time of a draw (u, w) at `end` that lies beyond x = 0, or was meant to end there.
 
@@ -101,7 +101,7 @@ def _exact_mean(x, v, side, segment, start, end, block):
 _mean = dispatch_on_block(_slender_mean, _exact_mean)
 
 
-@kernel(forceinline=True, borrows=True)  # see events.next_event
+@kernel(forceinline=True)  # see events.next_event
 def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, impacts, origin):
     """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
 

@@ -1,14 +1,13 @@
 """A run of any engine: its checked parameters, and its realizations in batches, each simulated in parallel."""
 
-import concurrent.futures
 import math
 import time
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from fpk_rocking.base import ahead, checks
+from fpk_rocking.base.threads import map_threads, thread_count
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene import limits
@@ -122,12 +121,11 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
 
 
 def _fill(batch, simulate):
-    """Simulate the realizations of a batch, in parts that as many threads as numba would use take in turn."""
-    count, threads = len(batch.angle), numba.get_num_threads()
-    size = -(-count // (4 * threads))
+    """Simulate the realizations of a batch, in parts that the threads take in turn."""
+    count = len(batch.angle)
+    size = -(-count // (4 * thread_count()))
     parts = [_part(batch, begin, begin + size) for begin in range(0, count, size)]
-    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
-        list(pool.map(simulate, parts))
+    map_threads(simulate, parts)
 
 
 def _part(batch, begin, end):

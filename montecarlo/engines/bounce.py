@@ -27,7 +27,7 @@ def _mean_negative_part(ratio):
     return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))
 
 
-@kernel(borrows=True)
+@kernel
 def _draw_beyond(stream, ratio):
     """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor."""
     while True:
@@ -41,7 +41,7 @@ def _draw_beyond(stream, ratio):
             return y
 
 
-@kernel(borrows=True)
+@kernel
 def first_return(stream, speed, pull, growth, diffusion, least):
     """Draw the time and the speed at which a block is back at x = 0.
 
@@ -97,7 +97,7 @@ def first_return(stream, speed, pull, growth, diffusion, least):
             return time, arrival
 
 
-@kernel(forceinline=True, borrows=True)  # see events.next_event
+@kernel(forceinline=True)  # see events.next_event
 def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     """Draw the bounce of a block that leaves x = 0 in interval j at w > 0; return w and side after it, and its time.
 

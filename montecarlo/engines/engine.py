@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.arrays import borrowed, own
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.physics.motion.impact import side_of_start
@@ -101,8 +102,8 @@ class Engine:
     def simulate(self):
         """The kernel `_simulate` of this engine."""
         # In line with what allocates the workspace, the compiler knows that its arrays do not overlap.
-        path = self.simulate_path or self._compiled(_simulate_path, vars(self), forceinline=True)
-        return self._compiled(_simulate, {**vars(self), "simulate_path": path}, nogil=True)
+        path = self.simulate_path or self._compiled(_simulate_path, vars(self), inline="always")
+        return self._compiled(_simulate, {**vars(self), "simulate_path": path})
 
     def _compiled(self, function, functions, **options):
         """Return a function of this module as a kernel, in which `engine` has these functions."""
@@ -138,13 +139,18 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
     impacts : Impacts of ndarray, shapes (count,), (count, capacity) and (count, capacity)
         Filled with each realization's impacts; those beyond the capacity are counted and not kept.
     """
-    workspace = engine.workspace_of(parameters)
+    # A count of references would cost more than the steps.
+    keys, parameters, angle, velocity, impacts = borrowed((keys, parameters, angle, velocity, impacts))
+    owned = engine.workspace_of(parameters)
+    workspace = borrowed(owned)
     for r in range(angle.shape[0]):
-        stream = open_stream(keys, first + r)
-        own = ImpactRecord(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
+        own_stream = open_stream(keys, first + r)
+        stream = borrowed(own_stream)
+        record = ImpactRecord(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
         overturn_time[r], overturn_side[r] = engine.simulate_path(
-            stream, cycle, parameters, workspace, angle[r], velocity[r], own
+            stream, cycle, parameters, workspace, angle[r], velocity[r], record
         )
+        own((owned, own_stream))
 
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts):

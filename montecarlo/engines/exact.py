@@ -43,7 +43,7 @@ from montecarlo.engines.engine import Engine
 # ----------------------------------------------------------------------------------------- a slender block, closed form
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _divide_by_stiffness(harmonics, parameters):
     """Turn the harmonics of the noise into those of the interpolant of P."""
     ratios, frequency = harmonics.ratios, 2.0 * math.pi / (parameters.grid.count * parameters.grid.spacing)
@@ -52,7 +52,7 @@ def _divide_by_stiffness(harmonics, parameters):
         harmonics.weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _write_nodes(samples, node, ends):
     """Write the noise's share of P at the ends of the intervals that the new samples complete."""
     node[:] = 0.0
@@ -62,7 +62,7 @@ def _write_nodes(samples, node, ends):
             node[k] += (a * samples[k + i] + b * samples[k + i + 1]) + (c * samples[k + i + 2] + d * samples[k + i + 3])
 
 
-@kernel(fastmath={"contract", "reassoc"}, borrows=True)
+@kernel(fastmath={"contract", "reassoc"})
 def _noise_slope(samples, k, slopes):
     """Return the derivative of the noise's share of P at the end of interval k of a chunk."""
     total = 0.0
@@ -71,7 +71,7 @@ def _noise_slope(samples, k, slopes):
     return total
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _begin_closed(stream, cycle, parameters, workspace):
     """Draw the start and the noise; the state is the growing and the decaying exponential and the folded angle."""
     samples = workspace.samples
@@ -85,21 +85,21 @@ def _begin_closed(stream, cycle, parameters, workspace):
     return (x, v), (grow, decay, abs(x))
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
     """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
     if write_next_samples(workspace.samples, number, cycle, parameters):
         _write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _is_eventless(u, end, side, j, parameters):
     """Whether a flight between two folded angles surely has no event in interval j."""
     s = 1 if side > 0 else 0
     return min(u, end) > parameters.least[j, s] and max(u, end) < parameters.most[j, s]
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _try_closed(state, side, number, j, parameters, workspace):
     """Whether nothing happens in an interval, and the exponentials and the folded angle at its end if so."""
     factor, (grow, decay, u) = workspace.interval.factor * workspace.interval.factor, state
@@ -108,14 +108,14 @@ def _try_closed(state, side, number, j, parameters, workspace):
     return side != 0 and _is_eventless(u, end, side, j, parameters), (grow, decay, end)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _build_particular(number, j, parameters, workspace):
     """Write P of forcing and noise in an interval."""
     particular, samples = workspace.interval.particular, workspace.samples.values
     interpolate(particular, parameters.forced[j], parameters.polynomials, samples, number % CHUNK)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
     """Carry a block through an interval; with the impacts None through a share of it, to angle and velocity."""
     block = parameters.block
@@ -131,7 +131,7 @@ def _step_closed(state, end, side, number, j, share, cycle, parameters, workspac
     return (grow, decay, u), side, time
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _end_closed(state, side, number, j, parameters, workspace):
     """Angle and velocity at the end of an interval."""
     grow, decay, u = state
@@ -144,7 +144,7 @@ def _end_closed(state, side, number, j, parameters, workspace):
 # ------------------------------------------------------ an envelope, or an exact block; the state is angle and velocity
 
 
-@kernel(borrows=True)
+@kernel
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start and the noise, and make the first samples."""
     samples = workspace.samples
@@ -154,13 +154,13 @@ def _begin(stream, cycle, parameters, workspace):
     return (x, v), (x, v)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
     """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
     write_next_samples(workspace.samples, number, cycle, parameters)
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _respond_to_force(x, v, side, j, k, parameters, workspace):
     """Angle and velocity of a slender block after interval j, number k of a chunk, if nothing happens in it."""
     h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
@@ -177,7 +177,7 @@ def _respond_to_force(x, v, side, j, k, parameters, workspace):
     return side + y + push, v + kick
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _noise_at_points(values, g, k):
     """Noise at the points of an interval, less its envelope, from the samples from number k on."""
     one = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
@@ -188,7 +188,7 @@ def _noise_at_points(values, g, k):
     return one + two
 
 
-@kernel(borrows=True)
+@kernel
 def _try_response(state, side, number, j, parameters, workspace):
     """Whether nothing happens to a slender block in an interval, and angle and velocity at its end if so."""
     x, v = state
@@ -200,7 +200,7 @@ def _try_response(state, side, number, j, parameters, workspace):
     return _is_eventless(side * x, side * end[0], side, j, parameters), end
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _try_collocation(state, side, number, j, parameters, workspace):
     """Whether nothing happens to an exact block in an interval, and angle and velocity at its end if so."""
     x, v = state
@@ -221,7 +221,7 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     return eventless, (side * end if converged else math.nan, side * speed)
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
     k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
@@ -232,13 +232,13 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
         workspace.noise[n] = value
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
     interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _write_product(strength, noise, base, out):
     """Write a polynomial (TERMS,) plus the product of envelope and noise."""
     for n in range(TERMS):
@@ -274,7 +274,7 @@ def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters,
 _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 
-@kernel(borrows=True)
+@kernel
 def _step(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
     """Carry a block through a share of an interval, piece by piece of the envelope."""
     (x, v), first = state, parameters.envelope.first

@@ -131,7 +131,7 @@ def workspace_of(parameters):
     return Workspace(allocate_noise(parameters.noise), rows[0], rows[1], rows[2])
 
 
-@kernel(borrows=True)
+@kernel
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start, and the noise up to the begin of the run; the state is angle and velocity."""
     state = draw_start(stream, parameters.start)
@@ -141,13 +141,13 @@ def _begin(stream, cycle, parameters, workspace):
     return state, state
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True)
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
     """Draw the noise of the next interval."""
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
     """Angle and velocity of a slender block after interval j if nothing happens in it, and True."""
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
@@ -155,7 +155,7 @@ def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
     return end + side + parameters.drift[j, 0] + push, speed + parameters.drift[j, 1] + kick, True
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _fly_exact(x, v, side, j, parameters, workspace, block):
     """Angle and velocity of an exact block after interval j if nothing happens in it, and whether they are right."""
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
@@ -175,7 +175,7 @@ def _fly_exact(x, v, side, j, parameters, workspace, block):
 _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 
-@kernel(forceinline=True, borrows=True)  # see events.next_event
+@kernel(forceinline=True)  # see events.next_event
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise)
@@ -188,7 +188,7 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     return eventless, (end, speed)
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of forcing and noise in an interval, the force for an exact block; under an envelope, the noise alone.
 
@@ -202,13 +202,13 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
             workspace.particular[k] += parameters.forced[j, k]
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _respond_slender(force, particular, block):  # noqa: ARG001
     """Write P of a force (TERMS,) for a slender block."""
     particular_from_rest(force, particular)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _respond_exact(force, particular, block):  # noqa: ARG001
     """Write a force (TERMS,) itself, for an exact block."""
     for k in range(TERMS):
@@ -218,14 +218,14 @@ def _respond_exact(force, particular, block):  # noqa: ARG001
 _write_particular = dispatch_on_block(_respond_slender, _respond_exact)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, block):
     """Carry a slender block through a time under the force in `workspace`; return as `advance`."""
     segment = segment_from_particular(workspace.particular, workspace.force, span)
     return advance_through_events(x, v, side, segment, start, end, block, impacts, origin)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _advance_exact(x, v, side, start, end, span, workspace, impacts, origin, block):
     """Carry an exact block through a time under the force in `workspace`; return as `advance`."""
     return collocation.advance_collocated(workspace.particular, span, x, v, side, start, end, block, impacts, origin)
@@ -234,7 +234,7 @@ def _advance_exact(x, v, side, start, end, span, workspace, impacts, origin, blo
 _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def _build_force_in_piece(j, piece, parameters, workspace):
     """Write P of forcing and noise in a piece of the envelope, or the force, in the time since the piece's begin."""
     particular, force, share, envelope = workspace.particular, workspace.force, workspace.share, parameters.envelope
@@ -248,7 +248,7 @@ def _build_force_in_piece(j, piece, parameters, workspace):
         particular[k] += share[k]
 
 
-@kernel(borrows=True)
+@kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
     """Carry a block under an envelope from the begin of interval j to a time since then; return as `advance`."""
     time = 0.0
@@ -265,7 +265,7 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
     return x, v, side, time
 
 
-@kernel(borrows=True)
+@kernel
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
     """Carry a block through a share of an interval; return (angle, velocity), side, and time of overturning."""
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing

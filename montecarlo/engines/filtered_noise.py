@@ -174,7 +174,7 @@ def allocate_noise(tables):
     return NoiseWorkspace(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS))
 
 
-@kernel(borrows=True)
+@kernel
 def draw_first_states(stream, tables, noise):
     """Draw the filter's states at τ = 0."""
     drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
@@ -185,7 +185,7 @@ def draw_first_states(stream, tables, noise):
             drawn[n + i] += tables.stationary[i, k] * normals[k]
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def draw_next_interval(stream, tables, noise):
     """Draw the states at the end of the next interval, and what the noise adds to a flight over it."""
     drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
@@ -202,7 +202,7 @@ def draw_next_interval(stream, tables, noise):
         drawn[n + i] = total
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def bound_noise(j, tables, envelope, noise):
     """Write the Bernstein coefficients of the noise in interval j, less its envelope; return bounds of it, with that.
 
@@ -221,7 +221,7 @@ def bound_noise(j, tables, envelope, noise):
     return low, high
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def write_polynomial(tables, noise):
     """Write the coefficients `signal` of the noise in an interval from its Bernstein coefficients."""
     signal, bernstein = noise.signal, noise.bernstein
@@ -231,7 +231,7 @@ def write_polynomial(tables, noise):
             signal[k] += tables.powers[k, i] * bernstein[i]
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True)
 def response_to_noise(j, envelope, noise):
     """Angle and velocity that the noise adds to a flight of a slender block over interval j."""
     n = noise.drawn.size - 2

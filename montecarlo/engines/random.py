@@ -78,14 +78,14 @@ def _advance_generator(s0, s1, s2, s3):
     return word, s0 ^ s3, s1 ^ s2, s2 ^ (s1 << np.uint64(17)), (s3 << np.uint64(45)) | (s3 >> np.uint64(19))
 
 
-@kernel(borrows=True)
+@kernel
 def next_word(state):
     """Return 64 random bits (uint64) and advance the state."""
     word, state[0], state[1], state[2], state[3] = _advance_generator(state[0], state[1], state[2], state[3])
     return word
 
 
-@kernel(borrows=True)
+@kernel
 def uniform_pairs(state, first, second, count):
     """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give."""
     s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
@@ -97,13 +97,13 @@ def uniform_pairs(state, first, second, count):
     state[0], state[1], state[2], state[3] = s0, s1, s2, s3
 
 
-@kernel(borrows=True)
+@kernel
 def uniform(state):
     """Return a number in [0, 1), a multiple of 2**-53."""
     return float(next_word(state) >> np.uint64(11)) * 2.0**-53
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True)
 def normal(state):
     """Return a standard normal number."""
     while True:
@@ -121,7 +121,7 @@ def normal(state):
             return x
 
 
-@kernel(borrows=True)
+@kernel
 def _tail(state):
     """Return a normal number beyond the begin of the last layer, without its sign."""
     while True:

@@ -109,14 +109,14 @@ def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
     return state, state
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
     """Write the force in the next chunk of steps, where the last one is used up."""
     if j % workspace.low.size == 0:
         _write_chunk(number, j, cycle, parameters, workspace)
 
 
-@kernel(borrows=True)
+@kernel
 def _write_chunk(number, first, cycle, parameters, workspace):
     """Write the force in the chunk that begins with a step, bounds of it, and what it adds to each step."""
     n, length, harmonics, h = parameters.grid.count, workspace.low.size, workspace.harmonics, parameters.grid.spacing
@@ -169,7 +169,7 @@ def _exact_step(x, v, side, k, h, workspace, block):
 _step = dispatch_on_block(_slender_step, _exact_step)
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether nothing happens in a step, and angle and velocity at its end if so."""
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
@@ -183,7 +183,7 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     return floor > 0.0 and roof < cutoff and 0.0 < side * x < cutoff, (x, v)
 
 
-@kernel(borrows=True)
+@kernel
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of the parabola through the three values of the forcing in a step."""
     k, h = j % workspace.low.size, parameters.grid.spacing
@@ -196,7 +196,7 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     workspace.particular[2] = -0.5 * curvature
 
 
-@kernel(borrows=True)
+@kernel
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
     """Carry a block through a share of a step; return (angle, velocity), side, and time of overturning."""
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size

@@ -9,15 +9,14 @@ costs accuracy and never brings bias. The motion of an exact block is followed a
 separatrix tends near the saddle, is taken all the same. Everything is nondimensional.
 """
 
-import concurrent.futures
 import functools
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import Body, block_of_scene
 from fpk_rocking.physics.motion.events import Event, next_event
@@ -68,10 +67,7 @@ def score_table(scene, intervals):
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
     forcing = _noiseless_forcing(scene, intervals, span)
     table = np.empty((intervals, 2, TUNING.score_angles, TUNING.score_velocities), np.float32)
-    rows, threads = math.prod(table.shape[:3]), numba.get_num_threads()
-    edges = np.linspace(0, rows, 4 * threads + 1).astype(int).tolist()
-    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda begin, end: _write_scores(begin, end, table, forcing, fastest), edges[:-1], edges[1:]))
+    run_in_parts(_write_scores, math.prod(table.shape[:3]), table, forcing, fastest)
     angles, velocities = table.shape[2:]
     return ScoreTable(table, fastest, (angles - 1) / cutoff, (velocities - 1) / (2.0 * fastest))
 
@@ -110,7 +106,7 @@ def _follow(u, w, side, j, forcing):
     return best
 
 
-@kernel(nogil=True)
+@kernel
 def _write_scores(begin, end, table, forcing, fastest):
     """Write rows of the `table` of a `ScoreTable` from one to another, for velocities from -`fastest` to `fastest`."""
     _, sides, angles, velocities = table.shape
@@ -158,7 +154,7 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
         record_score(population, i, score, step, u, w, side)
 
 
-@kernel(nogil=True)
+@kernel
 def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
     """Run one splitting, its random numbers a function of the keys, its number among the repeats and the walkers.
 

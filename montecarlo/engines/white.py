@@ -169,7 +169,7 @@ def _draw_exact(u, w, side, first, second, j, parameters, block):
 _draw = dispatch_on_block(_draw_slender, _draw_exact)
 
 
-@kernel(forceinline=True, borrows=True)  # see events.next_event
+@kernel(forceinline=True)  # see events.next_event
 def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
     """Take the block from `start` to `end` of interval j of the table period; return u, w, side and the time reached.
 
@@ -203,7 +203,7 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
     return u, w, side, time
 
 
-@kernel(borrows=True)
+@kernel
 def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
     """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
     side = 0 if u == 0.0 and w == 0.0 else side
@@ -215,7 +215,7 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
     return side * x, side * v, side, time
 
 
-@kernel(borrows=True)
+@kernel
 def is_clear(u, w, side, j, parameters):
     """Whether neither barrier is within some standard deviations in all of interval j."""
     below, above = folded_angle_bounds(
@@ -237,7 +237,7 @@ def _workspace_of(parameters):  # noqa: ARG001
     return
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts):  # noqa: ARG001
     """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning.
 

@@ -10,7 +10,6 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numba import prange
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array
@@ -106,14 +105,14 @@ def _in_rows(time, times):
     return np.interp(time, times, np.arange(float(len(times))))
 
 
-@kernel(parallel=True)
+@kernel
 def _add(counts, angle, velocity, overturn_row, overturn_side):
     """Add a batch in one call, which no interrupt from the keyboard can cut in two; return whether it was added."""
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
     stands = np.empty(count, np.int64)
     wild = 0
-    for r in prange(count):
+    for r in range(count):
         stands[r] = _cycles_standing(angle[r], velocity[r], to_quanta)
         wild += stands[r] < 0
     if wild > 0:
@@ -122,7 +121,7 @@ def _add(counts, angle, velocity, overturn_row, overturn_side):
         if stands[r] < rows:
             row = _passage(stands[r], overturn_row[r])
             counts.passages[row, 1 if overturn_side[r] > 0 else 0] += 1
-    for k in prange(rows):
+    for k in range(rows):
         for r in range(count):
             if k < stands[r]:
                 _add_state(counts, k, angle[r, k], velocity[r, k], to_quanta)

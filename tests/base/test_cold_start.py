@@ -253,23 +253,6 @@ def test_warmup_runs_all_tasks_and_says_which_failed(monkeypatch, capsys):
     assert said[-1].startswith("fpk-rocking warmup: 2 of 2 parts were not compiled")
 
 
-def test_kernels_give_the_same_where_each_is_compiled_apart(tmp_path):
-    """As with a numba whose libraries cannot be extended."""
-    code = """
-from fpk_rocking.base import jit
-from fpk_rocking.physics.motion.equation import Body
-from fpk_rocking.physics.motion.impact import chatter_time
-print(jit.WHOLE, chatter_time(0.25, 0.3, Body(0.7, 1.5)))
-"""
-    answers = []
-    for apart in ({}, {"FPK_ROCKING_COMPILE_APART": "1"}):
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(len(answers)))} | apart
-        done = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
-        answers.append(done.stdout.split())
-    assert [answer[0] for answer in answers] == ["True", "False"]
-    assert answers[0][1] == answers[1][1]
-
-
 def test_a_kernel_that_another_calls_can_be_called_from_python_too():
     @jit.kernel
     def inner(x):

@@ -3,13 +3,13 @@
 import dataclasses
 import math
 
-import numba
 import numpy as np
 import pytest
 from density_operators import affine, flight_noise, scene_of
 
 from fpk_rocking import Harmonic, solve_fpk
 from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.density.gaussian import Gaussian
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
@@ -172,12 +172,9 @@ def test_what_starts_beyond_the_cutoff_has_overturned(skewed):
 
 
 def test_same_bits_for_any_number_of_threads(skewed):
-    threads = numba.get_num_threads()
-    try:
-        for count in {1, threads}:
-            numba.set_num_threads(count)
+    threads = thread_count()
+    for count in {1, threads}:
+        with at_most(count):
             again = solve_fpk(skewed.scene, cycles=2, tol=1e-2)
             assert again.coefficients.tobytes() == skewed.coefficients.tobytes()
             assert again.overturned.tobytes() == skewed.overturned.tobytes()
-    finally:
-        numba.set_num_threads(threads)

@@ -3,13 +3,13 @@
 import math
 import pathlib
 
-import numba
 import numpy as np
 import pytest
 from density_operators import affine, flight_noise
 from numpy.polynomial.legendre import legvander
 
 from fpk_rocking import Harmonic, load_scene
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import scatter
@@ -121,13 +121,10 @@ def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form():
 def test_adjoint_has_the_same_bits_for_any_number_of_threads():
     step, rng = step_of("main"), np.random.default_rng(9)
     function, exit_values = unit(rng, step.target), rng.normal(size=3)
-    threads, results = numba.get_num_threads(), set()
-    try:
-        for count in {1, 2, threads} & set(range(1, threads + 1)):
-            numba.set_num_threads(count)
+    threads, results = thread_count(), set()
+    for count in {1, 2, threads} & set(range(1, threads + 1)):
+        with at_most(count):
             results.add(step.apply_adjoint(function, exit_values).tobytes())
-    finally:
-        numba.set_num_threads(threads)
     assert len(results) == 1
 
 

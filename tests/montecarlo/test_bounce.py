@@ -2,11 +2,11 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 from scipy.special import erf
 
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.physics.motion.equation import Body
 from fpk_rocking.physics.motion.events import next_event
 from fpk_rocking.physics.motion.segment import Segment
@@ -140,13 +140,10 @@ def test_bounces_and_fine_steps_have_one_law(monkeypatch):
 
 
 def test_rattling_paths_depend_on_seed_and_number_alone():
-    threads, results = numba.get_num_threads(), []
-    try:
-        for count, size in ((1, 150), (threads, 400)):
-            numba.set_num_threads(count)
+    threads, results = thread_count(), []
+    for count, size in ((1, 150), (threads, 400)):
+        with at_most(count):
             results.append(simulate(RATTLING, cycles=3, realizations=size, seed=11))
-    finally:
-        numba.set_num_threads(threads)
     assert results[0].angle.tobytes() == results[1].angle[:150].tobytes()
     assert results[0].velocity.tobytes() == results[1].velocity[:150].tobytes()
 

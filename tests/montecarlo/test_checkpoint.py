@@ -7,10 +7,10 @@ import json
 import math
 import tracemalloc
 
-import numba
 import pytest
 
 from fpk_rocking import cli
+from fpk_rocking.base.threads import at_most
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene, WhiteNoise
 from montecarlo import Tally, simulate, simulation, tally
 from montecarlo.engines import batches
@@ -40,12 +40,8 @@ def whole():
 
 
 def test_same_counts_for_any_threads_and_any_batches(whole, monkeypatch):
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
+    with at_most(1):
         assert content(tally(MAIN, **SIZE)) == content(whole)
-    finally:
-        numba.set_num_threads(threads)
     in_small_batches(monkeypatch)
     tuned(monkeypatch, smallest_batch=101)
     assert content(tally(MAIN, **SIZE)) == content(whole)

@@ -4,12 +4,12 @@ import dataclasses
 import math
 import pathlib
 
-import numba
 import numpy as np
 import pytest
 from mp_scenes import compare, follow_scene, random_scenes
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import histories, simulate
 
@@ -184,13 +184,10 @@ def test_states_between_lie_on_the_path():
 
 
 def test_same_realizations_for_any_threads_and_any_size():
-    threads, results = numba.get_num_threads(), []
-    try:
-        for count, size in ((1, 300), (threads, 300), (threads, 500)):
-            numba.set_num_threads(count)
+    threads, results = thread_count(), []
+    for count, size in ((1, 300), (threads, 300), (threads, 500)):
+        with at_most(count):
             results.append(simulate(MAIN, cycles=20, realizations=size, method="exact", seed=3))
-    finally:
-        numba.set_num_threads(threads)
     for name in ("angle", "velocity", "overturn_time", "overturn_side"):
         first = getattr(results[0], name)
         for other in results[1:]:

@@ -5,7 +5,6 @@ import itertools
 import math
 
 import filter_formulas as formulas
-import numba
 import numpy as np
 import pytest
 from filtered_paths import coupled, interval, noise_of, with_intervals
@@ -14,6 +13,7 @@ from stepped_paths import soil, survival
 from two_samples import survival_test
 
 from fpk_rocking import CloughPenzien, CycleOperator, FilteredNoise, LinearFilter, NoNoise, Start, load_scene
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Overturning, Scene
@@ -249,13 +249,10 @@ def test_noise_lifts_a_block_to_the_side_of_the_force():
 
 @each
 def test_same_paths_for_any_threads_size_and_samples(noise):
-    scene, threads, results = scene_of(noise), numba.get_num_threads(), []
-    try:
-        for count, size in ((1, 300), (threads, 300), (threads, 500)):
-            numba.set_num_threads(count)
+    scene, threads, results = scene_of(noise), thread_count(), []
+    for count, size in ((1, 300), (threads, 300), (threads, 500)):
+        with at_most(count):
             results.append(simulate(scene, cycles=4, realizations=size, seed=2**63))
-    finally:
-        numba.set_num_threads(threads)
     sampled = histories(scene, cycles=4, realizations=300, seed=2**63, samples_per_cycle=5)
     for name in ("angle", "velocity", "overturn_time", "overturn_side"):
         first = getattr(results[0], name)

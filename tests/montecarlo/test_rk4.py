@@ -4,12 +4,12 @@ import dataclasses
 import functools
 import math
 
-import numba
 import numpy as np
 import pytest
 from two_samples import survival_test
 
 import montecarlo
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import Body
 from fpk_rocking.physics.motion.events import advance_through_events
@@ -122,13 +122,10 @@ def test_overturning_is_located_on_either_side():
 
 
 def test_same_realizations_for_any_threads_and_any_size(main_scene):
-    threads, results = numba.get_num_threads(), []
-    try:
-        for count, size in ((1, 150), (threads, 150), (threads, 400)):
-            numba.set_num_threads(count)
+    threads, results = thread_count(), []
+    for count, size in ((1, 150), (threads, 150), (threads, 400)):
+        with at_most(count):
             results.append(simulate(main_scene, cycles=6, realizations=size, seed=11, steps_per_cycle=50))
-    finally:
-        numba.set_num_threads(threads)
     for name in ("angle", "velocity", "overturn_time", "overturn_side"):
         first = getattr(results[0], name)
         for other in results[1:]:

@@ -2,12 +2,12 @@
 
 import math
 
-import numba
 import numpy as np
 import oracle
 import pytest
 
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
@@ -149,14 +149,11 @@ def test_independent_runs_agree_at_1e_8(scene, cycles):
 
 
 def test_same_estimates_for_any_threads_and_more_repeats():
-    threads = numba.get_num_threads()
+    threads = thread_count()
     results = []
-    try:
-        for count, repeats in ((1, 5), (threads, 5), (threads, 6)):
-            numba.set_num_threads(count)
+    for count, repeats in ((1, 5), (threads, 5), (threads, 6)):
+        with at_most(count):
             results.append(split(MAIN, cycles=7, walkers=30, repeats=repeats, seed=2**63))
-    finally:
-        numba.set_num_threads(threads)
     for name in ("repeat_overturned", "levels", "killed"):
         first = getattr(results[0], name)
         for other in results[1:]:

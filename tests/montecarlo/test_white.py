@@ -3,11 +3,11 @@
 import dataclasses
 import math
 
-import numba
 import numpy as np
 import pytest
 from two_samples import survival_test
 
+from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
 from fpk_rocking.physics.motion.equation import Body
 from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
@@ -88,13 +88,10 @@ def test_start_layer_converges_with_the_shortest_step():
 
 
 def test_same_paths_for_any_threads_and_any_size(named_scene):
-    scene, threads, results = named_scene("second"), numba.get_num_threads(), []
-    try:
-        for count, size in ((1, 500), (threads, 500), (threads, 900)):
-            numba.set_num_threads(count)
+    scene, threads, results = named_scene("second"), thread_count(), []
+    for count, size in ((1, 500), (threads, 500), (threads, 900)):
+        with at_most(count):
             results.append(simulate(scene, cycles=4, realizations=size, seed=2**63))
-    finally:
-        numba.set_num_threads(threads)
     for name in ("angle", "velocity", "overturn_time", "overturn_side"):
         first = getattr(results[0], name)
         for other in results[1:]:

@@ -20,9 +20,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step import Exit
 from fpk_rocking.physics.motion import TERMS
@@ -106,7 +107,7 @@ def _advance_slender(x, v, side, segment, end, slow, block):
     return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
-@kernel(borrows=True)
+@kernel
 def _advance_exact_block(x, v, side, segment, end, slow, block):
     """Return the end of a path of an exact block, see `_advance`; by collocation where it cannot overturn."""
     low, high = segment.force_low, segment.force_high
@@ -356,20 +357,23 @@ def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
     return marks
 
 
-@kernel
+_four_polynomials = scratch(4, TERMS)
+
+
+@kernel(inline="always")
 def _trace_cell(i, j, points, segment, block, noise, ends, flags):
     """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of one cell."""
-    scratch = np.empty((4, TERMS))
-    side, x, v = points_of_cell(i, j, points)
+    scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
     for p in range(len(x)):
         for q in range(len(v)):
             trace_point(x[p], v[q], side, segment, block, noise, scratch, ends[p, q], flags[p, q])
 
 
-@kernel(parallel=True)
-def _trace_all(cells, points, segment, block, noise, ends, flags):
-    """Write ends and flags of the characteristics of all given cells, see `trace_cells`."""
-    for c in prange(len(cells)):
+@kernel
+def _trace_all(begin, end, cells, points, segment, block, noise, ends, flags):
+    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`."""
+    cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
+    for c in range(begin, end):
         _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, ends[c], flags[c])
 
 
@@ -394,5 +398,5 @@ def trace_cells(cells, points, segment, block, noise):
     """
     shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
-    _trace_all(np.ascontiguousarray(cells), points, segment, block, noise, ends, flags)
+    run_in_parts(_trace_all, len(cells), np.ascontiguousarray(cells), points, segment, block, noise, ends, flags)
     return ends, flags

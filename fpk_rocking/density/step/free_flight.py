@@ -16,10 +16,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step.remap import (
@@ -181,9 +182,9 @@ class FreeFlight:
         drifted, diffused = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
         truncated, overturned = np.zeros(limit), np.zeros((2, across))
         angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
-        first_angle_shear(coefficients, self.free, self.first, angle, tables, drifted, overturned, basis)
-        velocity_shear(drifted, self.second, *velocity, tables, diffused, truncated, basis)
-        last_angle_shear(diffused, self.third, angle, tables, out, overturned, basis)
+        _run_on_rows(first_angle_shear, self.first, coefficients, self.free, angle, tables, drifted, overturned, basis)
+        _run_on_rows(velocity_shear, self.second, drifted, *velocity, tables, diffused, truncated, basis)
+        _run_on_rows(last_angle_shear, self.third, diffused, angle, tables, out, overturned, basis)
         return np.array([overturned[0].sum(), overturned[1].sum(), truncated.sum()])
 
     def apply_adjoint(self, function, exit_values, out):
@@ -200,9 +201,16 @@ class FreeFlight:
         basis = (1.0,) * modes
         diffused, drifted = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
         angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
-        adjoint_last_angle_shear(function, self.third, angle, tables, exit_values[:2], diffused, basis)
-        adjoint_velocity_shear(diffused, self.second, *velocity, tables, exit_values[2], drifted, basis)
-        adjoint_first_angle_shear(drifted, self.free, self.first, angle, tables, exit_values[:2], out, basis)
+        _run_on_rows(adjoint_last_angle_shear, self.third, function, angle, tables, exit_values[:2], diffused, basis)
+        _run_on_rows(adjoint_velocity_shear, self.second, diffused, *velocity, tables, exit_values[2], drifted, basis)
+        _run_on_rows(
+            adjoint_first_angle_shear, self.first, drifted, self.free, angle, tables, exit_values[:2], out, basis
+        )
+
+
+def _run_on_rows(shear, rows, *arguments):
+    """Call a kernel of a shear for all rows, on threads."""
+    run_in_parts(shear, len(rows.order), rows, *arguments)
 
 
 def angle_remap_of(space, affine, diffusion, duration):
@@ -318,22 +326,28 @@ def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned
     _write_row(j, moved, rows.targets[r], out, basis)
 
 
-@kernel(parallel=True)
-def first_angle_shear(coefficients, free, rows, remap, tables, out, overturned, basis):
+@kernel
+def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out, overturned, basis):
     """Write values (angle cells, velocity cells, angle, velocity) after the first shear by coefficients before it.
 
     Masses that passed the cut-off, which do not return, are added to `overturned` (2, velocity cells).
     """
-    for n in prange(len(rows.order)):
+    rows, coefficients, free, remap, tables, out, overturned = borrowed(
+        (rows, coefficients, free, remap, tables, out, overturned)
+    )
+    for n in range(begin, stop):
         r = rows.order[n]
         _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis)
 
 
-@kernel(parallel=True)
-def adjoint_first_angle_shear(values, free, rows, remap, tables, exit_values, out, basis):
+@kernel
+def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, exit_values, out, basis):
     """Write the coefficients of a function in the free cells by values after the first shear: its adjoint."""
+    rows, values, free, remap, tables, exit_values, out = borrowed(
+        (rows, values, free, remap, tables, exit_values, out)
+    )
     (limit, across), modes = free.shape, len(basis)
-    for n in prange(len(rows.order)):
+    for n in range(begin, stop):
         r = rows.order[n]
         j, source = r % across, rows.sources[r]
         now, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
@@ -362,22 +376,28 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
     return truncated
 
 
-@kernel(parallel=True)
-def velocity_shear(values, rows, velocity_remap, diffusion_remap, tables, out, truncated, basis):
+@kernel
+def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
     """Write a density after shear and diffusion of the velocity: values (velocity cells, angle cells, velocity, angle).
 
     The masses that passed the velocity bound are written to `truncated` (angle cells,).
     """
-    for n in prange(len(rows.order)):
+    rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
+        (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
+    )
+    for n in range(begin, stop):
         c = rows.order[n]
         truncated[c] = _velocity_row(c, values[c], rows, velocity_remap, diffusion_remap, tables, out, basis)
 
 
-@kernel(parallel=True)
-def adjoint_velocity_shear(values, rows, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
+@kernel
+def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
     """Write the values of a function before shear and diffusion of the velocity: adjoint of `velocity_shear`."""
+    rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
+        (rows, values, velocity_remap, diffusion_remap, tables, out)
+    )
     across, modes = values.shape[0], len(basis)
-    for n in prange(len(rows.order)):
+    for n in range(begin, stop):
         c = rows.order[n]
         source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
         now, moved = np.zeros((across, modes, modes)), np.zeros((across, modes, modes))
@@ -405,19 +425,21 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
                 out[c, j, a, b] += cell[a, b]
 
 
-@kernel(parallel=True)
-def last_angle_shear(values, rows, remap, tables, out, overturned, basis):
+@kernel
+def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, basis):
     """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells)."""
-    for n in prange(len(rows.order)):
+    rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
+    for n in range(begin, stop):
         r = rows.order[n]
         _last_angle_row(r, values, rows, remap, tables, out, overturned, basis)
 
 
-@kernel(parallel=True)
-def adjoint_last_angle_shear(function, rows, remap, tables, exit_values, out, basis):
+@kernel
+def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_values, out, basis):
     """Write the values of a function before the last shear by coefficients after it: adjoint of `last_angle_shear`."""
+    rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)
-    for n in prange(len(rows.order)):
+    for n in range(begin, stop):
         r = rows.order[n]
         j, target = r % across, rows.targets[r]
         values = np.zeros((limit, modes, modes))

@@ -8,12 +8,11 @@ points. Only what a row's active cells need is prepared. The adjoint of each ker
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.stack import scratch
-from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.step.targets import FASTMATH, MOST_MODES, legendre_at
 
 _line_sums = scratch(1, MOST_MODES)
@@ -119,10 +118,11 @@ def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source
     end_masses = np.zeros((int(end_places.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
     remap = Remap(origin, first, count, start, blocks, end_places, end_masses)
     basis = (1.0,) * (degree + 1)
-    fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis)
+    where = lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source
+    run_in_parts(fill_blocks, len(source), *where, remap, basis)
     values = legendre_at_gauss_points(degree + 1, degree)
     moments = values * point_weights[:, None]
-    blocks_to_point_values(moments, values, blocks, basis)
+    run_in_parts(blocks_to_point_values, len(blocks), moments, values, blocks, basis)
     return remap._replace(end_masses=np.einsum("rlck,mk->rlcm", end_masses, moments))
 
 
@@ -239,19 +239,22 @@ def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_w
                     )
 
 
-@kernel(parallel=True)
-def fill_blocks(lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
-    """Integrate products of shape functions over all overlaps, exactly, into the blocks and masses of a remap.
+@kernel
+def fill_blocks(
+    begin, end, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis
+):
+    """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a remap's rows.
 
     `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
-    for r in prange(len(source)):
-        _fill_row(
-            np.int64(r), lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis
-        )
+    lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap = borrowed(
+        (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap)
+    )
+    for r in range(begin, end):
+        _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis)
 
 
-@kernel(borrows=True, tuned=True)
+@kernel
 def _block_to_point_values(b, moments, values, blocks, half, basis):
     """Turn block b, between moments, into one between values at Gauss points; `half` (modes, modes) is overwritten."""
     modes = len(basis)
@@ -269,16 +272,16 @@ def _block_to_point_values(b, moments, values, blocks, half, basis):
             blocks[b, k, i] = total
 
 
-@kernel(parallel=True)
-def blocks_to_point_values(moments, values, blocks, basis):
+@kernel
+def blocks_to_point_values(begin, end, moments, values, blocks, basis):
     """Turn blocks between moments into blocks between values at Gauss points, in place."""
-    for chunk in prange(TUNING.chunks):
-        half = np.empty(values.shape)
-        for b in range(chunk * len(blocks) // TUNING.chunks, (chunk + 1) * len(blocks) // TUNING.chunks):
-            _block_to_point_values(np.int64(b), moments, values, blocks, half, basis)
+    moments, values, blocks = borrowed((moments, values, blocks))
+    half = np.empty(values.shape)
+    for b in range(begin, end):
+        _block_to_point_values(b, moments, values, blocks, half, basis)
 
 
-@kernel(fastmath=FASTMATH, tuned=True)
+@kernel(fastmath=FASTMATH)
 def remap_row(r, values, source, target, remap, moved, basis):
     """Write to `moved` the values (cells, lines, modes) of the target cells of row r by those of its source cells."""
     origin, first, count, start, blocks, _, _ = remap

@@ -9,8 +9,8 @@ buffers are added in a fixed order; a gather writes to no place twice: neither d
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
+from fpk_rocking.base.arrays import borrowed, own
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH
 from fpk_rocking.density.step import Exit
@@ -100,7 +100,7 @@ def project_point_values(values, points, rows, out, basis):
             out[a, b] = total
 
 
-@kernel(fastmath=FASTMATH, tuned=True)
+@kernel(fastmath=FASTMATH)
 def scatter_affine_cell(values, paths, side, x, v, angle_search, velocity_search, buffer, absorbed, basis):
     """Add the point masses `values` (g, h) of a cell without events; x (g,) and v (h,) are its Gauss points."""
     affine, offsets, node_weights = (paths.cosh, paths.sinh, paths.shifts[side]), paths.offsets, paths.weights
@@ -136,9 +136,13 @@ def _scatter_chunk(
     across = len(velocity_search.scales)
     absorbed[:] = 0.0
     buffer[columns[2] * across : columns[3] * across] = 0.0
-    rows = np.empty((len(source_basis), len(points.velocity_points)))
-    values = np.empty((len(points.angle_points), len(points.velocity_points)))
-    masses, ordered = np.empty(values.size * len(affine.weights) + 1), np.empty((targets.most, WIDTH))
+    owned = (
+        np.empty((len(source_basis), len(points.velocity_points))),
+        np.empty((len(points.angle_points), len(points.velocity_points))),
+        np.empty(len(points.angle_points) * len(points.velocity_points) * len(affine.weights) + 1),
+        np.empty((targets.most, WIDTH)),
+    )
+    rows, values, masses, ordered = borrowed(owned)
     for i in range(columns[0], columns[1]):
         for j in range(source.shape[1]):
             if not cells.mask[i, j] or (source[i, j, 0, 0] == 0.0 and not np.any(source[i, j])):
@@ -150,11 +154,14 @@ def _scatter_chunk(
             else:
                 side, x, v = points_of_cell(i, j, points)
                 scatter_affine_cell(values, affine, side, x, v, angle_search, velocity_search, buffer, absorbed, basis)
+    own(owned)
 
 
-@kernel(parallel=True)
-def scatter(source, cells, points, targets, affine, angle_search, velocity_search, chunks, source_basis, basis):
-    """Scatter the density of some cells to the buffers of the chunks.
+@kernel
+def scatter(
+    begin, end, source, cells, points, targets, affine, angle_search, velocity_search, chunks, source_basis, basis
+):
+    """Scatter the density of some cells to the buffers of the chunks from `begin` to `end`.
 
     Parameters
     ----------
@@ -173,7 +180,10 @@ def scatter(source, cells, points, targets, affine, angle_search, velocity_searc
     source_basis, basis : tuple, shape (modes,)
         Of source and target: their lengths tell the compiler the numbers of modes.
     """
-    for k in prange(len(chunks.columns)):
+    source, cells, points, targets, affine, angle_search, velocity_search, chunks = borrowed(
+        (source, cells, points, targets, affine, angle_search, velocity_search, chunks)
+    )
+    for k in range(begin, end):
         _scatter_chunk(
             source, cells, points, targets, affine, angle_search, velocity_search,
             chunks.columns[k], chunks.buffers[k], chunks.absorbed[k], source_basis, basis,
@@ -193,9 +203,11 @@ def sum_buffers(buffers, columns, areas, out):
                         out[i, j, a, b] += buffers[k, i * across + j, a * modes + b] / areas[i, j]
 
 
-@kernel(parallel=True)
-def gather(function, exit_values, points, numbers, targets, node_weights, cells, out, source_basis, basis):
+@kernel
+def gather(begin, end, function, exit_values, points, numbers, targets, node_weights, cells, out, source_basis, basis):
     """Write coefficients of a function before the step by those after it: adjoint of `scatter` in cells with events.
+
+    It does so for the source cells from number `begin` to `end`.
 
     Parameters
     ----------
@@ -216,7 +228,10 @@ def gather(function, exit_values, points, numbers, targets, node_weights, cells,
     source_basis, basis : tuple, shape (modes,)
         As in `scatter`.
     """
-    for n in prange(len(cells)):
+    function, exit_values, points, numbers, targets, node_weights, cells, out = borrowed(
+        (function, exit_values, points, numbers, targets, node_weights, cells, out)
+    )
+    for n in range(begin, end):
         i, j = cells[n]
         rows = np.empty((len(points.angle_points), len(source_basis)))
         values = np.empty((len(points.angle_points), len(points.velocity_points)))

@@ -15,6 +15,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import find_cells, gauss_hermite_product, gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step.characteristics import GaussPoints, Noise, event_cells, principal_axes, trace_cells
@@ -261,9 +262,9 @@ class Step:
         paths, source = self.characteristics, self.characteristics.source
         cells = SourceCells(self._scattered, source.areas, paths.numbers)
         chunks = Chunks(self._columns, self.buffers, self._absorbed)
-        scatter(
-            coefficients, cells, paths.points, self._targets, self._affine, *self.target.cell_searches, chunks,
-            *self._bases,
+        run_in_parts(
+            scatter, len(chunks.columns), coefficients, cells, paths.points, self._targets, self._affine,
+            *self.target.cell_searches, chunks, *self._bases,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         sum_buffers(self.buffers, self._columns, self.target.areas, out)
@@ -302,9 +303,10 @@ class Step:
         paths, exit_values = self.characteristics, np.asarray(exit_values, dtype=float)
         out = np.zeros(paths.source.shape)
         self._flight.apply_adjoint(values, exit_values, out)
-        gather(
-            values.reshape(-1, self.buffers.shape[2]), exit_values, paths.points, paths.numbers, self._targets,
-            paths.node_weights, np.ascontiguousarray(np.argwhere(self._scattered)), out, *self._bases,
+        cells = np.ascontiguousarray(np.argwhere(self._scattered))
+        run_in_parts(
+            gather, len(cells), values.reshape(-1, self.buffers.shape[2]), exit_values, paths.points, paths.numbers,
+            self._targets, paths.node_weights, cells, out, *self._bases,
         )  # fmt: skip
         out[~paths.active, 0, 0] = exit_values[2]
         return out

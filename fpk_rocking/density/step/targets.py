@@ -8,11 +8,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH, load, store, total
-from fpk_rocking.base.stack import scratch
+from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step import Exit
 
@@ -106,7 +106,7 @@ class Targets(NamedTuple):
         ends, flags = ends.reshape(len(flags), -1, 2), flags.reshape(len(flags), -1)
         cells, sizes = np.empty(flags.shape, np.int32), np.empty((len(flags), 2), np.int64)
         slots = len(searches[0].scales) * len(searches[1].scales) + _EXITS
-        _locate_paths(ends, flags, *searches, first_positive, slots, cells, sizes)
+        run_in_parts(_locate_paths, len(flags), ends, flags, *searches, first_positive, slots, cells, sizes)
         before = self.used
         limits = np.cumsum(sizes, axis=0) + before
         groups, blocks = limits[-1]
@@ -118,7 +118,8 @@ class Targets(NamedTuple):
             coordinates=_with_spare(self.coordinates, 2 * before[1], 2 * blocks),
             most=max(self.most, int(sizes[:, 1].max())),
         )
-        _group_paths(cells, ends, len(self.groups) - 1, np.ascontiguousarray(limits[:, 1]), slots, *larger[:-1])
+        where = len(self.groups) - 1, np.ascontiguousarray(limits[:, 1]), slots
+        run_in_parts(_group_paths, len(cells), cells, ends, *where, *larger[:-1])
         return larger
 
 
@@ -131,7 +132,7 @@ def _with_spare(array, used, needed):
     return larger
 
 
-@kernel(borrows=True)
+@kernel(forceinline=True)
 def locate_point(search, point):
     """Return the cell that holds a point and its reference coordinate on [-1, 1]; (TRUNCATED, 0) outside the mesh.
 
@@ -146,7 +147,7 @@ def locate_point(search, point):
     return i, (point - lines[i]) * scales[i] - 1.0
 
 
-@kernel(borrows=True, tuned=True)
+@kernel(forceinline=True)
 def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
     """Return the target cell of path n or its `Exit`; its end becomes the reference coordinates in the cell."""
     x, v, flag = ends[n, 0], ends[n, 1], flags[n]
@@ -162,53 +163,57 @@ def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
     return Exit.TRUNCATED.value if i < 0 or j < 0 else i * len(velocity_search.scales) + j
 
 
-@kernel(parallel=True)
-def _locate_paths(ends, flags, angle_search, velocity_search, first_positive, slots, cells, sizes):
+@kernel
+def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_positive, slots, cells, sizes):
     """Write target cells (m, n), reference coordinates in place of ends, and numbers (m, 2) of groups and blocks."""
-    for chunk in prange(TUNING.chunks):
-        counts = np.zeros(slots, np.int32)
-        for r in range(chunk * len(flags) // TUNING.chunks, (chunk + 1) * len(flags) // TUNING.chunks):
-            for n in range(flags.shape[1]):
-                cells[r, n] = locate_path(n, ends[r], flags[r], angle_search, velocity_search, first_positive)
-                counts[cells[r, n] + _EXITS] += 1
-            groups, blocks = 0, 0
-            for n in range(flags.shape[1]):
-                count = counts[cells[r, n] + _EXITS]
-                if count > 0:
-                    groups += 1
-                    blocks += (count + WIDTH - 1) // WIDTH
-                    counts[cells[r, n] + _EXITS] = 0
-            sizes[r, 0], sizes[r, 1] = groups, blocks
+    ends, flags, angle_search, velocity_search, cells, sizes = borrowed(
+        (ends, flags, angle_search, velocity_search, cells, sizes)
+    )
+    counts = np.zeros(slots, np.int32)
+    for r in range(begin, end):
+        for n in range(flags.shape[1]):
+            cells[r, n] = locate_path(n, ends[r], flags[r], angle_search, velocity_search, first_positive)
+            counts[cells[r, n] + _EXITS] += 1
+        groups, blocks = 0, 0
+        for n in range(flags.shape[1]):
+            count = counts[cells[r, n] + _EXITS]
+            if count > 0:
+                groups += 1
+                blocks += (count + WIDTH - 1) // WIDTH
+                counts[cells[r, n] + _EXITS] = 0
+        sizes[r, 0], sizes[r, 1] = groups, blocks
 
 
-@kernel(parallel=True)
-def _group_paths(cells, coordinates, before, ends, slots, groups, blocks, targets, paths, points):
+@kernel
+def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, blocks, targets, paths, points):
     """Write the arrays of a `Targets` for further source cells, which come after `before` others.
 
     `cells` (m, n) and `coordinates` (m, n, 2) are those of each path's target, `ends` the ends of the cells' blocks.
     """
-    (count, nodes), first = cells.shape, blocks[groups[before]]
-    for chunk in prange(TUNING.chunks):
-        remaining, place = np.zeros(slots, np.int32), np.zeros(slots, np.int64)
-        for r in range(chunk * count // TUNING.chunks, (chunk + 1) * count // TUNING.chunks):
-            for n in range(nodes):
-                remaining[cells[r, n] + _EXITS] += 1
-            group, block = groups[before + r], first if r == 0 else ends[r - 1]
-            for n in range(nodes):
-                slot = cells[r, n] + _EXITS
-                if remaining[slot] > 0:
-                    targets[group], place[slot] = cells[r, n], WIDTH * block
-                    group, block = group + 1, block + (remaining[slot] + WIDTH - 1) // WIDTH
-                    blocks[group] = block
-                    for k in range(WIDTH * block - 1, place[slot] + remaining[slot] - 1, -1):
-                        paths[k // WIDTH, k % WIDTH] = nodes
-                        points[2 * (k // WIDTH), k % WIDTH] = 0.0
-                        points[2 * (k // WIDTH) + 1, k % WIDTH] = 0.0
-                    remaining[slot] = 0
-                row, lane = place[slot] // WIDTH, place[slot] % WIDTH
-                paths[row, lane] = n
-                points[2 * row, lane], points[2 * row + 1, lane] = coordinates[r, n, 0], coordinates[r, n, 1]
-                place[slot] += 1
+    cells, coordinates, ends, groups, blocks, targets, paths, points = borrowed(
+        (cells, coordinates, ends, groups, blocks, targets, paths, points)
+    )
+    nodes, first = cells.shape[1], blocks[groups[before]]
+    remaining, place = np.zeros(slots, np.int32), np.zeros(slots, np.int64)
+    for r in range(begin, end):
+        for n in range(nodes):
+            remaining[cells[r, n] + _EXITS] += 1
+        group, block = groups[before + r], first if r == 0 else ends[r - 1]
+        for n in range(nodes):
+            slot = cells[r, n] + _EXITS
+            if remaining[slot] > 0:
+                targets[group], place[slot] = cells[r, n], WIDTH * block
+                group, block = group + 1, block + (remaining[slot] + WIDTH - 1) // WIDTH
+                blocks[group] = block
+                for k in range(WIDTH * block - 1, place[slot] + remaining[slot] - 1, -1):
+                    paths[k // WIDTH, k % WIDTH] = nodes
+                    points[2 * (k // WIDTH), k % WIDTH] = 0.0
+                    points[2 * (k // WIDTH) + 1, k % WIDTH] = 0.0
+                remaining[slot] = 0
+            row, lane = place[slot] // WIDTH, place[slot] % WIDTH
+            paths[row, lane] = n
+            points[2 * row, lane], points[2 * row + 1, lane] = coordinates[r, n, 0], coordinates[r, n, 1]
+            place[slot] += 1
 
 
 def _legendre(xi):
@@ -221,11 +226,11 @@ def _legendre(xi):
     return 1.0, math.sqrt(3.0) * xi, p2, p3, p4, p5
 
 
-legendre_at = kernel(fastmath={"contract"}, borrows=True)(_legendre)
-_legendre_in_lanes = kernel(fastmath=FASTMATH, borrows=True, forceinline=True)(_legendre)
+legendre_at = kernel(fastmath={"contract"})(_legendre)
+_legendre_in_lanes = kernel(fastmath=FASTMATH, forceinline=True)(_legendre)
 
 
-@kernel(fastmath=FASTMATH, borrows=True, forceinline=True)
+@kernel(fastmath=FASTMATH, forceinline=True)
 def _store_polynomials(points, b, rows):
     """Write Legendre polynomials 1 to 5 of block b's paths: of the angle, and from row `MOST_MODES` the velocity."""
     for axis in range(2):
@@ -238,7 +243,7 @@ def _store_polynomials(points, b, rows):
         store(rows, first + 5, p5)
 
 
-@kernel(fastmath=FASTMATH, borrows=True, tuned=True)
+@kernel(fastmath=FASTMATH)
 def scatter_group(target, begin, end, points, masses, basis):
     """Add masses (blocks, 8) times the shape functions at the points of a group's blocks to the unknowns of a cell."""
     modes, sums, rows = len(basis), _sums(), _polynomials()
@@ -257,7 +262,7 @@ def scatter_group(target, begin, end, points, masses, basis):
         target[k] += total(load(sums, k))
 
 
-@kernel(fastmath=FASTMATH, borrows=True, tuned=True)
+@kernel(fastmath=FASTMATH)
 def gather_group(function, begin, end, points, values, basis):
     """Write the values (blocks, 8) of a function, by its coefficients in a cell, at the points of a group's blocks."""
     modes, rows = len(basis), _polynomials()

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
-from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import (
     Event,
@@ -103,7 +103,7 @@ _polynomials = scratch(2, TERMS)
 _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def lanes_times_table(m, a):
     """Product of eight numbers, as a row, and a table (NODES, NODES)."""
     one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
@@ -112,7 +112,7 @@ def lanes_times_table(m, a):
     return (one + two) + (three + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _iterate(table, factor, base, own, near, force, square, alpha):
     """Find the accelerations at the points of a flight from a guess `near` of u - 1 there.
 
@@ -154,7 +154,7 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
     return pull, near, False
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def fly_by_tables(u, w, force, tables, span, block):
     """Carry a flight over the duration of tables; as `fly_collocated`."""
     alpha, y = block.critical_angle, u - 1.0
@@ -168,7 +168,7 @@ def fly_by_tables(u, w, force, tables, span, block):
     return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), pull + angle, found
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def fly_collocated(u, w, force, span, block, near):
     """Carry a flight over a time.
 
@@ -195,7 +195,7 @@ def fly_collocated(u, w, force, span, block, near):
     return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _guess(u, w, begin, end, span):
     """Guess of u - 1 at the points, for an acceleration linear in time, by the force at the first and last of them."""
     y, slope, square, c = u - 1.0, span * w, span * span, load(_POINTS, 0)
@@ -204,7 +204,7 @@ def _guess(u, w, begin, end, span):
     return y + c * (slope + c * (bend + c * twist))
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _value(coefficients, terms, t):
     """Value of a polynomial of an even number of coefficients at eight times; even and odd powers apart, for speed."""
     square = t * t
@@ -214,7 +214,7 @@ def _value(coefficients, terms, t):
     return even + t * odd
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _expand(u, w, span, bend, scratch, angle):
     """Write u as a polynomial in the time since the flight's middle, in halves of its duration."""
     half = 0.5 * span
@@ -231,7 +231,7 @@ def _expand(u, w, span, bend, scratch, angle):
     angle[0], angle[1] = low + rise, rise
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _without_begin(angle, quotient):
     """Write the polynomial divided by the time since the flight's begin, where it is 0."""
     value = 0.0
@@ -241,7 +241,7 @@ def _without_begin(angle, quotient):
     quotient[TERMS - 1] = 0.0
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _leaves(u, w, angle, last, fall, block):
     """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for rounding."""
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
@@ -253,7 +253,7 @@ def _leaves(u, w, angle, last, fall, block):
     return bend > -TUNING.hop_rounding and jerk > others
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _hop(u, w, side, force, start, until, block):
     """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
     if u != 0.0 or not 0.0 < w <= TUNING.hop_speed:
@@ -272,7 +272,7 @@ def _hop(u, w, side, force, start, until, block):
     return time, w + time * (bend + time * (jerk / 2.0 + time * snap / 6.0))
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _flight(u, w, side, force, start, span, block):
     """Carry a flight over a time from a start, under a force that is a polynomial; as `fly_collocated`."""
     push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
@@ -280,7 +280,7 @@ def _flight(u, w, side, force, start, span, block):
     return fly_collocated(u, w, push, span, block, near)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _event(u, w, last, angle, quotient, block):
     """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time."""
     fall, rise = curvature_bounds(angle, _BEND)
@@ -297,7 +297,7 @@ def _event(u, w, last, angle, quotient, block):
     return (Event.IMPACT if sure else Event.UNKNOWN), place
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _arrive(u, w, side, force, start, time, place, angle, block):
     """Return time and folded velocity of the impact near a time of a flight, a place of its polynomial; or 0."""
     places = load(_POINTS, 0)
@@ -310,7 +310,7 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     return time + late, speed + late * total(bend * load(_POINTS, 5))
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _land(side, speed, force, half, time, block, impacts, origin, slow):
     """Return x, v, side and time after an impact of a folded velocity, or those of rest."""
     if impacts is not None:
@@ -324,7 +324,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
     return 0.0, v, side, time
 
 
-@kernel(borrows=True)
+@kernel
 def advance_from_flight(
     force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=TUNING.chatter_time
 ):
@@ -381,7 +381,7 @@ def advance_from_flight(
     return advance_through_events(x, v, side, segment_from_force(force, half), start, end, block, impacts, origin, slow)
 
 
-@kernel(borrows=True)
+@kernel
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=TUNING.chatter_time):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`."""
     nothing = load(_POINTS, 0)

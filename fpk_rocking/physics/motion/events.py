@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.stack import scratch
 from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level
 from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
@@ -43,7 +43,7 @@ class ImpactRecord(NamedTuple):
     velocity: np.ndarray
 
 
-@kernel(borrows=True)
+@kernel
 def record_impact(impacts, time, velocity):
     """Add an impact's time and the velocity before it to an `ImpactRecord`."""
     place = impacts.count[0]
@@ -54,7 +54,7 @@ def record_impact(impacts, time, velocity):
 
 
 # Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def next_event(x, v, side, segment, start, end, block):
     """First impact or overturning of a flight, or the segment's end.
 
@@ -133,7 +133,7 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
     return straight - half * max(fall, 0.0), straight + half * max(rise, 0.0)
 
 
-@kernel(borrows=True)
+@kernel
 def lift_off_time(segment, start, end, block):
     """First time in [start, end] at which a block at rest lifts off, and the side it goes to (0: none).
 
@@ -155,7 +155,7 @@ def lift_off_time(segment, start, end, block):
     return end, 0
 
 
-@kernel(borrows=True)
+@kernel
 def rest_or_flight(speed, side, segment, time, block, slow=TUNING.chatter_time):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
@@ -172,7 +172,7 @@ def rest_or_flight(speed, side, segment, time, block, slow=TUNING.chatter_time):
     return (side if speed >= TUNING.speed_floor else 0), 0.0
 
 
-@kernel(forceinline=True, borrows=True)  # see next_event
+@kernel(forceinline=True)  # see next_event
 def advance_through_events(x, v, side, segment, start, end, block, impacts=None, origin=0.0, slow=TUNING.chatter_time):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 

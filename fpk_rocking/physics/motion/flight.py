@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.stack import scratch
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS, particular
 from fpk_rocking.physics.motion.equation import dispatch_on_block, slender_acceleration, slender_acceleration_bounds
@@ -29,7 +29,7 @@ from fpk_rocking.physics.tuning import TUNING
 dynamic_stiffness = kernel(inline="always")(particular.dynamic_stiffness)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def exponential_parts(x, v, side, particular, t):
     """Growing and decaying part of y = x - s - P, for a slender flight that is at (x, v) at a time."""
     p, q = value_and_slope(particular, t)
@@ -37,7 +37,7 @@ def exponential_parts(x, v, side, particular, t):
     return 0.5 * (y + z), 0.5 * (y - z)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def state_from_exponentials(grow, decay, side, particular, t):
     """Angle and velocity of a slender flight at a time, from its parts there: the inverse of `exponential_parts`."""
     p, q = value_and_slope(particular, t)
@@ -61,7 +61,7 @@ class SlenderFlight(NamedTuple):
     decay: float
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _start_slender(x, v, side, segment, start, end, work, block):
     """Return the `SlenderFlight` that is at (x, v) at `start`."""
     p, q = value_and_slope(segment.particular, start)
@@ -69,14 +69,14 @@ def _start_slender(x, v, side, segment, start, end, work, block):
     return SlenderFlight(start, end, fall, rise, 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q))
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _slender_state(flight, side, segment, t, work, block):
     """Angle and velocity of a `SlenderFlight` at t."""
     factor = math.exp(t - flight.begin)
     return state_from_exponentials(flight.grow * factor, flight.decay / factor, side, segment.particular, t)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def _slender_outward_time(flight, u, side, segment, t, work, block):
     """Time for which u'' surely stays >= 0 from t on, where the folded angle is u; -1 where u'' < 0 at t."""
     force, jerk = value_and_slope(segment.force, t)
@@ -84,7 +84,7 @@ def _slender_outward_time(flight, u, side, segment, t, work, block):
     return least_closing_time(rising, side * jerk, segment.force_curvature) if rising >= 0.0 else -1.0
 
 
-@kernel(borrows=True)
+@kernel
 def slender_flight_end(x, v, side, segment, start, end, block):
     """Angle and velocity at `end` of a flight that is at (x, v) at `start`."""
     p, q = value_and_slope(segment.particular, start)
@@ -111,7 +111,7 @@ class ExactFlight(NamedTuple):
     snap: float
 
 
-@kernel(borrows=True)
+@kernel
 def _expand(u, w, side, force, t, span, block, work):
     """Write the series (4, TERMS) of u, sin φ, cos φ and s f about a time; return for how long that of u holds.
 
@@ -146,7 +146,7 @@ def _expand(u, w, side, force, t, span, block, work):
     return min(reach, (TUNING.series_rounding * size / before) ** (1.0 / (TERMS - 2)))
 
 
-@kernel(borrows=True)
+@kernel
 def _start_exact(x, v, side, segment, start, end, work, block):
     """Return the `ExactFlight` that is at (x, v) at `start`; write its series to `work`, of the shape `SERIES`."""
     reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
@@ -162,14 +162,14 @@ def _start_exact(x, v, side, segment, start, end, work, block):
     return ExactFlight(start, end, spread - 2.0 * angle[2], spread + 2.0 * angle[2], snap / step)
 
 
-@kernel(borrows=True)
+@kernel
 def _exact_state(flight, side, segment, t, work, block):
     """Angle and velocity at t of an `ExactFlight` whose series is in `work`."""
     u, w = value_and_slope(work[0], t - flight.begin)
     return side * u, side * w
 
 
-@kernel(borrows=True)
+@kernel
 def _exact_outward_time(flight, u, side, segment, t, work, block):
     """Time for which u'' surely stays >= 0 from t on, within the series; -1 where u'' < 0 at t."""
     angle, since = work[0], t - flight.begin
@@ -180,7 +180,7 @@ def _exact_outward_time(flight, u, side, segment, t, work, block):
     return least_closing_time(rising, jerk, flight.snap) if rising >= 0.0 else -1.0
 
 
-@kernel(borrows=True)
+@kernel
 def _exact_flight_end(x, v, side, segment, start, end, block):
     """Angle and velocity at `end` of a flight that is at (x, v) at `start`."""
     work, t, u, w = _series(), start, side * x, side * v
@@ -217,14 +217,14 @@ def apply_affine(x, v, affine):
     return shift[0] + cosh * x + sinh * v, shift[1] + sinh * x + cosh * v
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def runge_kutta_coefficients(h):
     """Return what a step h of the classical method of order 4 has in place of cosh, sinh and cosh - 1."""
     keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
     return keep, swap, h * h * (3.0 + 0.25 * h * h) / 6.0
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def runge_kutta_forcing(begin, middle, end, h):
     """Angle and velocity that a force of these values adds to a step h of that method."""
     x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0

@@ -142,7 +142,7 @@ def covariance_through_impact(diffusions, before, after, impact, restitution):
     return (final_xx, final_xv, final_vv), (xx, xv, vv), (b11, b12, b21, b22)
 
 
-@kernel(borrows=True)
+@kernel
 def displacement_through_impact(x, v, time, rest, impact, block):
     """Carry a displacement at the time of a fast impact through it and on to the step's end, without further noise.
 

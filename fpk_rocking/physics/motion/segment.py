@@ -28,7 +28,7 @@ class Segment(NamedTuple):
     force_curvature: float
 
 
-@kernel(borrows=True)
+@kernel
 def force_bounds_over(force, duration):
     """Bounds of f below and above and of |f''| up to a time on both sides of 0, from its coefficients (TERMS,)."""
     spread, curvature, power = 0.0, 0.0, 1.0
@@ -40,7 +40,7 @@ def force_bounds_over(force, duration):
     return force[0] - spread, force[0] + spread, curvature
 
 
-@kernel(borrows=True)
+@kernel
 def force_from_particular(particular, duration, force):
     """Write the coefficients (TERMS,) of f = P'' - P from those of P; return its bounds, as `force_bounds_over`."""
     for k in range(TERMS):
@@ -73,7 +73,7 @@ def segment_from_particular(particular, force, duration):
     return Segment(particular, force, *force_from_particular(particular, duration, force))
 
 
-@kernel(borrows=True)
+@kernel
 def particular_from_rest(force, particular):
     """Write P (TERMS,) of the force (TERMS,) that begins with zero angle and velocity."""
     particular[0], particular[1] = 0.0, 0.0
@@ -81,7 +81,7 @@ def particular_from_rest(force, particular):
         particular[k + 2] = (particular[k] + force[k]) / ((k + 1) * (k + 2))
 
 
-@kernel(borrows=True)
+@kernel
 def move_origin(coefficients, t, out):
     """Write the coefficients (TERMS,) of the same polynomial in the time since t."""
     for k in range(TERMS):
@@ -91,7 +91,7 @@ def move_origin(coefficients, t, out):
             out[i] += t * out[i + 1]
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def value_and_slope(coefficients, t):
     """Value and derivative at t of the polynomial with coefficients (TERMS,); even and odd powers apart, for speed."""
     if t == 0.0:
@@ -107,7 +107,7 @@ def value_and_slope(coefficients, t):
     return even + t * odd, odd + 2.0 * t * (even_slope + t * odd_slope)
 
 
-@kernel(borrows=True)
+@kernel
 def least_closing_time(gap, slope, curvature):
     """Least time in which a gap >= 0 with this slope and a second derivative >= -curvature can close; or inf."""
     discriminant = slope * slope + 2.0 * curvature * gap

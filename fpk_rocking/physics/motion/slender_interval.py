@@ -47,7 +47,7 @@ def interval_tables(half: float) -> tuple[Array, Array]:
     return np.stack([inverse, inverse * (-1.0) ** order]), bend
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _fold(interval, grow, decay, sign):
     """Write the angle u = s x of a flight as a polynomial."""
     particular, folded, exponentials = interval.particular, interval.folded, interval.exponentials
@@ -57,7 +57,7 @@ def _fold(interval, grow, decay, sign):
     folded[0] += 1.0
 
 
-@kernel(fastmath={"contract", "reassoc"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract", "reassoc"}, forceinline=True)
 def curvature_bounds(folded, bend):
     """Half of the bounds of -u'' and u'' over the interval, at least 0."""
     spread = 0.0
@@ -66,7 +66,7 @@ def curvature_bounds(folded, bend):
     return max(0.5 * spread - folded[2], 0.0), max(0.5 * spread + folded[2], 0.0)
 
 
-@kernel(fastmath={"contract"}, forceinline=True, borrows=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def downward_root(q, half):
     """Time in [-half, half] at which a polynomial q (TERMS,) falls through zero, and its slope; 0 if none is found."""
     square = q[1] * q[1] - 4.0 * q[2] * q[0]
@@ -93,7 +93,7 @@ def downward_root(q, half):
     return 0.0, 0.0
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def chord_excludes_event(u, end, square, rise, fall, cutoff):
     """Whether a flight with these angles at its ends has no event between them: the parabolas over its chord tell.
 
@@ -103,14 +103,14 @@ def chord_excludes_event(u, end, square, rise, fall, cutoff):
     return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff
 
 
-@kernel(borrows=True)
+@kernel
 def _through_events(particular, force, half, x, v, side, begin, end, block, impacts, origin):
     """Carry a block from one time in the interval to another; returns as `advance_through_events`."""
     segment = segment_from_particular(particular, force, half)
     return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
 
 
-@kernel(borrows=True)
+@kernel
 def state_at_begin(particular, half, grow, decay, side):
     """Angle and velocity at the interval's begin."""
     if side == 0:
@@ -118,7 +118,7 @@ def state_at_begin(particular, half, grow, decay, side):
     return state_from_exponentials(grow, decay, side, particular, -half)
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, origin):
     """Carry a block through an interval in which it may have an event.
 
@@ -182,7 +182,7 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
     return grow, decay, side * x, side, math.inf
 
 
-@kernel(forceinline=True, borrows=True)
+@kernel(forceinline=True)
 def state_in_interval(interval, grow, decay, side, time, block):
     """Angle and velocity at a time in the interval, nan if overturned; arguments as for `cross_interval`."""
     x, v = state_at_begin(interval.particular, interval.half, grow, decay, side)

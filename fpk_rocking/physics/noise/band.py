@@ -105,7 +105,7 @@ def cos_sin_of_turns(angle):
     return 1.0 - 2.0 * s * s, 2.0 * s * c
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def write_sample_rotations(harmonics, half, spacing):
     """Write the rotations `even`, `odd` to `half` samples beside a centre, `spacing` cycles apart."""
     ratios, even, odd = harmonics.ratios, harmonics.even, harmonics.odd
@@ -116,7 +116,7 @@ def write_sample_rotations(harmonics, half, spacing):
             odd[j, n] = odd[0, n] * even[j - 1, n] + even[0, n] * odd[j - 1, n]
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def write_rotation(ratios, cycles, cosines, sines):
     """Write the rotations of the harmonics over a time given in cycles, as for `hop` and `wrap`."""
     for n in range(ratios.size):
@@ -125,7 +125,7 @@ def write_rotation(ratios, cycles, cosines, sines):
         sines[n] = s
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def set_centre(harmonics, cycle, fraction):
     """Put the centre at a time given in cycles, directly."""
     for n in range(harmonics.ratios.size):
@@ -134,7 +134,7 @@ def set_centre(harmonics, cycle, fraction):
         harmonics.sines[n] = harmonics.weights[n] * s
 
 
-@kernel(fastmath={"contract"}, borrows=True)
+@kernel(fastmath={"contract"})
 def rotate_centre(harmonics, rotation):
     """Move the centre on by a rotation (2, M): `hop` or `wrap`."""
     for n in range(harmonics.ratios.size):
@@ -143,7 +143,7 @@ def rotate_centre(harmonics, rotation):
         harmonics.sines[n] = s * rotation[0, n] + c * rotation[1, n]
 
 
-@kernel(fastmath={"contract", "reassoc"}, borrows=True)
+@kernel(fastmath={"contract", "reassoc"})
 def add_samples(harmonics, half, out):
     """Add the noise at the centre and at `half` samples on each side of it to `out` (2 * half + 1,).
 
@@ -173,7 +173,7 @@ def add_samples(harmonics, half, out):
         _pair(out, half, j + 4, e3, o3)
 
 
-@kernel(inline="always", borrows=True)
+@kernel(inline="always")
 def _pair(out, half, offset, even, odd):
     """Add sums of cosines and sines to the samples at an offset on both sides of the centre."""
     if offset <= half:

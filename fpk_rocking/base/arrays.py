@@ -1,4 +1,4 @@
-"""Arrays on the stack: scratch of a kernel that borrows, at no cost and without an owner."""
+"""Arrays whose references a kernel need not count: that can cost more than a small kernel itself."""
 
 from collections.abc import Callable
 from typing import Any
@@ -34,3 +34,32 @@ def scratch(rows: int, columns: int) -> Callable[[], Any]:
         return array(), reserve
 
     return make
+
+
+@intrinsic
+def borrowed(typing, value):  # noqa: ARG001
+    """Return an array, or a tuple with arrays, without ownership of the memory: no references to it are counted.
+
+    Whoever calls the kernel has to own the arrays until it returns, as Python does the arguments of a kernel.
+    """
+
+    def disowned(context, builder, kind, item):
+        if isinstance(kind, types.BaseTuple):
+            items = zip(kind.types, cgutils.unpack_tuple(builder, item), strict=True)
+            return context.make_tuple(builder, kind, [disowned(context, builder, *pair) for pair in items])
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, item)
+            array.meminfo = cgutils.get_null_value(array.meminfo.type)
+            return array._getvalue()
+        return item
+
+    def generate(context, builder, called, arguments):
+        return disowned(context, builder, called.args[0], arguments[0])
+
+    return value(value), generate
+
+
+@intrinsic
+def own(typing, value):  # noqa: ARG001
+    """Keep an array, or a tuple with arrays, that a kernel made, up to this call: what is borrowed from it lasts."""
+    return types.void(value), lambda context, *_: context.get_dummy_value()
