@@ -1,8 +1,5 @@
 """Small pictures of results, for ``plot()``: survival, and densities over the plane; matplotlib comes with them."""
 
-import base64
-import html
-import io
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -18,7 +15,6 @@ __all__ = [
     "edges_of",
     "figure_of",
     "function_panel",
-    "picture_html",
     "plane_panel",
     "plane_units",
     "result_panels",
@@ -148,20 +144,3 @@ def function_panel(
 def _title(result, cycle):
     """Time of a row and survival then, as a title of a panel."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
-
-
-def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
-    """Return a figure as an image of HTML that holds its own data.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    meaning : str
-        Text for those who do not see it.
-    dots : int
-        An inch.
-    """
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=dots)
-    data = base64.b64encode(picture.getvalue()).decode("ascii")
-    return f"<img alt='{html.escape(meaning)}' src='data:image/png;base64,{data}'>"

@@ -177,7 +177,7 @@ class Result:
         return f"{type(self).__name__}: {self.title}"
 
     def _repr_html_(self) -> str:
-        from fpk_rocking.results.pictures import picture_html
+        from fpk_rocking.results.style import picture_html
 
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th>"

@@ -1,6 +1,9 @@
 """The drawing style of every figure: sizes, fonts, the colour-blind-safe colours of Okabe and Ito, pages, and files."""
 
+import base64
 import contextlib
+import html
+import io
 import pathlib
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
@@ -141,3 +144,20 @@ def save(figure: Any, path: File) -> pathlib.Path:
     with replaced_atomically(path) as temporary:
         figure.savefig(temporary, metadata={"Title": figure.get_suptitle()})
     return pathlib.Path(path)
+
+
+def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
+    """Return a figure as an image of HTML that holds its own data.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    meaning : str
+        Text for those who do not see it.
+    dots : int
+        An inch.
+    """
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=dots)
+    data = base64.b64encode(picture.getvalue()).decode("ascii")
+    return f"<img alt='{html.escape(meaning)}' src='data:image/png;base64,{data}'>"

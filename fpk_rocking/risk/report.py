@@ -11,8 +11,9 @@ import numpy as np
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.output.report import json_html, left_out, table_html, write_page
 from fpk_rocking.results import style
-from fpk_rocking.results.pictures import figure_of, picture_html
+from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import noise_text
+from fpk_rocking.results.style import picture_html
 from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from fpk_rocking import Record, load_scene, solve_fpk
 from fpk_rocking.density import Evolution
-from fpk_rocking.density.space.space import Space
 from fpk_rocking.studies import fragility, grid, sweep
 from montecarlo import (
     bin_errors,
@@ -35,7 +34,7 @@ EDGES = np.linspace(-1.6, 1.6, 5)
 LINES = np.linspace(-2.0, 2.0, 5)
 EVOLUTION = Evolution(
     WHITE, 0.006, "", 1e-2, WHITE.period * np.arange(3), np.ones(3), np.zeros((3, 2)), np.zeros(3), np.zeros(3), 1e-3,
-    1e-3, 0.0, 0.0, 0.0, 0.0, 0.1, {}, np.ones((3, 4, 4, 2, 2)), Space(LINES, LINES, 1), False,
+    1e-3, 0.0, 0.0, 0.0, 0.0, 0.1, {}, np.ones((3, 4, 4, 2, 2)), LINES, LINES, False,
 )  # fmt: skip
 
 TOO_MANY = st.integers(2**33, 10**30)

@@ -29,8 +29,13 @@ from fpk_rocking.physics.motion.events import (
     rest_or_flight,
 )
 from fpk_rocking.physics.motion.impact import velocity_after_impact
-from fpk_rocking.physics.motion.segment import segment_from_force, value_and_slope
-from fpk_rocking.physics.motion.slender_interval import chord_excludes_event, curvature_bounds, downward_root
+from fpk_rocking.physics.motion.segment import (
+    chord_excludes_event,
+    curvature_bounds,
+    downward_root,
+    segment_from_force,
+    value_and_slope,
+)
 from fpk_rocking.physics.tuning import TUNING
 
 NODES = WIDTH

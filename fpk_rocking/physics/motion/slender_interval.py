@@ -19,7 +19,12 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import advance_through_events, record_impact
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
 from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
-from fpk_rocking.physics.motion.segment import segment_from_particular, value_and_slope
+from fpk_rocking.physics.motion.segment import (
+    chord_excludes_event,
+    curvature_bounds,
+    downward_root,
+    segment_from_particular,
+)
 from fpk_rocking.physics.tuning import TUNING
 
 
@@ -55,52 +60,6 @@ def _fold(interval, grow, decay, sign):
     for k in range(particular.size):
         folded[k] = sign * particular[k] + (grow * exponentials[0, k] + decay * exponentials[1, k])
     folded[0] += 1.0
-
-
-@kernel(fastmath={"contract", "reassoc"}, forceinline=True)
-def curvature_bounds(folded, bend):
-    """Half of the bounds of -u'' and u'' over the interval, at least 0."""
-    spread = 0.0
-    for k in range(folded.size):
-        spread += bend[k] * abs(folded[k])
-    return max(0.5 * spread - folded[2], 0.0), max(0.5 * spread + folded[2], 0.0)
-
-
-@kernel(fastmath={"contract"}, forceinline=True)
-def downward_root(q, half):
-    """Time in [-half, half] at which a polynomial q (TERMS,) falls through zero, and its slope; 0 if none is found."""
-    square = q[1] * q[1] - 4.0 * q[2] * q[0]
-    if square <= 0.0:
-        return 0.0, 0.0
-    # Root of the first three terms, then one step of Newton's iteration on six.
-    root = math.sqrt(square)
-    t = 2.0 * q[0] / (root - q[1])
-    t += t * t * t * (q[3] + t * (q[4] + t * q[5])) / (root - t * t * (3.0 * q[3] + t * (4.0 * q[4] + t * 5.0 * q[5])))
-    for _ in range(TUNING.root_rounds):
-        if not -half <= t <= half:
-            break
-        value, slope = value_and_slope(q, t)
-        if slope >= 0.0:
-            break
-        bend = t * (30.0 * q[6] + t * (42.0 * q[7] + t * (56.0 * q[8] + t * 72.0 * q[9])))
-        bend = 2.0 * q[2] + t * (6.0 * q[3] + t * (12.0 * q[4] + t * (20.0 * q[5] + bend)))
-        shift = -value / slope
-        shift *= 1.0 + 0.5 * shift * bend / slope
-        t += shift
-        if abs(shift) < TUNING.root_change and abs(shift * bend) < -TUNING.root_change * slope:
-            jerk = 6.0 * q[3] + t * (24.0 * q[4] + t * 60.0 * q[5])
-            return t, slope + shift * (bend + 0.5 * shift * jerk)
-    return 0.0, 0.0
-
-
-@kernel(forceinline=True)
-def chord_excludes_event(u, end, square, rise, fall, cutoff):
-    """Whether a flight with these angles at its ends has no event between them: the parabolas over its chord tell.
-
-    `square` is that of the duration; `rise`, `fall` are half of the bounds of u'' and -u''.
-    """
-    higher, lower = max(u, end), min(u, end)
-    return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff
 
 
 @kernel
