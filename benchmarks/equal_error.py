@@ -75,8 +75,8 @@ def solver_rows(scene, truth):
         errors = truth.errors(
             evolution.survival, lambda edges, evolution=evolution: evolution.bin_probabilities(CYCLES, *edges)
         )
-        told = {"survival": evolution.error_estimate, "coarse": evolution.bins_error_estimate}
-        rows[tol] = {"seconds": seconds[tol], "told": told} | errors
+        certified = {"survival": evolution.error_estimate, "coarse": evolution.bins_error_estimate}
+        rows[tol] = {"seconds": seconds[tol], "certified": certified} | errors
     return rows
 
 
@@ -140,7 +140,7 @@ def at_equal_error(truth, solver, alone, rates, baseline=None):
         entry = {"target": name}
         bounds = {
             "whole": {how: row[kind] + truth.unsure[kind] for how, row in solver.items()},
-            "told": {how: row["told"][kind] for how, row in solver.items() if kind in row["told"]},
+            "certified": {how: row["certified"][kind] for how, row in solver.items() if kind in row["certified"]},
             "alone": {how: row[kind] + truth.unsure[kind] for how, row in alone.items()},
         }
         for method, bound in bounds.items():
@@ -234,10 +234,10 @@ def body(scenes, noise, horizon, memory):
     truth = scenes["main"]["truth"]
     paths, apart, floor, difference, error = truth.against_paths()
     finest, held = RESOLUTIONS[-1], ", ".join(f"{name} {value:.0f} MB" for name, value in memory.items())
-    met, told = (ratio_range(scenes["main"]["equal"], way) for way in ("whole", "told"))
+    met, certified = (ratio_range(scenes["main"]["equal"], way) for way in ("whole", "certified"))
     head = ["D", "s", "unknowns", "estimate of S", "estimate of bins", "white, s", "ratio"]
     return f"""**Result**, main scene: sampling takes {met} as long as the density solver for the same error.
-Where the solver's own estimate has to certify the error, the range is {told}.
+Where the solver's own estimate has to certify the error, the range is {certified}.
 
 **Truth.** White noise, {CYCLES} cycles from rest; dS over the cycles, L1 after the tenth. Errors are against the
 solver's finest mesh ({finest.angle_cells} × {finest.velocity_cells} cells of degree {finest.degree}). The next finest
@@ -296,7 +296,7 @@ def equal_lines(scenes):
     lines = []
     for name, figures in scenes.items():
         for row in figures["equal"]:
-            own = [row.get(method) for method in ("whole", "told", "alone")]
+            own = [row.get(method) for method in ("whole", "certified", "alone")]
             labels = ("tol {how:g}: {error:.1e}", "tol {how:g}: {error:.1e}", "{how}: {error:.1e}")
             cells = [
                 f"{entry['seconds']:.2f} ({label.format(**entry)})" if entry else "-"

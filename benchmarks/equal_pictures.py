@@ -50,13 +50,13 @@ TARGETS = {"dS = 1e-4": 1e-4, "L1 = 0.01, bins of .1": 0.01}
 def _certified(equal, target):
     """Return the seconds that the density solver and the fastest sampler take to certify an error."""
     (row,) = (one for one in equal if one["target"] == target)
-    return row["told"]["seconds"], min(row[method] for method in ("white", "exact", "rk4"))
+    return row["certified"]["seconds"], min(row[method] for method in ("white", "exact", "rk4"))
 
 
 def _errors(axes, figures, kind, target):
     """Draw the errors of one kind, those of samplers through the time in which they meet a target."""
     floor, seconds = figures["unsure"][kind], [row["seconds"] for row in figures["solver"].values()]
-    certified = [row["told"][kind] for row in figures["solver"].values()]
+    certified = [row["certified"][kind] for row in figures["solver"].values()]
     axes.plot(seconds, certified, "D-", color="black", label="density solver, error it certifies")
     for part, mark, name in (
         ("solver", "D", "the same, measured error"),

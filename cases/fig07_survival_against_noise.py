@@ -51,7 +51,7 @@ _PHASE_LOOKS = (
     {"color": style.COLOURS[1], "marker": "s"},
     {"color": "#555555", "marker": "D", "markersize": 9.0, "markerfacecolor": "none", "linestyle": "none"},
 )
-_CLOSURE = "The density solver has white noise of equal Melnikov variance: a closure, to be judged by Monte Carlo."
+_REPLACEMENT = "The density solver has white noise of equal Melnikov variance: an approximation that paths judge."
 _DEVIATION = "standard deviation of the noise σ, nondimensional"
 
 
@@ -110,7 +110,7 @@ def run(
             }
             for variance, one in zip(density_variances, white, strict=True)
         ],
-        "remarks": [scene.noise.remark, _CLOSURE],
+        "remarks": [scene.noise.remark, _REPLACEMENT],
     }
     draw(out / "fig07.png", values)
     files.write_json(out / "fig07.json", values)

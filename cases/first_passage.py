@@ -34,9 +34,8 @@ from montecarlo import tally
 VARIANCES = (0.01, 0.02, 0.04)
 EARLY = 6
 PARTS = 20
-_CLOSURE = (
-    "The density solver has white noise of equal Melnikov variance, D = {:.3f} σ²: a closure, to be judged by Monte "
-    "Carlo."
+_REPLACEMENT = (
+    "The density solver has white noise of equal Melnikov variance, D = {:.3f} σ²: an approximation that paths judge."
 )
 
 
@@ -78,7 +77,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
         "early": band.first_passage[1 : EARLY * PARTS + 1].tolist(),
         "remarks": [
             scene.noise.remark,
-            _CLOSURE.format(scene.white_equivalent().noise.diffusion / scene.noise.variance),
+            _REPLACEMENT.format(scene.white_equivalent().noise.diffusion / scene.noise.variance),
         ],
     }
     draw(out / "passage.png", values)

@@ -68,7 +68,7 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
         "negative_mass": operator.negative_mass,
         "eigenvalues": [[one.real, one.imag] for one in operator.eigenvalues],
         "survival": {str(k): [s, e] for k, s, e in zip(LONG, long.survival, long.error_estimate, strict=True)},
-        "closure": operator.noise_replacement,
+        "noise_replacement": operator.noise_replacement,
     }
     _draw(out / "attractor.png", operator, quiet, ensemble, outlook)
     write_function(out / "attractor.vtu", operator.quasi_stationary, "density")

@@ -65,7 +65,7 @@ def run(
     for e in density_restitutions:
         with reporting(f"density, e = {e:g}") as progress:
             densities.append(solve_fpk(_varied(scene, e, OURS), cycles=max(CYCLES), tol=tol, progress=progress))
-    closures = [one.noise_replacement for one in densities[:1]]
+    replacements = [one.noise_replacement for one in densities[:1]]
     values = {
         "scene": scene.to_toml(),
         "cycles": list(CYCLES),
@@ -84,7 +84,7 @@ def run(
             for e, one in zip(density_restitutions, densities, strict=True)
         ],
         "cycles_without_noise": [_stood(scene, e) for e in restitutions],
-        "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS]), *closures))),
+        "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS]), *replacements))),
     }
     draw(out / "restitution.png", values)
     files.write_json(out / "restitution.json", values)

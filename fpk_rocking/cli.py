@@ -174,6 +174,7 @@ def main(arguments=None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line, with a subparser for each command."""
     layout = argparse.RawDescriptionHelpFormatter
     parser = _Parser("fpk-rocking", description=_DESCRIPTION, epilog=_EXAMPLES, formatter_class=layout)
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
@@ -209,10 +210,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _fpk(options):
+    """Run the command ``fpk``: solve a scene, and print and save the density."""
     _finish(options, _checked(options, _solved(options, _scene(options, options.scene))))
 
 
 def _mc(options):
+    """Run the command ``mc``: simulate a scene, and print and save the sample."""
     _finish(options, _simulated(options, _scene(options, options.scene)))
 
 
@@ -232,6 +235,7 @@ def _finish(options, result):
 
 
 def _compare(options):
+    """Run the command ``compare``: solve and simulate a scene, and print and save the comparison."""
     from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import compare
     from fpk_rocking.output import curves, tables
@@ -255,6 +259,7 @@ def _compare(options):
 
 
 def _fragility(options):
+    """Run the command ``fragility``: compute, print and save fragility curves."""
     from fpk_rocking.base.files import plain, write_json
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.risk.curve import at_intensity
@@ -308,6 +313,7 @@ def _fragility(options):
 
 
 def _risk(options):
+    """Run the command ``risk``: compute, print and save an annual rate of overturning."""
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.risk.study import study
 
@@ -381,6 +387,7 @@ def _numbers(name, text):
 
 
 def _warmup(_):
+    """Run the command ``warmup``: compile all kernels, and say how long that took."""
     from fpk_rocking.base import ahead
 
     begin = time.monotonic()
@@ -392,6 +399,7 @@ def _warmup(_):
 
 
 def _scene(options, path):
+    """Return the scene of a file, with the changes of --set."""
     from fpk_rocking.scene.scene import load_scene
 
     if path.endswith(".npz"):
@@ -424,7 +432,7 @@ def _solved(options, scene):
 
 
 def _checked(options, density, beside=None):
-    """Measure what a replacement of the noise changes in a density, by the ensemble `beside` if that suffices."""
+    """Return a density with the measured change by the replacement of its noise, by `beside` if large enough."""
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import tasks
 
@@ -445,6 +453,7 @@ def _passed(options, *names):
 
 
 def _simulated(options, scene):
+    """Simulate a scene with the options of the engines; return an ensemble or, with --tally, a tally."""
     from fpk_rocking.output.progress import reporting
     from montecarlo import simulate, tally
 
@@ -460,6 +469,7 @@ def _simulated(options, scene):
 
 
 def _loaded(options) -> list:
+    """Return the saved results that the options name."""
     from fpk_rocking.density import Evolution
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
@@ -476,6 +486,7 @@ def _loaded(options) -> list:
 
 
 def _print(options, result, values, table, films=()):
+    """Print a result as JSON (`values`) or as a table, and write its report where one is asked for."""
     from fpk_rocking.output import tables
 
     if options.report:

@@ -55,7 +55,7 @@ def of_block(task, scene):
 
 
 def perform(task):
-    """Run a task here, and note that it is done."""
+    """Run a task, given as "module:function", in this process, and mark it on the disk as done."""
     import importlib
 
     module, name = task.split(":")
@@ -65,12 +65,12 @@ def perform(task):
 
 
 def expect(task):
-    """Say that a call needs a task, but not first: helpers take it on after those of that which it needs first."""
+    """Add a task to those that helper processes of the next `before` compile, after the tasks passed to that."""
     _expected.append(task)
 
 
 def before(task, *helping):
-    """Say that a first call is about to compile, if it is, and let other processes compile a part of it.
+    """Start helper processes for a call that compiles for the first time, and report it on standard error.
 
     Only the first time in a process and, where that ran to its end, on a machine.
 
@@ -91,7 +91,7 @@ def before(task, *helping):
 
 
 def ready(task):
-    """Run a task here unless it has been run on this machine: before workers start, which need what it compiles."""
+    """Run a task in this process unless its machine code is on the disk: before workers start that need it."""
     if not _done(task):
         before(task)
         perform(task)
@@ -145,7 +145,7 @@ def processors():
 
 
 def _place(task):
-    """File that says that a task has been done with the present text of the code, by this numba on this processor."""
+    """Path of the file whose presence marks a task as done, for this source code, this numba and this processor."""
     import numba
     from llvmlite import binding
 
@@ -158,6 +158,7 @@ def _place(task):
 
 
 def _done(task):
+    """Whether the machine code of a task is on the disk."""
     try:
         return _place(task).exists()
     except OSError:
@@ -165,6 +166,7 @@ def _done(task):
 
 
 def _note(task):
+    """Mark a task as done, where the disk can be written to."""
     with contextlib.suppress(OSError):
         place = _place(task)
         place.parent.mkdir(parents=True, exist_ok=True)

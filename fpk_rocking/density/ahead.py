@@ -23,7 +23,7 @@ _USUAL = 1e-3
 
 
 def flight():
-    """Free flight, of which a solver has need last."""
+    """Compile the kernels of free flight, which a solution needs last."""
     degree = RESOLUTIONS[USUAL[_USUAL]].degree
     space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), degree)
     free = np.ones(space.shape[:2], dtype=bool)
@@ -33,25 +33,26 @@ def flight():
 
 
 def solve():
-    """Everything of one cycle."""
+    """Compile all kernels of a solution under white noise, by solving one cycle coarsely."""
     solve_fpk(_SCENE, cycles=1, tol=_USUAL)
 
 
 def solve_exact():
-    """Everything of one cycle of an exact block."""
+    """Compile all kernels of a solution under white noise for an exact block, by solving one cycle coarsely."""
     solve_fpk(_EXACT, cycles=1, tol=_USUAL)
 
 
 def filtered():
-    """Kernels that filtered noise needs beside the others."""
+    """Compile the kernels that filtered noise needs beside those of `solve`."""
     _carry_from_rest(_SCENE)
 
 
 def filtered_exact():
-    """Kernels that filtered noise needs beside the others, for an exact block."""
+    """Compile the kernels that filtered noise needs beside those of `solve_exact`."""
     _carry_from_rest(_EXACT)
 
 
 def _carry_from_rest(scene):
+    """Compile the kernel that carries a block at rest through a step of a scene."""
     dynamics = Dynamics.of(scene)
     advance_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

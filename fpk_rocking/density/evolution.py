@@ -25,7 +25,7 @@ from fpk_rocking.scene.scene import Scene
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Evolution(Saved, SurvivalResult):
-    """The joint density of angle and velocity over time, as `solve_fpk` found it; all quantities are nondimensional.
+    """The joint density of angle and velocity over time, the result of `solve_fpk`; all quantities are nondimensional.
 
     Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
     row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
@@ -197,7 +197,7 @@ class Evolution(Saved, SurvivalResult):
         return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against this density beside its error: model, unchecked noise, what is not resolved."""
+        """Diagnostics of this density beside its errors: the model, unchecked noise, rest that is not resolved."""
         return scene_diagnostics(self.scene, "" if self.replacement else self.noise_replacement, self.unresolved)
 
     @property

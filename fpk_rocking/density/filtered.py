@@ -73,7 +73,7 @@ class FilteredPropagator(CyclicPropagator):
         return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):
-        """Make active what was so at the nodes of a coarser propagator on either side, about the same time."""
+        """Mark as active the cells that a coarser propagator has active at its next nodes about the same time."""
         places = np.searchsorted(coarse.nodes.values, self.nodes.values)[: self.active.shape[1]]
         for k, begin in enumerate(self.step_begins[:-1]):
             cells = coarse.active_about(begin, self.space)
@@ -87,7 +87,7 @@ class FilteredPropagator(CyclicPropagator):
         return Dynamics(*common, critical_angle=block.critical_angle or None)
 
     def _steps_at_nodes(self, k):
-        """Step k of the symmetry period at every node of the noise; they share what does not depend on the node."""
+        """Return the steps with number k of the symmetry period, one for each node of the noise, with shared tables."""
         begin, duration, space = self.step_begins[k], self.durations[k], self.space
         points = self.discretization.points
         rule, factor = Quadrature(points, points, 1, 1, 1), self.nodes.piecewise_constant_factor(duration)
@@ -122,6 +122,7 @@ class FilteredPropagator(CyclicPropagator):
         return self._transitions[key]
 
     def _steps_about(self, time):
+        """Numbers of the last step that begins by a time, and of the next one."""
         before = int(np.searchsorted(self.step_begins, time, side="right")) - 1
         return before, before + 1
 
@@ -172,13 +173,13 @@ class FilteredPropagator(CyclicPropagator):
                 at_rest[a, b] += masses[3]
         return outflow
 
-    def _from_rest(self, trace):
+    def _from_rest(self, characteristics):
         """Angle, velocity and side (0: at rest) at the end of a step of a block that is at rest at its begin."""
-        segment = trace.dynamics.segment(trace.start, trace.duration)
-        return advance_from_rest(segment, trace.duration, trace.dynamics.block)
+        segment = characteristics.dynamics.segment(characteristics.start, characteristics.duration)
+        return advance_from_rest(segment, characteristics.duration, characteristics.dynamics.block)
 
     def _activate(self, k, density):
-        """Make all cells of step k active that hold something at one of the nodes that share their cells."""
+        """Activate in step k the cells with more than a negligible mass at one of the nodes that share them."""
         size = len(density) // self.active.shape[1]
         for group, cells in enumerate(self.active[k]):
             nodes, beyond = slice(group * size, (group + 1) * size), False

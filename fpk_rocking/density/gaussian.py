@@ -90,7 +90,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
 
 
 def initial_density(start, space, cutoff):
-    """Coefficients of a start on a mesh, for looking at it, and masses beyond the cut-off (2,); zeros for a point."""
+    """Coefficients of a Gaussian start on a mesh, and its masses past the cut-offs (2,); zeros for a point."""
     if start.covariance is None:
         return np.zeros(space.shape), [0.0, 0.0]
     gaussian = Gaussian.of(start)

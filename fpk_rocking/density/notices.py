@@ -141,7 +141,7 @@ def warn_beyond(
 
 
 def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
-    """Warn where the estimated error of what is at rest is larger than wanted; inf leaves it out."""
+    """Warn where the estimated error of the probability at rest is larger than wanted; with inf never."""
     sentence = result.unresolved_beyond(wanted)
     if sentence:
         warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)
@@ -178,7 +178,7 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
 
 
 def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:
-    """Say on standard error how long some solutions will take together, and what sampling would, if it is long."""
+    """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them."""
     if scene.noise.kind != "white":
         return
     seconds = sum(estimated_seconds(scene, discretization, times) for discretization in discretizations)
@@ -191,7 +191,7 @@ def announce(scene: Scene, discretizations: Sequence[Discretization], times: Arr
 
 
 def announce_finer(scene: Scene, before: Discretization, finer: Discretization, times: Array, taken: float) -> None:
-    """Say how long a finer solution will take if it is long, by the seconds `taken` by the one before."""
+    """Print to standard error the estimated time of a finer solution, if long, by that of the one before, `taken`."""
     if scene.noise.kind != "white":
         return
     seconds = taken * estimated_seconds(scene, finer, times) / estimated_seconds(scene, before, times)

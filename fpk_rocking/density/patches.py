@@ -37,27 +37,30 @@ def patch_of(settings, mean, covariance, cutoff, box=None):
 
 
 def _within(lines, cutoff):
-    """Cut lines of equal cells off at both sides; what is left of a cell, if below a tenth, goes to its neighbour."""
+    """Mesh lines of equal cells, cut at ± the cut-off; a remainder below a tenth of a cell joins its neighbour."""
     first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
     inner = lines[(lines > first + thin) & (lines < last - thin)]
     return np.concatenate([[first], inner, [last]])
 
 
-def next_patch(settings, trace: Characteristics, coefficients, cutoff):
-    """Patch for the density after a traced step, by the moments of what has not overturned; its coefficients before."""
-    source = trace.source
-    # Cells that are not active hold nothing, and were not traced: where they would land nobody knows.
-    points = trace.points
-    values = np.where(trace.active[..., None, None], points.angle_table @ coefficients @ points.velocity_table.T, 0.0)
+def next_patch(settings, step: Characteristics, coefficients, cutoff):
+    """Patch for the density after a step, by the moments of the mass that has not overturned.
+
+    `coefficients` are those of the density before the step, on the patch of its characteristics.
+    """
+    source = step.source
+    # Cells that are not active have no characteristics.
+    points = step.points
+    values = np.where(step.active[..., None, None], points.angle_table @ coefficients @ points.velocity_table.T, 0.0)
     values *= np.outer(points.angle_weights, points.velocity_weights)
     values *= source.areas[..., None, None]
-    flown = AffinePaths(*trace.affine, trace.offsets, trace.node_weights)
-    sums = landing_sums(values, points, flown, trace.numbers, trace.ends, trace.flags, TUNING.visible_mass)
+    flown = AffinePaths(*step.affine, step.offsets, step.node_weights)
+    sums = landing_sums(values, points, flown, step.numbers, step.ends, step.flags, TUNING.visible_mass)
     total, x, v, xx, xv, vv, box = sums
     if total < TUNING.no_mass:
         return source
     x, v, xx, xv, vv = x / total, v / total, xx / total, xv / total, vv / total
-    # Nothing narrower than half a cell of the source is known of the density.
+    # The density is not resolved below half a cell of the source.
     xx = max(xx - x * x, 0.25 * np.diff(source.angle_lines).min() ** 2)
     vv = max(vv - v * v, 0.25 * np.diff(source.velocity_lines).min() ** 2)
     return patch_of(settings, np.array([x, v]), np.array([[xx, xv - x * v], [xv - x * v, vv]]), cutoff, box)

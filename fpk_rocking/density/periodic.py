@@ -132,8 +132,8 @@ class PeriodicPropagator(CyclicPropagator):
     def _step(self, begin):
         """Step from a time on, without active cells."""
         rule = self.discretization.quadrature
-        trace = Characteristics(self.space, begin, self.duration, self.dynamics, rule, cells=False)
-        return Step(trace, self.space, self.buffers)
+        characteristics = Characteristics(self.space, begin, self.duration, self.dynamics, rule, cells=False)
+        return Step(characteristics, self.space, self.buffers)
 
     @property
     def memory(self) -> float:
@@ -141,6 +141,7 @@ class PeriodicPropagator(CyclicPropagator):
         return self.buffers.nbytes + sum(step.nbytes for step in self.steps)
 
     def _steps_about(self, time):
+        """Numbers of the last step that begins by a time, and of one that begins after it or then."""
         place = time / self.duration
         return math.floor(place + 1e-9), math.ceil(place - 1e-9)
 
@@ -155,7 +156,7 @@ class PeriodicPropagator(CyclicPropagator):
         return PeriodicState(first, self.time_of(first), *startup.project(time, self.space))
 
     def _apply(self, k, state):
-        """Density and outflow after step k, in which all cells are active that hold something."""
+        """Density and outflow (3,) of a state after step k, with all cells active that are not negligible."""
         step = self.steps[k]
         if mark_massive_cells(
             state.density, self.space.areas, self.negligible, step.characteristics.active, self.active[k]

@@ -102,12 +102,12 @@ class Propagator(abc.ABC):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
-        """Discretization that the constructor takes, from that of the plane and the number of the resolution."""
+        """Discretization for the constructor, from the mesh and steps of the plane and the number of the resolution."""
         return plane
 
     @abc.abstractmethod
     def initial_state(self, start: Start, times: Array) -> Any:
-        """First state that the mesh holds, at or after the start; `times` (rows,) are those asked for."""
+        """First state from the start on whose density the mesh resolves; `times` (rows,) are those of the results."""
 
     @abc.abstractmethod
     def advance(self, state: Any, latest: float) -> Any:
@@ -115,10 +115,10 @@ class Propagator(abc.ABC):
 
     @abc.abstractmethod
     def snapshot(self, state: Any) -> Snapshot:
-        """Density of a state, with the masses that it does not contain."""
+        """Coefficients of the density of a state, its outflow and its mass at rest, as a `Snapshot`."""
 
     def states(self, times: Array, start: Start) -> Iterator[Any]:
-        """Yield the first state that the mesh holds and that after every step, up to the last of the times (rows,)."""
+        """Yield the first state that the mesh resolves and the state after every step, to the last of the times."""
         state = self.initial_state(start, times)
         yield state
         for time in times[1:]:

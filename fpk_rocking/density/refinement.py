@@ -145,7 +145,7 @@ def bins_tolerance(tol: float) -> float:
 
 
 def safe_difference(distances: tuple[float, ...]) -> float:
-    """Error of the last of three or more solutions of growing fineness, from its distances (n,) to all before it.
+    """Estimated error of the last of three or more ever finer solutions, from its distances (n,) to the others.
 
     The last distance is the error of the solution before, if the last solution is far better; it may be small by
     chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. The result is
@@ -170,11 +170,12 @@ class ProgressCount:
         self.report, self.rows, self.done, self.total = checks.report(report), rows, 0, SOLUTIONS * rows
 
     def start_solution(self) -> Callable[[], None]:
-        """Make room for another solution, and return what to call after each of its rows."""
+        """Count another solution in, and return a function to call after each of its rows."""
         self.total = max(self.done + self.rows, self.total)
         return self._count
 
     def _count(self) -> None:
+        """Report one more row."""
         self.done += 1
         if self.report:
             self.report(self.done, self.total)

@@ -317,5 +317,5 @@ USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 
 
 def resolutions_for(tol, before):
-    """Resolutions for a tolerance, from coarse to fine: so many, then the one that is usually enough, and all finer."""
+    """Resolutions for a tolerance, from coarse to fine: `before` ones, the one that usually suffices, and all finer."""
     return RESOLUTIONS[USUAL[max(listed for listed in USUAL if listed <= tol)] - before :]

@@ -210,7 +210,7 @@ def _discretizations(scene, white, motion, resolutions):
 
 
 def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
-    """Solve at one resolution; of the coarser level only what estimates need is kept.
+    """Solve at one resolution; of the coarser level, drop all that error estimates do not need.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
 
 
 def _level_of(propagator, solution, edges, seconds=0.0):
-    """Return what refinement compares of a solution: survival, and binned densities, in which rest is one bin."""
+    """Return the `Level` of a solution: survival, and binned densities in which rest is one bin."""
     space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
     bins = space.bin_integrals(densities, *edges)
     if at_rest is not None:
@@ -271,7 +271,7 @@ def _level_of(propagator, solution, edges, seconds=0.0):
 
 
 def _rest_error(levels):
-    """Error of the probability of being at rest, 0 where nothing can rest: what levels tell, and what they cannot.
+    """Estimated error of the probability of being at rest, from levels (coarse to fine); 0 where nothing can rest.
 
     The former is of first order in the step where noise is smooth; else of order 1/2, and the last steps of a level are
     half as long as before, each resolution having 1.4 times the steps of the one before. The latter is what nodes of

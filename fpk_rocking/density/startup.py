@@ -32,7 +32,7 @@ class PatchDensity(NamedTuple):
 
 
 class StartUp:
-    """A start carried from patch to patch, as far as is asked; all meshes that take it over share it.
+    """The density of a start on moving patches, computed as far as is asked; all meshes that take it over share it.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class StartUp:
         return self._flight(time) if self._exact else self._initial.after_flight(self.dynamics, 0.0, time, self._side)
 
     def spread(self, time):
-        """Gaussian that tells how far a start has spread: about rest where the forcing has not lifted the block off."""
+        """Gaussian with the spread of a start at a time: about rest where the forcing has not lifted the block off."""
         gaussian = self.flight(time)
         if self.starts_at_rest and self.dynamics.since_lift_off(time)[0] > time:
             gaussian.mean = np.zeros(2)
@@ -108,7 +108,7 @@ class StartUp:
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
-        coefficients, outflow = Step(self._trace(now, duration, quiet), target).apply(now.coefficients)
+        coefficients, outflow = Step(self._characteristics(now, duration, quiet), target).apply(now.coefficients)
         return coefficients, now.outflow + outflow
 
     def _before(self, end):
@@ -121,7 +121,7 @@ class StartUp:
         return next(now for now in reversed(self._carried) if now.time < end)
 
     def _further(self, now):
-        """Carry a density by one step, as long as its spread and what may happen to it allow."""
+        """Return the `PatchDensity` after one step, whose duration depends on the spread and on the next event."""
         longest = self.dynamics.forcing.shortest_period / TUNING.patch_steps_per_harmonic
         duration = min(self.settings.growth * (now.time + self._noise_time), longest)
         if self._rattles(now, duration):
@@ -130,9 +130,9 @@ class StartUp:
         free = self._free_time(now, min(left, self._longest_flight)) if left > 0.0 else 0.0
         quiet = free >= duration
         duration, dynamics = max(free, duration), self.dynamics
-        trace = self._trace(now, duration, quiet)
-        target = next_patch(self.settings, trace, now.coefficients, dynamics.cutoff)
-        coefficients, outflow = Step(trace, target).apply(now.coefficients)
+        characteristics = self._characteristics(now, duration, quiet)
+        target = next_patch(self.settings, characteristics, now.coefficients, dynamics.cutoff)
+        coefficients, outflow = Step(characteristics, target).apply(now.coefficients)
         # Masses of either sign that together are a hundred times all of it: the density grows without bound.
         if not np.abs(target.masses(coefficients)).sum() < 100.0:
             raise ValueError(
@@ -141,8 +141,8 @@ class StartUp:
             )
         return PatchDensity(now.time + duration, target, coefficients, now.outflow + outflow)
 
-    def _trace(self, now, duration, quiet):
-        """Paths of one step from the cells of a patch that hold something; without events if it is quiet."""
+    def _characteristics(self, now, duration, quiet):
+        """Characteristics of one step from the cells of a patch with mass in them; without events if it is quiet."""
         # A block that the forcing cannot lift off rattles: many short steps follow, of one Gauss point more.
         rattles = abs(self.dynamics.forcing.value(now.time)) <= self.dynamics.lift_off
         points, noise = self.settings.points + rattles, TUNING.free_patch_nodes if quiet else TUNING.patch_nodes
@@ -213,7 +213,7 @@ class StartUp:
         return np.abs(now.patch.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > TUNING.missing_mass
 
     def _free_time(self, now, longest):
-        """Longest of the halvings of a duration within which nothing can happen to a density; 0 below a 64th of it."""
+        """Longest halving of a duration within which no path of a density meets an event; 0 below a 64th of it."""
         dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.settings.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])

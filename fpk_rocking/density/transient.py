@@ -130,7 +130,7 @@ class TransientPropagator(Propagator):
         return state
 
     def advance(self, state: TransientState, latest: float) -> TransientState:
-        """Carry all parts of a state over one step, or over two at once, and take over what the mesh then resolves."""
+        """Return a state after one step, or after two at once, with the re-injections that the mesh then resolves."""
         edges, time = state.edges, state.time
         pair = 2 if self._steps_may_be_long and edges[1] < latest else 1
         until = self._sticking.until(time)
@@ -181,7 +181,7 @@ class TransientPropagator(Propagator):
         after = np.append(origin, edges[edges > origin * (1.0 + 1e-9)]) - origin
 
         def settled(since):
-            """Whether so much is at rest again, at a time at which it may stick, that it is taken over to do so."""
+            """Whether, at a time since the origin, blocks may stick and enough of the mass is at rest for that."""
             time = origin + since
             sticks = time > lift_off and self._sticking.until(time) > time
             near = startup.mass_within(since, TUNING.rest_angle, TUNING.rest_velocity) if sticks else 0.0
@@ -192,11 +192,11 @@ class TransientPropagator(Propagator):
 
     @property
     def _steps_may_be_long(self):
-        """Whether steps may be twice as long while what is slow, and asks for short steps, sticks at rest."""
+        """Whether steps may be twice as long while the slow blocks, which need short steps, stick at rest."""
         return 2.0 * TUNING.steps_per_harmonic * self.duration <= self.dynamics.forcing.shortest_period
 
     def _step(self, begin, end, density):
-        """Step from one time to another, for the cells in which a density holds something."""
+        """Step from one time to another, for the cells in which a density has more than a negligible mass."""
         active = np.zeros(self.space.shape[:2], dtype=bool)
         # What is not active is truncated anew in every step, so less counts as negligible than in a cycle's own steps.
         mark_massive_cells(density, self.space.areas, 0.1 * self.negligible, active, active)

@@ -111,7 +111,7 @@ class MeshOperator:
 
     @functools.cached_property
     def modes(self):
-        """Leading modes of K, from what two cycles leave of a uniform density."""
+        """Leading `Modes` of the operator of a symmetry period; ARPACK begins two cycles after a uniform density."""
         start, one, remaining = self.vector(self.one), self.vector(self.one), 1.0
         for _ in range(2 * self.periods):
             start = self.matvec(start)
@@ -191,7 +191,7 @@ class MeshOperator:
         return MeshOperator(white, *self._inputs, bound_for_all_starts(white, self._inputs[1]))
 
     def survival(self, cycles, start):
-        """Survival of a start after numbers of cycles, and an estimate of what the modes leave out: two arrays (n,)."""
+        """Survival of a start after numbers of cycles (n,), and the estimated error of the modes: two arrays (n,)."""
         first = self.propagator.propagate(self._white.period * np.arange(2), start=start)
         powers, one = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
@@ -291,7 +291,7 @@ def judge(refined, tol):
 
 
 def bound_for_all_starts(white, motion):
-    """Velocity that no block needs that stands for a cycle, wherever it starts at the scene's phase.
+    """Velocity bound for starts all over the plane: a faster block, at the scene's phase, overturns in a cycle.
 
     A block that starts inward far faster than one from rest ever moves may lose so much at its impact that it stands.
     How fast that can be follows in closed form for the worst phase, and for the scene's own phase from a coarse mesh up

@@ -126,7 +126,7 @@ class Powers:
         return total + modes.basis @ (further @ self._amplitudes)
 
     def left_out(self, count):
-        """Estimate of what the modes leave out after so many applications, in L1.
+        """L1 norm of the neglected part of a density after a number of applications of the operator.
 
         What a least-squares fit leaves holds a part of the leading mode: it falls like that mode, not like those that
         were not computed (derived in docs/theory, "One cycle as an operator").
@@ -150,6 +150,7 @@ class Powers:
         self._vector, self._count = self._apply(self._vector), self._count + 1
 
     def _by_modes(self, further):
+        """Vector after `further` applications of the operator, by powers of the eigenvalues."""
         modes = self._modes()
         power = np.zeros_like(modes.block)
         power[0, 0] = np.exp(further * self._leading_log())

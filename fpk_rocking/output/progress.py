@@ -43,6 +43,7 @@ def reporting(label: str) -> Iterator[types.Progress]:
 
 @contextlib.contextmanager
 def _bar(label):
+    """Yield a `progress` function that draws a bar on the terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -54,6 +55,7 @@ def _bar(label):
 
 
 def _lines(label):
+    """Return a `progress` function that prints a line from time to time."""
     started = last = time.monotonic()
     first = None  # time and work done at the first report: work may go on from a file
 

@@ -91,7 +91,7 @@ def write_page(path, title, parts):
 
 
 def _units(scenes):
-    """Say in which units what has no others stands."""
+    """Sentence on the units of all numbers of some scenes that name none."""
     units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
     sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
     if len(sizes) != 1:
@@ -101,7 +101,7 @@ def _units(scenes):
 
 
 def left_out(scenes, *, scatter=True):
-    """Say what the model of some scenes leaves out, the scatter of restitution unless it was drawn."""
+    """Sentence on the effects that the model neglects for some scenes; scatter of restitution unless it was drawn."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
     return _LEFT_OUT.format(
@@ -128,6 +128,7 @@ def _head(name):
 
 
 def _text(value):
+    """Value of a table as text; empty where it is not finite."""
     if isinstance(value, float):
         return f"{value:.6g}" if np.isfinite(value) else ""
     return str(value)
@@ -140,7 +141,7 @@ def json_html(name, values):
 
 
 def _film(results):
-    """Return what the script draws: of each result the bins, and of each cycle codes 0 to 255 of the root of density.
+    """Return the data of the animation: bins of each result, for each cycle codes 0 to 255 of the root of the density.
 
     Codes are on one scale for all results after a cycle, from 0 to the largest density there, "most".
     """

@@ -103,7 +103,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
 
 
 def cautions(*results: Any) -> tuple[str, ...]:
-    """Return what speaks against some results, each sentence once: the reasons of verdicts that are not "ok".
+    """Return the sentences, each once, that speak against some results: the reasons of verdicts that are not "ok".
 
     A picture has room for these alone; the `remarks` stand in tables and files.
     """
@@ -122,7 +122,7 @@ def scene_remarks(result: Any) -> tuple[str, ...]:
 def scene_diagnostics(
     scene: Scene, noise_replacement: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
 ) -> list[Diagnostic]:
-    """Return what speaks against any result for a scene, whatever its own errors.
+    """Diagnostics of the model for a scene: known errors of any result for it, whatever the errors of the method.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ class Replacement:
 
 
 def measured(density: Any, paths: Any) -> Replacement:
-    """Hold paths under the noise of a scene against a density in which other noise replaced it.
+    """Return the `Replacement` of a density: probabilities by paths under the noise of the scene, less its own.
 
     Parameters
     ----------

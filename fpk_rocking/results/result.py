@@ -124,12 +124,12 @@ class Result:
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """All by which this result is judged: what is known about the model, and error figures with their limits."""
+        """All observations by which this result is judged: on the model, and error figures with their limits."""
         tolerances = {name: getattr(self, name) for name in ("tol", "bins_tol") if hasattr(self, name)}
         return [*self.model_diagnostics(), *assess(self.error_figures, **tolerances)]
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what is known about the model that speaks against this result, whatever its own errors."""
+        """Known errors of the model for this scene, whatever the errors of the method, as diagnostics."""
         return scene_diagnostics(self.scene, getattr(self, "noise_replacement", ""))
 
     @property
@@ -158,7 +158,7 @@ class Result:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences that a reader of this result needs: about the scene, its noise, and what is not to be trusted."""
+        """Sentences beside this result: about the scene, its noise, and diagnostics of the model."""
         observations = (one.message for one in self.diagnostics if one.value is None)
         return tuple(dict.fromkeys((*scene_remarks(self), *observations)))
 
@@ -242,5 +242,5 @@ def _pair(name, variable):
 
 
 def _computed(values):
-    """Return an array, or what the function that stands for it computes."""
+    """Array of a variable, which is given as such or as a function that computes it."""
     return values() if callable(values) else values

@@ -78,7 +78,7 @@ class Saved:
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load a saved result, all that is read of it held against its checksum.
+        """Load a saved result from a file, whose checksum is verified.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ def _form(annotation):
 
 
 def _nested(annotation):
-    """Return the class, and whether it may be absent, of a field that has fields of its own; else None."""
+    """Class of an annotation that has fields of its own, and whether None is allowed; None of any other annotation."""
     options = [one for one in typing.get_args(annotation) if one is not type(None)]
     cls = options[0] if len(options) == 1 else annotation
     return (cls, cls is not annotation) if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls) else None

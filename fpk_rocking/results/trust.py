@@ -158,13 +158,13 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
 
 
 def _beside(value, limit):
-    """Write a value with as many digits as tell it from a limit, at least two and at most six."""
+    """Value as text, with the two to six digits that distinguish it from a limit."""
     texts = (f"{value:.{digits}g}" for digits in range(2, 7))
     return next((text for text in texts if float(text) != limit), f"{value:.2g}")
 
 
 def _limits(tol, bins_tol, values=()):
-    """By the name of an error figure what it is, and above which values there is caution and no use."""
+    """Return description, limit of "ok" and limit of "caution" of each error figure, by its name."""
     useless, never = max(USELESS, tol), (math.inf, math.inf)
     below = "integral of the density where it is below 0"
     # Mass at rest rattles below the mesh and may be negative there; a solver that knows the rest is judged by that.

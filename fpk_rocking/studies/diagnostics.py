@@ -11,7 +11,7 @@ from montecarlo.results.ensemble import path_diagnostics
 
 
 def curve_diagnostics(result: Any) -> list[Diagnostic]:
-    """Return what speaks against a `studies.Fragility`, each kind once."""
+    """Diagnostics of a `studies.Fragility`, each kind once: its model, its fits, its missing answers."""
     return (
         model_diagnostics(result)
         + _rejected(result)
@@ -21,7 +21,7 @@ def curve_diagnostics(result: Any) -> list[Diagnostic]:
 
 
 def model_diagnostics(result: Any) -> list[Diagnostic]:
-    """Return what speaks against the model, the noise and the engine of a `studies.Fragility`, each kind once."""
+    """Diagnostics of the model, the noise and the engine of a `studies.Fragility`, each kind once."""
     return (
         _unanswered(result) + _noise(result) + (path_diagnostics(result.engine) if result.deterministic.any() else [])
     )
@@ -37,7 +37,7 @@ def _unanswered(result):
 
 
 def _noise(result):
-    """Return what speaks against model and noise of the scenes, the weightiest of each kind for all scenes."""
+    """Diagnostics of model and noise of the scenes, the severest of each kind for all scenes."""
     kinds: dict[str, dict[Diagnostic, None]] = {}
     for scene in result.scenes:
         for diagnostic in scene_diagnostics(
@@ -88,7 +88,7 @@ def _falling(result):
 
 
 def _differing(result):
-    """Return what the scenes of a mean differ in: "motion", "block" under one motion, or "block-and-motion pair"."""
+    """Word for the difference between the scenes of a mean: "motion", "block" (one motion), "block-and-motion pair"."""
     if len({scene.block for scene in result.scenes}) == 1:
         return "motion"
     common = result.intensities[0]

@@ -223,7 +223,7 @@ class Fragility(Saved, Result):
         return tuple(dict.fromkeys((*filter(None, of), *(one.message for one in self.model_diagnostics()))))
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against this result whatever its own errors, each kind once."""
+        """Diagnostics of this result beside its sampling errors, each kind once."""
         return curve_diagnostics(self)
 
     @property

@@ -112,7 +112,7 @@ def checked(
     beside: Any = None,
     progress: Progress | None = None,
 ) -> Evolution:
-    """Compare a density in which other noise replaced that of the scene with paths under the noise of the scene.
+    """Return a density with its measured error by the replacement of noise, from paths under the scene's noise.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def slenderness_cost(
     seed: int = 1,
     method: str | None = None,
 ) -> SlendernessCost:
-    """Measure by Monte Carlo what it changes to take a block as slender.
+    """Difference that the slender equation makes in the survival of a block with dimensions, by Monte Carlo.
 
     Both equations meet the same realizations of the noise and of the start. It holds for a result of the density solver
     as well, as far as its noise is that of the scene.

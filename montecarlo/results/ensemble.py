@@ -19,7 +19,7 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 
 
 def path_diagnostics(method: str) -> list[Diagnostic]:
-    """Return what speaks against the one path of a deterministic scene, which has only the error of its method."""
+    """Diagnostics of the one path of a deterministic scene, which has only the error of its method."""
     if method == "exact":
         return []
     sentence = (
@@ -69,7 +69,7 @@ class Sample(SurvivalResult):
         return settings | ({"outcome": self._outcome()} if self.deterministic else {})
 
     def _outcome(self):
-        """Return what the one path of a deterministic scene does, as a text."""
+        """Outcome of the one path of a deterministic scene as a text: whether, where and when it overturns."""
         if self.first_overturning is None:
             return f"deterministic: stands until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning
@@ -83,7 +83,7 @@ class Sample(SurvivalResult):
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against this sample beside its sampling error: model, and steps of a single path."""
+        """Diagnostics of this sample beside its sampling error: of the model, and of the steps of a single path."""
         return super().model_diagnostics() + (path_diagnostics(self.method) if self.deterministic else [])
 
     @property

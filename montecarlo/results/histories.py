@@ -90,7 +90,7 @@ class Histories(Saved, Result):
         return np.bincount(self.impact_realization, minlength=self.realizations)
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against the model, and against the steps of a path where nothing is random."""
+        """Diagnostics of the model, and of the time steps of a path where nothing is random."""
         return super().model_diagnostics() + (path_diagnostics(self.method) if self.scene.deterministic else [])
 
     @property

@@ -228,7 +228,7 @@ def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
 
 
 def _check(noise: Noise) -> None:
-    """Refuse what is no noise."""
+    """Raise TypeError for a value that is no noise."""
     if getattr(noise, "kind", None) not in NOISES:
         raise TypeError(checks.refusal("noise", noise, "BandNoise, WhiteNoise, FilteredNoise or NoNoise"))
 

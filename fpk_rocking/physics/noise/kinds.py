@@ -15,7 +15,7 @@ from fpk_rocking.physics.noise.state_space import StateSpace
 
 
 def _check_envelope(envelope):
-    """Refuse what is no envelope, and take None."""
+    """Raise TypeError for a value that is neither an envelope nor None."""
     if envelope is not None:
         checks.instance("noise.envelope", envelope, *ENVELOPES.values())
 
