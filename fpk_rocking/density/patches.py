@@ -55,7 +55,7 @@ def next_patch(settings, step: Characteristics, coefficients, cutoff):
     values *= np.outer(points.angle_weights, points.velocity_weights)
     values *= source.areas[..., None, None]
     flown = AffinePaths(*step.affine, step.offsets, step.node_weights)
-    sums = landing_sums(values, points, flown, step.numbers, step.ends, step.flags, TUNING.visible_mass)
+    sums = moment_sums(values, points, flown, step.numbers, step.ends, step.flags, TUNING.visible_mass)
     total, x, v, xx, xv, vv, box = sums
     if total < TUNING.no_mass:
         return source
@@ -67,8 +67,8 @@ def next_patch(settings, step: Characteristics, coefficients, cutoff):
 
 
 @kernel
-def landing_sums(values, points, flown, events, states, codes, least):
-    """Sum over all landed nodes that did not overturn of mass times 1, x, v, x^2, xv, v^2, and the box that holds them.
+def moment_sums(values, points, flown, events, states, codes, least):
+    """Sums of mass times 1, x, v, x^2, xv, v^2 over all ends of paths that did not overturn, and the box about these.
 
     `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the rest is a step's trace. The box
     (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
