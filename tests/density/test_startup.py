@@ -8,7 +8,7 @@ from density_operators import REST, affine, flight_noise, scene_of
 
 from fpk_rocking import solve_fpk
 from fpk_rocking.density.gaussian import Gaussian
-from fpk_rocking.density.patches import landing_sums, patch_of
+from fpk_rocking.density.patches import moment_sums, patch_of
 from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
@@ -173,7 +173,7 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
         x, v = np.moveaxis(np.where(standing[..., None], trace.ends, 0.0), -1, 0)
         expected = [(np.where(standing, masses, 0.0) * one).sum() for one in (1.0 + 0.0 * x, x, v, x * x, x * v, v * v)]
         flown = AffinePaths(*trace.affine, trace.offsets, trace.node_weights)
-        found = landing_sums(values, trace.points, flown, trace.numbers, trace.ends, trace.flags, 0.0)
+        found = moment_sums(values, trace.points, flown, trace.numbers, trace.ends, trace.flags, 0.0)
         assert found[:6] == pytest.approx(expected, rel=1e-12)
 
 
