@@ -70,8 +70,8 @@ def next_patch(settings, step: Characteristics, coefficients, cutoff):
 def moment_sums(values, points, flown, events, states, codes, least):
     """Return sums of mass times 1, x, v, x^2, xv, v^2 over the ends of paths that did not overturn, and their box.
 
-    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the others are of a step (`Characteristics`). The box
-    (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
+    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the others are fields of a step's
+    `Characteristics`. The box (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
     """
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     box = np.array([np.inf, -np.inf, np.inf, -np.inf])
