@@ -1,6 +1,7 @@
 """Pages made from what is kept elsewhere: what benchmarks measured, in docs/benchmarks, and the constants of the code.
 
-The files hold a section's text as Markdown, with its tables. A constant is a name in capitals, with the text below it.
+The files hold a section's text as Markdown, with its tables. A constant is a name in capitals, with the text below it,
+or a field of a class `Tuning`, with the text below it, the comment beside it, or its paragraph in that of the class.
 """
 
 import ast
@@ -47,7 +48,9 @@ def _constants():
     ]
     for place in PLACES:
         for path in sorted((ROOT / place).rglob("*.py")):
-            found = list(_documented(ast.parse(path.read_text(encoding="utf-8")).body))
+            text = path.read_text(encoding="utf-8")
+            body = ast.parse(text).body
+            found = [*_documented(body), *_tuned(body, text.split("\n"))]
             if found:
                 parts += [f"## {path.relative_to(ROOT).as_posix()}", *found]
     return "\n\n".join(parts) + "\n"
@@ -64,6 +67,21 @@ def _documented(body):
             names = names.strip("()")
             shown = f"`{names} = {value}`" if len(value) < 80 else f"`{names}`"
             yield f"{shown}: {' '.join(text.split()).replace('<', '&lt;')}"
+
+
+def _tuned(body, lines):
+    """Each field of a table of tuned numbers, with its text: below it, beside it, or in the docstring of the class."""
+    for table in body:
+        if isinstance(table, ast.ClassDef) and table.name == "Tuning":
+            head, _, parameters = ast.get_docstring(table).partition("\n")
+            yield head
+            texts = re.findall(r"^(\w[\w, ]*) : .*\n((?:    .*\n?)+)", parameters, re.MULTILINE)
+            texts = {name: text for names, text in texts for name in names.split(", ")}
+            for node, below in itertools.pairwise([*table.body, None]):
+                if isinstance(node, ast.AnnAssign):
+                    name, beside = node.target.id, lines[node.end_lineno - 1][node.end_col_offset :].strip(" #")
+                    text = below.value.value if isinstance(below, ast.Expr) else beside or texts.get(name, "")
+                    yield f"`{name} = {ast.unparse(node.value)}`: {' '.join(text.split()).replace('<', '&lt;')}"
 
 
 def _linked(_app, _docname, source):

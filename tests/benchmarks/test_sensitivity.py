@@ -1,0 +1,34 @@
+"""The benchmark of the tuned numbers: it knows every table and every number in it, and what it would change."""
+
+import importlib
+import pathlib
+import sys
+
+import pytest
+
+ROOT = pathlib.Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+sensitivity = importlib.import_module("sensitivity")
+TABLES = sensitivity.tables()
+SCENES = set(sensitivity.calls())
+
+
+def test_every_table_of_the_packages_is_measured():
+    assert {"physics", "montecarlo"} <= set(TABLES) <= set(sensitivity.GROUPS)
+    for module, values in TABLES.values():
+        own = importlib.import_module(module).TUNING
+        assert own._asdict() == values
+        assert values
+
+
+@pytest.mark.parametrize(("name", "field"), [(name, field) for name in TABLES for field in TABLES[name][1]])
+def test_every_number_is_in_a_group_and_changes(name, field):
+    value = TABLES[name][1][field]
+    assert set(sensitivity.scenes_of(name, field)) <= SCENES
+    assert sensitivity.times(value, 0.5) != value != sensitivity.times(value, 2.0)
+
+
+def test_numbers_that_kernels_read_are_told_from_those_that_they_do_not():
+    module = TABLES["montecarlo"][0]
+    assert sensitivity.when_read(module, "bounce_slowest") == "kernels"
+    assert sensitivity.when_read(module, "batch_seconds") == "call"
