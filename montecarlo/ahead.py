@@ -47,4 +47,5 @@ filtered_exact = functools.partial(filtered, _EXACT)
 
 
 def _simulate(noise, method, block=_QUIET.block):
+    """Simulate one realization over one cycle of the quiet scene with a noise and a block, by a method."""
     simulate(dataclasses.replace(_QUIET, noise=noise, block=block), cycles=1, realizations=1, seed=1, method=method)

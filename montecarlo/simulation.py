@@ -262,6 +262,7 @@ def tally(
         counts, spent = resumed(checkpoint, run, counts)
 
     def result():
+        """`Tally` of the realizations that have been counted so far."""
         wall_s = spent + time.perf_counter() - started
         return Tally(scene, run.method, run.seed, run.steps_per_cycle, wall_s, counts)
 

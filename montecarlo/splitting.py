@@ -184,6 +184,7 @@ class Splitting(Result):
         from fpk_rocking.results.pictures import figure_of
 
         def probability(_, axes):
+            """Draw the probability of having overturned over the cycles, with two standard errors."""
             from matplotlib.ticker import MaxNLocator
 
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))

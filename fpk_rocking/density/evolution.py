@@ -56,8 +56,9 @@ class Evolution(Saved, SurvivalResult):
     error_estimate : float
         Estimate of the largest error of survival, from three solutions of the scene.
     bins_error_estimate : float
-        Estimate of the largest error of the binned density, L1 over 32 x 64 bins: the difference of two solutions. It
-        leaves out the rows of ``settings["unresolved"]``, see `unjudged`; 0 where these are all.
+        Estimate of the largest error of the binned density, L1 over bins a twentieth of the range of motion, from the
+        last three solutions. It leaves out the rows of ``settings["unresolved"]``, see `unjudged`; 0 where these are
+        all.
     rest_error_estimate : float
         Estimate of the largest error of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md);
         0 under white noise.

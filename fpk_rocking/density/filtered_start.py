@@ -132,6 +132,7 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
 
     def rates(time, state):
+        """Time derivative of mean and joint covariance, flattened, at a time."""
         x, v, joint = state[0], state[1], state[2:].reshape(size, size)
         phi, force = alpha * (1.0 - side * x), forcing.value(time)
         sine, cosine = side * alpha * math.sin(phi), math.cos(phi)

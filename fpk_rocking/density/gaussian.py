@@ -64,6 +64,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
 
     def rates(time, state):
+        """Time derivatives of the means x, v and the covariances xx, xv, vv at a time."""
         x, v, xx, xv, vv = state
         phi, force = alpha * (1.0 - side * x), forcing.value(time)
         sine, cosine = math.sin(phi), math.cos(phi)
@@ -78,6 +79,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     ends, pieces = [], []
 
     def at(time):
+        """`Gaussian` at a time, integrated up to there if it is not yet."""
         # Most starts meet the mesh long before the end, and a record makes many steps.
         while solver.status == "running" and solver.t < max(time, 1e-300):
             solver.step()

@@ -147,9 +147,9 @@ def bins_tolerance(tol: float) -> float:
 def safe_difference(distances: tuple[float, ...]) -> float:
     """Estimated error of the last of three or more ever finer solutions, from its distances (n,) to the others.
 
-    The last distance is the error of the solution before, if the last solution is far better; it may be small by
-    chance. The distance before tells whether it is: the error falls to .3 at least over two solutions. The result is
-    1.4 times the larger, for safety.
+    The last distance is the error of the solution before, if the last solution is far better. It can be accidentally
+    small; .3 of the previous distance is therefore a floor. The result is 1.4 times the larger, for safety. Earlier
+    distances do not enter.
     """
     before, last = distances[-2:]
     return TUNING.safety * max(last, TUNING.difference_before * before)

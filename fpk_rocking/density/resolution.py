@@ -122,7 +122,7 @@ def _normal_pairs(random):
 def follow(states, sides, segment, block, noise):
     """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
 
-    `sides` are +-1, +-2 for a path that has overturned there and stays.
+    `sides` are ±1, or an `Exit` (-2, -3) for a path that has overturned and stays where it is.
     """
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
     for n in range(len(states)):

@@ -1,4 +1,4 @@
-"""`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start over whole cycles to a tolerance."""
+"""`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start to the wanted times and to a tolerance."""
 
 import math
 import time
@@ -100,21 +100,23 @@ def solve_fpk(
     times = result_times(scene, cycles, times)
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
     solved = _with_noise_replaced(scene, noise_replacement)
-    white, rows, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
+    white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
     ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
 
     motion = explore(white, times)
     meshes = _discretizations(solved, white, motion, resolutions_for(tol, before=SOLUTIONS - 1))
-    usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, rows)
-    refuse_large(usual.memory, usual.stored(rows), solved, rows)
+    usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, advances)
+    refuse_large(usual.memory, usual.stored(advances), solved, advances)
     announce(solved, meshes[:SOLUTIONS], times, tol)
 
     def solve(mesh, coarser):
+        """Solve on one mesh, after the level before, if any; return its `Level`."""
         return _solve_level(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
 
     def fits(level, mesh):
+        """Whether a finer mesh than that of a level takes little enough memory; it is then announced."""
         before = level.solution[0].discretization
-        needed = level.memory * mesh.memory / before.memory + mesh.stored(rows)
+        needed = level.memory * mesh.memory / before.memory + mesh.stored(advances)
         if needed > (TUNING.finer_filtered if filtered else TUNING.finer_white):
             return False
         announce_finer(solved, before, mesh, times, level.seconds)
@@ -124,7 +126,7 @@ def solve_fpk(
 
     propagator, fine = refined.fine.solution
     at_rest = fine.at_rest
-    unresolved = [row for row in range(1, rows + 1) if not fine.resolved[row]]
+    unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
     result = Evolution(
         scene=scene,
         diffusion=white.noise.diffusion,
@@ -205,8 +207,9 @@ def _discretizations(scene, white, motion, resolutions):
     if not scene.repeats:
         # Blocks that are bound to overturn, but have not yet, may be faster.
         bound = max(bound, 1.1 * motion.fastest)
-    meshes, adapted = [one.adapted(white, bound, motion) for one in resolutions], propagator_for(scene).adapted
-    return [adapted(scene, mesh, number) for number, mesh in enumerate(meshes, len(RESOLUTIONS) - len(resolutions))]
+    planes, kind = [resolution.adapted(white, bound, motion) for resolution in resolutions], propagator_for(scene)
+    first = len(RESOLUTIONS) - len(resolutions)
+    return [kind.adapted(scene, plane, number) for number, plane in enumerate(planes, first)]
 
 
 def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
@@ -255,6 +258,7 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     truncated = float(np.abs(solution.outflow[:, 2]).max())
 
     def error(difference, bins_difference):
+        """Error of survival from its estimate and that of the bins; larger for rest, and at least what is truncated."""
         scale = TUNING.rest_error_factor if rested > difference else 1.0
         return max(scale * difference, TUNING.bins_part * bins_difference, truncated)
 
@@ -273,9 +277,10 @@ def _level_of(propagator, solution, edges, seconds=0.0):
 def _rest_error(levels):
     """Estimated error of the probability of being at rest, from levels (coarse to fine); 0 where nothing can rest.
 
-    The former is of first order in the step where noise is smooth; else of order 1/2, and the last steps of a level are
-    half as long as before, each resolution having 1.4 times the steps of the one before. The latter is what nodes of
-    the noise leave unseen.
+    It is the error of the time steps plus `node_error`, what nodes of the noise leave unseen. The error of the time
+    steps falls by 1.4 from one resolution to the next: where noise is smooth it is of first order in the step, and each
+    resolution has 1.4 times the steps of the one before; else it is of order 1/2, and the last steps of a level are
+    half as long as before.
     """
     propagator, solution = levels[-1].solution
     if solution.at_rest is None:

@@ -1,7 +1,7 @@
 """The numbers of the density solver that are tuned: what each does, its unit, and how it came about.
 
 Where nothing else is said a number has no unit, and was chosen by trial on the scenes of tests and benchmarks.
-Numbers of the step itself are in `step` and `space`.
+Numbers of the step itself are in `space/tuning.py`.
 """
 
 from typing import NamedTuple
@@ -96,7 +96,7 @@ class Tuning(NamedTuple):
     far_motion: float = 0.6
     """A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
     tail_cells: float = 32.0
-    """With up to so many cells an axis for the motion, the cells beyond it grow by `TAIL` each; with more, by less."""
+    """With up to so many cells an axis for the motion, others grow by `tail` of `space/tuning.py`; else by less."""
     moving_step: float = 2.33 / 16
     """Longest step, in τ, at 16 steps a cycle, where impacts are fast: that of the main scene."""
     resting_step: float = 0.07

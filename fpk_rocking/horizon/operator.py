@@ -138,9 +138,11 @@ class CycleOperator(Result, LinearOperator):
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 
     def _matvec(self, vector):
+        """Coefficients after a cycle, from those before it."""
         return self._repeated(self._fine.matvec, vector)
 
     def _rmatvec(self, vector):
+        """Apply the transpose of `_matvec` to coefficients."""
         return self._repeated(self._fine.rmatvec, vector)
 
     def _repeated(self, apply, vector):
@@ -193,9 +195,11 @@ class CycleOperator(Result, LinearOperator):
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def density(figure, axes):
+            """Draw the quasi-stationary density."""
             function_panel(figure, axes, self.quasi_stationary, self._shown_edges(), "quasi-stationary density")
 
         def eigenvalues(_, axes):
+            """Draw the eigenvalues of a cycle in the complex plane, with the unit circle."""
             turn = np.exp(2j * math.pi * np.linspace(0.0, 1.0, 201))
             axes.plot(turn.real, turn.imag, color="black", linewidth=0.8)
             axes.plot(self.eigenvalues.real, self.eigenvalues.imag, "o", markersize=5.0)
@@ -204,6 +208,7 @@ class CycleOperator(Result, LinearOperator):
         return figure_of(density, eigenvalues)
 
     def _shown_edges(self):
+        """Edges in angle and in velocity of the bins in which the quasi-stationary density is drawn."""
         edges = joint_edges(self.scene)
         return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
@@ -351,6 +356,7 @@ class CycleOperator(Result, LinearOperator):
         cycle = checks.count("cycle", cycle)
 
         def passage(mesh):
+            """Coefficients of the probability of overturning in the cycle, over the starts."""
             powers = mesh.backward_powers()
             before = powers.after(mesh.periods * (cycle - 1))
             return before - powers.after(mesh.periods * cycle)
@@ -372,6 +378,7 @@ class CycleOperator(Result, LinearOperator):
         return self._map(MeshOperator.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
+        """`PlaneMap` at a phase of the coefficients that a function makes of an operator; its error from two meshes."""
         own = periodic(self.scene.forcing).phase
         phase = own if phase is None else checks.number("phase", phase)
         meshes = [self._fine, self._coarse]

@@ -218,6 +218,7 @@ def _begin_process(pipe):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch():
+        """End this process at once when the pipe is closed."""
         with contextlib.suppress(EOFError, OSError):
             pipe.recv()
         os._exit(1)

@@ -280,6 +280,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     limits = result.interval()
 
     def rows(m, place):
+        """Yield the cells of the table's rows, texts, of one place of the axis, a row for each scale."""
         for n, scale in enumerate(result.scale):
             measures = result.intensities[m].columns(scale)
             strengths = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]

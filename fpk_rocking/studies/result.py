@@ -145,6 +145,7 @@ class Fragility(Saved, Result):
         return [[self._fit(curve, still) for curve in curves] for curves, still in scenes]
 
     def _fit(self, curve, deterministic):
+        """`LognormalFit` of one curve of probabilities; for one deterministic scene the reason why there is none."""
         if deterministic and not self.mixture:
             return LognormalFit(reason=f"deterministic: {_outcomes(self.scale, curve)}")
         return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None)

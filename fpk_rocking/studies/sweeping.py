@@ -189,6 +189,7 @@ class Sweep(Result):
         first, *others = self.axes.items() or [("scene", range(len(self.rows)))]
 
         def panel(_, axes):
+            """Draw the values over the first axis, a line for each combination of the others."""
             lines = values.reshape(len(first[1]), -1).T
             for line, place in zip(lines, itertools.product(*(axis for _, axis in others)), strict=True):
                 label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))

@@ -37,8 +37,8 @@ class Batch(NamedTuple):
     """Realizations `first`, `first` + 1, ... of a run, `count` of them; nondimensional.
 
     `angle`, `velocity` (count, rows * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
-    as in `montecarlo.Ensemble`. `impacts`: `Impacts` of arrays (count,), (count, capacity) and (count, capacity), times
-    and velocities just before; nan beyond the count.
+    as in `montecarlo.Ensemble`. `impacts`: `ImpactRecord` of arrays (count,), (count, capacity) and (count, capacity),
+    times and velocities just before; nan beyond the count.
     """
 
     first: int

@@ -136,7 +136,7 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
         Filled with the states at the begin and at the output times, up to overturning; nan before the call.
     overturn_time, overturn_side : ndarray, shape (count,)
         Filled with the time (nan: never) and the side (0: never).
-    impacts : Impacts of ndarray, shapes (count,), (count, capacity) and (count, capacity)
+    impacts : ImpactRecord of ndarray, shapes (count,), (count, capacity) and (count, capacity)
         Filled with each realization's impacts; those beyond the capacity are counted and not kept.
     """
     # A count of references would cost more than the steps.

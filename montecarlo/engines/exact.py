@@ -300,6 +300,7 @@ def _takes(enveloped, exact):
     """Return `Engine.takes` for scenes with or without an envelope (None: either), and an exact or slender block."""
 
     def takes(scene):
+        """Whether the engine simulates a scene."""
         noise, block = scene.noise, scene.block
         fits = enveloped in (None, noise.kind == "band" and noise.envelope is not None)
         return noise.kind in {"none", "band"} and fits and (block.critical_angle > 0.0) == exact

@@ -1,8 +1,9 @@
-"""Random numbers: those of realization number r are a function of the seed and of r alone.
+"""Random numbers: those of realization number r are a function of the seed, the starting cycle and r alone.
 
-`stream_keys` makes four keys of the seed, `open_stream` makes of the keys and r the state of a generator of its own,
-and every random number of that realization is drawn from this state in a fixed order: first the start (`draw_start`),
-then the noise. So a realization is the same however many others there are, and whichever thread computes it.
+`stream_keys` makes four keys of the seed, `keys_at` others for a run that begins later, if its engine renews the noise
+there. `open_stream` makes of the keys and r the state of a generator of its own, and every random number of that
+realization is drawn from this state in a fixed order: first the start (`draw_start`), then the noise. So a
+realization is the same however many others there are, and whichever thread computes it.
 
 Generator: xoshiro256++ (D. Blackman, S. Vigna, ACM Trans. Math. Softw. 47(4), 36, 2021). A stream's four words of
 state are hashes (the finalizer of splitmix64) of the realization's number under the four keys, so no two realizations

@@ -143,10 +143,12 @@ class Histories(Saved, Result):
         from fpk_rocking.results.pictures import figure_of
 
         def angles(_, axes):
+            """Draw the angles over time."""
             axes.plot(self.time, self.angle[:realizations].T, linewidth=0.9)
             axes.set(xlabel="time τ", ylabel="angle Θ")
 
         def plane(_, axes):
+            """Draw the paths in the phase plane."""
             axes.plot(self.angle[:realizations].T, self.velocity[:realizations].T, linewidth=0.7)
             axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
 

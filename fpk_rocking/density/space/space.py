@@ -214,6 +214,8 @@ def legendre_element(degree):
     shapes = [np.polynomial.Legendre.basis(k, domain=[0.0, 1.0]) * np.sqrt(2.0 * k + 1.0) for k in range(degree + 1)]
 
     class ElementQuadLegendre(ElementH1):
+        """Element of scikit-fem whose shape functions are products of the polynomials on a quadrilateral."""
+
         refdom = RefQuad
         maxdeg = 2 * degree
         interior_dofs = (degree + 1) ** 2

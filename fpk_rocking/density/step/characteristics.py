@@ -12,8 +12,9 @@ Noise moves an exact block by the part cos φ of it, here taken half way along a
 exact block follow an equivalent slender one in other units (`_contact_equivalent`); what this leaves out is taken along
 the path without noise. A path with the noise in the forcing of the exact equation needs no part: that has it.
 
-The impact law is `physics.motion.impact`. The density solver applies it in this module alone: along a path by
-`advance_through_events` and `advance_collocated`, linearized about a path in `_through_fast_impact`.
+The impact law is `physics.motion.impact`. It is applied here along a path by `advance_through_events` and
+`advance_collocated`, and by an expansion about a path in `_through_fast_impact`. Elsewhere in the density solver only
+a block that filtered noise lifts off meets impacts: `density.filtered.advance_from_rest`.
 """
 
 import math

@@ -289,12 +289,12 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
     What passes the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
-    side, j, masses = r // across, r % across, np.zeros(len(basis))
+    column, j, masses = r // across, r % across, np.zeros(len(basis))
     remap_row(r, values, source, target, remap, moved, basis)
     for end in range(2):
         if mass_past_end(r, end, values, source, remap, masses):
-            if end == side:
-                overturned[side, j] += _integral_across(masses, tables.weights, tables.velocity_sizes[j])
+            if end == column:
+                overturned[column, j] += _integral_across(masses, tables.weights, tables.velocity_sizes[j])
             else:
                 clamp_to_end(end, masses, target, tables.ends, tables.angle_sizes, moved)
 
@@ -303,11 +303,11 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
 def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved, basis):
     """Add to `moved` the values of a function on row r before a shear of the angle: adjoint of `_shear_angle_row`."""
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
-    side, j, end_values = r // across, r % across, np.zeros(len(basis))
+    column, j, end_values = r // across, r % across, np.zeros(len(basis))
     adjoint_remap_row(r, values, source, target, remap, moved, basis)
     for end in range(2):
-        if end == side:
-            end_values[:] = exit_values[side] * tables.weights * tables.velocity_sizes[j]
+        if end == column:
+            end_values[:] = exit_values[column] * tables.weights * tables.velocity_sizes[j]
         else:
             adjoint_clamp_to_end(end, values, target, tables.ends, tables.angle_sizes, end_values)
         adjoint_mass_past_end(r, end, end_values, source, remap, moved)

@@ -82,28 +82,36 @@ class _Shifted(Force):
 
     @property
     def shortest_period(self):
+        """Shortest period of the force."""
         return self.force.shortest_period
 
     @property
     def steepest(self):
+        """Bound of the slope of the force."""
         return self.force.steepest
 
     def value(self, time):
+        """Force at a time since the origin."""
         return self.force.value(time + self.origin)
 
     def slope(self, time):
+        """Slope of the force at a time since the origin."""
         return self.force.slope(time + self.origin)
 
     def particular(self, time):
+        """Particular solution P and its derivative at a time since the origin."""
         return self.force.particular(time + self.origin)
 
     def particular_over(self, start, duration):
+        """Polynomial coefficients (TERMS,) of P over a step that starts at a time since the origin."""
         return self.force.particular_over(start + self.origin, duration)
 
     def since_lift_off(self, time):
+        """Time since |f| last rose through 1, and the slope of |f| there, at a time since the origin."""
         return self.force.since_lift_off(time + self.origin)
 
     def scaled(self, strength, rate):
+        """Return the force with accelerations and frequencies multiplied by factors; its origin moves along."""
         return _Shifted(self.force.scaled(strength, rate), self.origin / rate)
 
 

@@ -321,7 +321,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
     if impacts is not None:
         record_impact(impacts, origin + time, side * speed)
     v, side = velocity_after_impact(side * speed, block.restitution), -side
-    # Chatter takes longer than the speed is large.
+    # Chatter takes a longer time than the number |v|: it can only end within `slow` where |v| is at most `slow`.
     if abs(v) <= slow:
         side, delay = rest_or_flight(abs(v), side, segment_from_force(force, half), time, block, slow)
         if side == 0:
@@ -333,7 +333,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
 def advance_from_flight(
     force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=TUNING.chatter_time
 ):
-    """Carry an exact block through a part of an interval: as `events.advance_through_events`, and as right.
+    """Carry an exact block through a part of an interval: as `events.advance_through_events`, with the same accuracy.
 
     Parameters
     ----------

@@ -1,10 +1,11 @@
 """The impact law v⁺ = e v⁻ at zero angle (paper 3), its derivative, and the chatter that ends in rest.
 
 The side is a number s, by which angles and forces are multiplied: +1 where the angle is positive, -1 where it is
-negative and 0 for a block at rest. The law itself stands in
-`velocity_after_impact` alone. Its derivative carries a displacement from a path, or its covariance, through an impact;
-in flight a displacement grows as that of a slender block, which for an exact one is right to second order in the time
-(derived in docs/theory). All quantities are nondimensional.
+negative and 0 for a block at rest. The law itself stands in `velocity_after_impact`; `velocity_jump`, the saltation
+matrix and `chatter_time` restate its e, so a law of another form changes them too. The law's derivative carries a
+displacement from a path, or its covariance, through an impact; in flight a displacement grows as that of a slender
+block, which for an exact one is right to second order in the time (derived in docs/theory). All quantities are
+nondimensional.
 """
 
 import math
