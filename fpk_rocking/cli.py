@@ -94,6 +94,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --intensities LIST!     intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
 --measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
 --units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
+--baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
+                        high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
 --name NAME             identifier of the block in the exported files (default rocking_block)
 """
 """Every argument of the command line: name, what stands for its value with the type, and help.
@@ -200,10 +202,11 @@ def _parser() -> argparse.ArgumentParser:
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     options = f"scenes --scales --pga {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
-    command("fragility", _fragility, does, "", f"{options} --uncertain --blocks --workers --store", files)
+    options += " --uncertain --blocks --workers --store --records --units --baseline"
+    command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scene --set --records --hazard --intensities --measure --units --realizations --keep-noise --synthetic"
-    options += " --uncertain --blocks --name --seed --out --json"
+    options += " --baseline --uncertain --blocks --name --seed --out --json"
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser
@@ -266,7 +269,7 @@ def _fragility(options):
     from fpk_rocking.studies import dispersions, drawn, fragility
     from fpk_rocking.studies.picture import curves_figure, fragility_table, surface_figure
 
-    scenes, over = [_scene(options, path) for path in options.scenes], None
+    scenes, over = _shaken(options), None
     if options.over is not None:
         name, equals, values = options.over.partition("=")
         if not equals:
@@ -312,6 +315,21 @@ def _fragility(options):
     _print(options, result, values, lambda: (title, table, (*sentences, *beta)))
 
 
+def _shaken(options):
+    """Return the scenes of a command, or the one scene under each of the records that are given."""
+    from fpk_rocking.studies.scenes import recorded_scenes
+
+    scenes = [_scene(options, path) for path in options.scenes]
+    if options.records and len(scenes) > 1:
+        raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
+    if options.units and not options.records:
+        raise ValueError(f"--units: got {options.units!r}, accepted: together with --records")
+    if not (options.records or options.baseline):
+        return scenes
+    given = _passed(options, "units", "baseline")
+    return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **given)]
+
+
 def _risk(options):
     """Run the command ``risk``: compute, print and save an annual rate of overturning."""
     from fpk_rocking.output.progress import reporting
@@ -334,7 +352,7 @@ def _risk(options):
             scale_noise=not options.keep_noise,
             uncertain=_uncertain(options),
             progress=progress,
-            **_passed(options, "blocks", "measure", "units", "realizations", "seed", "name"),
+            **_passed(options, "blocks", "measure", "units", "baseline", "realizations", "seed", "name"),
         )
     if options.out:
         result.write(options.out)

@@ -1,15 +1,20 @@
 """Sentences beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any
 
+from fpk_rocking.physics.forcing import Record
+from fpk_rocking.physics.forcing.base import Forcing
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.results.trust import CAUTION, VERDICTS, Diagnostic
 from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 __all__ = [
+    "baseline_remark",
     "cautions",
     "describe_replacement",
     "noise_text",
@@ -114,9 +119,71 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
 
 def scene_remarks(result: Any) -> tuple[str, ...]:
-    """Sentences about the scene of a result: on its noise, when its block slides, which noise replaced that noise."""
+    """Sentences about the scene of a result: on noise, sliding, what replaced the noise, a corrected baseline."""
     scene = result.scene
-    return tuple(filter(None, (scene.noise.remark, _sliding(scene.block), getattr(result, "noise_replacement", ""))))
+    of = scene.noise.remark, _sliding(scene.block), getattr(result, "noise_replacement", "")
+    return tuple(filter(None, (*of, baseline_remark([scene.forcing]))))
+
+
+def baseline_remark(forcings: Iterable[Forcing]) -> str:
+    """Say what was removed from the baselines of records, and what this changes of PGV and PGA; else empty.
+
+    Parameters
+    ----------
+    forcings : iterable of Forcing
+        Those of the scenes of a result; equal samples count once.
+
+    Returns
+    -------
+    str
+    """
+    records = [forcing for forcing in forcings if isinstance(forcing, Record) and forcing.baseline != "none"]
+    records = list({(record.samples, record.interval, record.baseline): record for record in records}.values())
+    if not records:
+        return ""
+    first, kinds = records[0].correction, dict.fromkeys(map(_correction, records))
+    done = f"corrected ({'; '.join(kinds)}), which removes"
+    if len(records) == 1:
+        return (
+            f"Baseline of {records[0].source or 'the record'} {done} {_line_of(first)}: PGV {first.corrected_pgv:.3g} "
+            f"in place of {first.pgv:.3g} m/s, PGA {first.corrected_pga / STANDARD_GRAVITY:.3g} in place of "
+            f"{first.pga / STANDARD_GRAVITY:.3g} g, as recorded."
+        )
+    every = [record.correction for record in records]
+    offset = max(abs(one.offset) for one in every) / STANDARD_GRAVITY
+    ratios = {
+        "PGV": sorted(one.corrected_pgv / one.pgv for one in every if one.pgv > 0.0),
+        "PGA": sorted(one.corrected_pga / one.pga for one in every if one.pga > 0.0),
+    }
+    texts = (f"{name} by {values[0]:.3g} to {values[-1]:.3g}" for name, values in ratios.items() if values)
+    return (
+        f"Baselines of {len(records)} records {done} offsets of up to {offset:.2g} g. This multiplies "
+        f"{' and '.join(texts)}."
+    )
+
+
+def _correction(record):
+    """Name the correction of a record's baseline."""
+    return f"high-pass, {record.corner_hz:.3g} Hz" if record.baseline == "high-pass" else record.baseline
+
+
+def _line_of(drift):
+    """Return offset and slope of a record as a text."""
+    slope = drift.slope / STANDARD_GRAVITY
+    return f"an offset of {drift.offset / STANDARD_GRAVITY:.2g} g and a slope of {slope:.2g} g/s"
+
+
+def _drifting(forcing):
+    """Diagnostic of a record whose velocity is that of a drift of its baseline."""
+    if not isinstance(forcing, Record) or not forcing.drifts:
+        return []
+    drift = forcing.drift
+    sentence = (
+        f"{forcing.source or 'The record'} drifts: its PGV of {drift.pgv:.3g} m/s as recorded is that of a drifting "
+        f"integral, {drift.corrected_pgv:.3g} m/s without {_line_of(drift)} and what lies below "
+        f'{forcing.corner_hz:.3g} Hz. Take baseline = "high-pass" (--baseline high-pass).'
+    )
+    return [Diagnostic(CAUTION, sentence, "drift")]
 
 
 def scene_diagnostics(
@@ -138,7 +205,7 @@ def scene_diagnostics(
     -------
     list of Diagnostic
     """
-    diagnostics = _slender(scene.block)
+    diagnostics = _slender(scene.block) + _drifting(scene.forcing)
     implausibilities = implausible(scene, *scales)
     diagnostics += [Diagnostic(CAUTION, " ".join(implausibilities), "implausible")] * bool(implausibilities)
     diagnostics += [Diagnostic(CAUTION, unresolved, "unresolved")] * bool(unresolved)

@@ -10,7 +10,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.files import plain, write_json, write_text
 from fpk_rocking.base.types import Array, ArrayLike, File, Progress
-from fpk_rocking.physics.forcing import Forcing, Record
+from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
 from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
@@ -21,6 +22,7 @@ from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws, drawn
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
+from fpk_rocking.studies.scenes import recorded_scenes
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,6 +120,7 @@ class Study:
             misfit += f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", the fit is accepted"
             lines.append(f"{text}; {misfit}.")
         lines += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
+        lines += filter(None, [baseline_remark(scene.forcing for scene in self.motions)])
         return "\n".join([*lines, *self._ordered()])
 
     def _ordered(self):
@@ -180,6 +183,7 @@ def study(
     *,
     measure: str = "PGV",
     units: str | None = None,
+    baseline: str | None = None,
     realizations: int = 10_000,
     seed: int = 1,
     scale_noise: bool = True,
@@ -207,6 +211,8 @@ def study(
         "PGV" (in m/s) or "PGA" (in g).
     units : str, optional
         Unit of the records where their files do not say it.
+    baseline : {"none", "mean", "linear", "high-pass"}, optional
+        Correction of the records' baselines, see `Record`; by default that of each `Record`, and none of files.
     realizations : int
         Paths of a record at each intensity.
     seed : int
@@ -246,8 +252,7 @@ def study(
     checks.instance("scene", scene, Scene)
     check_name(name)
     exceeded = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)
-    motions = [motion if isinstance(motion, Forcing) else Record.from_file(motion, units=units) for motion in records]
-    scenes = [dataclasses.replace(scene, forcing=motion) for motion in motions] or [scene]
+    scenes = recorded_scenes(scene, records, units=units, baseline=baseline)
     if 1 < len(scenes) < FEWEST_RECORDS:
         raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
     if uncertain and len(scenes) == 1 and checks.count("blocks", blocks) < FEWEST_RECORDS:

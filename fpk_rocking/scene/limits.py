@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.noise.filters import Filter
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 
@@ -139,11 +140,20 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     noise = _noise_rms(scene.noise) * unit
     # The strongest recorded accelerations are below 4.5 g.
     strongest, weakest = 5.0 * STANDARD_GRAVITY, 0.1 * STANDARD_GRAVITY
-    for name, value in ("peak acceleration of the forcing", scene.forcing.largest * unit), ("rms of the noise", noise):
-        if strongest < least * value < math.inf:
-            sentences.append(
-                f"The {name} is {_in_both_units(least * value)}; was {1e-2 * least * value:.4g} m/s² meant (cm/s²)?"
-            )
+    forcing = scene.forcing
+    recorded = forcing.implausible if isinstance(forcing, Record) else []
+    sentences += recorded
+    if strongest < least * forcing.largest * unit < math.inf and not recorded:
+        value = least * forcing.largest * unit
+        # A record in g whose numbers are cm/s² was multiplied by 9.81 beforehand.
+        in_g = isinstance(forcing, Record) and forcing.units == "g"
+        meant = 1e-2 * value / (STANDARD_GRAVITY if in_g else 1.0)
+        sentences.append(
+            f"The peak acceleration of the forcing is {_in_both_units(value)}; was {meant:.4g} m/s² meant (cm/s²)?"
+        )
+    if strongest < least * noise < math.inf:
+        value = least * noise
+        sentences.append(f"The rms of the noise is {_in_both_units(value)}; was {1e-2 * value:.4g} m/s² meant (cm/s²)?")
     peak, needed = most * scene.forcing.largest * unit, scene.block.lift_off * unit
     still = scene.start.angle == scene.start.velocity == 0.0 and scene.start.covariance is None
     if still and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:

@@ -76,6 +76,8 @@ def _nondimensional_value(name, key, table, size):
 
 def nondimensional(key: str) -> str:
     """Return the nondimensional key of a scene file that one with a unit stands for; any other as it is."""
+    if key == "corner_hz":  # of a record, which is in seconds
+        return key
     ending = next((ending for ending in _SUFFIXES if key.endswith(ending)), "")
     return _STRENGTHS[key][0] if key in _STRENGTHS else key.removesuffix(ending)
 

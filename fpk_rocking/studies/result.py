@@ -9,6 +9,7 @@ import numpy as np
 
 from fpk_rocking.base.files import plain
 from fpk_rocking.base.types import Array
+from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
@@ -220,7 +221,8 @@ class Fragility(Saved, Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
-        of = (*(scene.noise.remark for scene in self.scenes), self.noise_replacement)
+        baseline = baseline_remark(scene.forcing for scene in self.scenes)
+        of = (*(scene.noise.remark for scene in self.scenes), self.noise_replacement, baseline)
         return tuple(dict.fromkeys((*filter(None, of), *(one.message for one in self.model_diagnostics()))))
 
     def model_diagnostics(self) -> list[Diagnostic]:

@@ -7,11 +7,14 @@ All of it is a change of the scene's numbers. A base acceleration a enters as a/
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike
+from fpk_rocking.base.types import ArrayLike, File
+from fpk_rocking.physics.forcing import Forcing, Record
+from fpk_rocking.physics.forcing.files import unit_of
+from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.scene.parts import Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
@@ -312,6 +315,51 @@ def intensities(scene: Scene) -> Intensities:
     pgv = velocity * unit / size.frequency_parameter
     relative = velocity * size.critical_angle / math.tan(size.critical_angle)
     return Intensities(acceleration, velocity, acceleration * unit, pgv, relative)
+
+
+def recorded_scenes(
+    scene: Scene, records: Sequence[Forcing | File], *, units: str | None = None, baseline: str | None = None
+) -> list[Scene]:
+    """Return a scene under each of several motions.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its forcing is replaced; it stays where there are no motions.
+    records : sequence of Record, str or pathlib.Path
+        Motions, or files that `Record.from_file` reads.
+    units : str, optional
+        Unit of the records where their files do not say it.
+    baseline : {"none", "mean", "linear", "high-pass"}, optional
+        Correction of all records, that of the scene included; by default each keeps its own.
+
+    Returns
+    -------
+    list of Scene
+
+    Raises
+    ------
+    TypeError, ValueError, OSError
+        A parameter or a file is refused; or no file lacks a unit and none has the given one; or a baseline is to be
+        corrected where there is no record.
+    """
+    files = [motion for motion in records if not isinstance(motion, Forcing)]
+    read = {str(file): Record.from_file(file, units_if_unstated=units) for file in files}
+    said = dict.fromkeys(record.units for record in read.values())
+    if read and units is not None and unit_of(units) not in said:
+        accepted = f"nothing, as all files say their unit ({', '.join(said)})"
+        raise ValueError(checks.refusal("units", units, accepted))
+    motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in records]
+    motions = motions or [scene.forcing]
+    if baseline is not None:
+        check_baseline("baseline", baseline)
+        if not any(isinstance(motion, Record) for motion in motions):
+            raise ValueError(checks.refusal("baseline", baseline, "nothing where there is no record"))
+        motions = [
+            dataclasses.replace(motion, baseline=baseline) if isinstance(motion, Record) else motion
+            for motion in motions
+        ]
+    return [dataclasses.replace(scene, forcing=motion) for motion in motions]
 
 
 def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:

@@ -24,7 +24,19 @@ SCALED = {"scales": "0.9,1.1", "cycles": 3, "realizations": 200, "seed": 1}
 ELSEWHERE = {"help", "version", "out", "report", "json", "checkpoint"}
 """Options that test_cli.py, test_report.py and test_checkpoint.py try."""
 
-OF_RISK = {"records", "synthetic", "units", "hazard", "intensities", "measure", "name", "uncertain", "blocks", "set"}
+OF_RISK = {
+    "baseline",
+    "records",
+    "synthetic",
+    "units",
+    "hazard",
+    "intensities",
+    "measure",
+    "name",
+    "uncertain",
+    "blocks",
+    "set",
+}
 """Options that tests/risk and test_drawing.py try."""
 
 

@@ -11,6 +11,7 @@ All quantities are nondimensional. This package makes values; it is not compiled
 """
 
 from fpk_rocking.physics.forcing.base import Force, Forcing, refuse_transient
+from fpk_rocking.physics.forcing.baseline import Drift
 from fpk_rocking.physics.forcing.periodic import Harmonic, Harmonics, PeriodicForcing, periodic
 from fpk_rocking.physics.forcing.pulse import Chirp, Pulse
 from fpk_rocking.physics.forcing.record import Record
@@ -19,6 +20,7 @@ from fpk_rocking.physics.forcing.transient import TransientForcing
 __all__ = [
     "FORCINGS",
     "Chirp",
+    "Drift",
     "Force",
     "Forcing",
     "Harmonic",

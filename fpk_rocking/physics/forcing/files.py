@@ -1,4 +1,4 @@
-"""Files that recorded motions come in: PEER's .AT2, ESM's .ASC, and text of two columns."""
+"""Files that recorded motions come in: PEER's .AT2, ESM's .ASC, text of columns, and what ObsPy reads."""
 
 import codecs
 import math
@@ -18,9 +18,13 @@ UNITS = {"g": 9.80665, "m/s2": 1.0, "cm/s2": 0.01}
 
 _SPELLINGS = {
     "g": "g",
-    **dict.fromkeys(("m/s2", "m/s^2", "m/s**2", "m/s/s", "m/s²", "m/sec2", "m/sec^2", "m/sec/sec"), "m/s2"),
     **dict.fromkeys(
-        ("cm/s2", "cm/s^2", "cm/s**2", "cm/s/s", "cm/s²", "cm/sec2", "cm/sec^2", "cm/sec/sec", "gal"), "cm/s2"
+        ("m/s2", "m/s^2", "m/s**2", "m/s/s", "m/s²", "m/sec2", "m/sec^2", "m/sec/sec", "ms2", "mps2", "m_s2", "m_s_2"),
+        "m/s2",
+    ),
+    **dict.fromkeys(
+        ("cm/s2", "cm/s^2", "cm/s**2", "cm/s/s", "cm/s²", "cm/sec2", "cm/sec^2", "cm/sec/sec", "gal", "cms2", "cm_s2"),
+        "cm/s2",
     ),
 }
 """Units by the ways in which they are written, in lower case."""
@@ -58,16 +62,46 @@ def read(path: pathlib.Path) -> FileRecord:
         The file cannot be read, has another format, is truncated, or has values that are not finite or times that are
         not equally spaced; the message says what and where.
     """
-    text = _text(path)
-    kind = _peer if path.suffix.lower() == ".at2" else _esm if text.startswith("EVENT_NAME:") else _columns
+    data = _data(path)
     try:
+        if b"\0" in data:
+            raise ValueError(f"got binary data, accepted: a text file, or what ObsPy reads{_OBSPY}")
+        text = data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
+        kind = _peer if path.suffix.lower() == ".at2" else _esm if text.startswith("EVENT_NAME:") else _columns
         return kind(text)
     except ValueError as error:
+        other = _obspy(path)
+        if other is not None:
+            return other
         raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
 
 
-def _text(path):
-    """Read a text file of a size that a record can have."""
+_OBSPY = ' (pip install "fpk-rocking[obspy]")'
+
+
+def _obspy(path):
+    """Read a record by ObsPy, in the unit of its numbers, which is not said; None where it cannot, or is missing."""
+    try:
+        import obspy
+    except ImportError:
+        return None
+    try:
+        traces = obspy.read(str(path))
+    except Exception:  # noqa: BLE001  (its readers raise whatever they meet)
+        return None
+    if len(traces) != 1:
+        raise ValueError(f"forcing.file: {str(path)!r}: got {len(traces)} traces, accepted: one, without gaps")
+    (trace,) = traces
+    _accept_count(len(trace.data))
+    # What calib makes of counts is the unit of the instrument; it is 1 where the format has none.
+    samples = np.asarray(trace.data, dtype=float) * trace.stats.calib
+    if np.ma.is_masked(trace.data) or not np.isfinite(samples).all():
+        raise ValueError(f"forcing.file: {str(path)!r}: got samples that are missing or not finite")
+    return FileRecord(float(trace.stats.delta), samples, "")
+
+
+def _data(path):
+    """Return the bytes of a file of a size that a record can have."""
     try:
         size = path.stat().st_size
         # A device or a pipe may never end.
@@ -83,9 +117,7 @@ def _text(path):
         raise OSError(f"forcing.file: {str(path)!r} cannot be read ({error})") from None
     if not data.strip():
         raise ValueError(f"forcing.file: {str(path)!r}: got an empty file, accepted: a record")
-    if b"\0" in data:
-        raise ValueError(f"forcing.file: {str(path)!r}: got binary data, accepted: a text file")
-    return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
+    return data
 
 
 # The letter of an exponent may be Fortran's D here, so that what is refused is the number and not a part of it.
@@ -151,21 +183,54 @@ def _esm(text):
 
 
 def _columns(text):
-    """Read two columns, parted by commas, semicolons, tabs or blanks; a line of names may say the unit."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    rows = [_entries(line) for line in lines]
-    units = ""
-    if rows and not any(_is_number(entry) for entry in rows[0]):
-        units = next(filter(None, map(unit_of, re.findall(r"[^\s,;()\[\]\"']+", lines[0]))), "")
-        rows = rows[1:]
+    """Read columns, parted by commas, semicolons, tabs or blanks: time and acceleration, or those that names tell."""
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    rows = [(number, _entries(line)) for number, line in lines]
+    names, units = [], ""
+    if rows and not any(_is_number(entry) for entry in rows[0][1]):
+        names, rows = _names(lines[0][1]), rows[1:]
     _accept_count(len(rows))
-    wrong = next((row for row in rows if len(row) != 2), None)
-    if wrong is not None:
-        raise ValueError(f"got a line of {len(wrong)} columns, accepted: time in seconds and acceleration")
-    times, samples = _numbers([entry for row in rows for entry in row]).reshape(-1, 2).T
+    places = _places(names)
+    time, acceleration = places or (0, 1)
+    width = len(names) if places else 2
+    number, row = next(((number, row) for number, row in rows if len(row) != width), (0, []))
+    if number:
+        accepted = "time in seconds and acceleration, or a first line of names of which one begins with 'time' and one "
+        accepted = f"the {width} that the first line names" if width != 2 else f"{accepted}with 'acc'"
+        raise ValueError(f"got a line of {len(row)} columns, accepted: {accepted} (line {number})")
+    units = _unit_in(names[acceleration]) if places else next(filter(None, map(_unit_in, names)), "")
+    words = [entry for _, row in rows for entry in (row[time], row[acceleration])]
+    numbers = [number for number, _ in rows]
+    times, samples = _numbers(words, [number for number in numbers for _ in range(2)]).reshape(-1, 2).T
     # Times at the ends of double precision may be further apart than that reaches, and the interval is then refused.
     with np.errstate(over="ignore", invalid="ignore"):
-        return FileRecord(_interval(times), samples, units)
+        return FileRecord(_interval(times, words[::2], numbers), samples, units)
+
+
+def _names(line):
+    """Return the names of columns in a line, each with the unit in brackets behind it."""
+    parting = next((mark for mark in ";\t," if mark in line), "")
+    names = line.split(parting) if parting else re.findall(r"\S+(?:\s*[(\[][^)\]]*[)\]])?", line)
+    return [name.strip().strip("\"'") for name in names]
+
+
+def _places(names):
+    """Return the columns of time and acceleration that names tell; None where they do not tell one of each."""
+    times = [place for place, name in enumerate(names) if re.match(r"t(ime|\b|_)", name, re.IGNORECASE)]
+    found = [place for place, name in enumerate(names) if re.match(r"a(cc|\b|_)", name, re.IGNORECASE)]
+    found = found or [place for place, name in enumerate(names) if place not in times and _unit_in(name)]
+    return (times[0], found[0]) if len(times) == len(found) == 1 else None
+
+
+def _unit_in(name):
+    """Return the unit of acceleration in the name of a column, as in ``acc_m_s2`` or ``Acceleration (g)``; else ""."""
+    words = re.findall(r"[^\s,;()\[\]\"']+", name)
+    parts = [word.split("_", start)[-1] for word in words for start in range(word.count("_") + 1)]
+    return next(filter(None, map(unit_of, parts)), "")
 
 
 def _entries(line):
@@ -180,20 +245,59 @@ def _is_number(word):
     return not math.isnan(_number(word))
 
 
-def _interval(times):
-    """Return the interval of times (n,), or refuse them where it is not one."""
+def _interval(times, words, lines):
+    """Return the interval of times (n,), or refuse them where it is not one; with their words and lines in a file."""
     steps = np.diff(times)
-    if not (steps > 0.0).all():
-        place = int(np.argmax(~(steps > 0.0)))
-        raise ValueError(f"got the time {times[place + 1]:g} after {times[place]:g}, accepted: ascending times")
     interval = (times[-1] - times[0]) / (len(times) - 1)
     late = times - (times[0] + interval * np.arange(len(times)))
-    place = int(np.argmax(np.abs(late)))
     # Files round times.
-    if abs(late[place]) > 0.02 * interval:
-        expected = times[place] - late[place]
-        raise ValueError(f"got the time {times[place]:g} for {expected:g}, accepted: equally spaced times")
-    return float(interval)
+    if (steps > 0.0).all() and np.abs(late).max() <= 0.02 * interval:
+        return float(interval)
+    rounded = _rounded_interval(times, words)
+    if rounded:
+        return rounded
+    if not (steps > 0.0).all():
+        place = int(np.argmax(~(steps > 0.0)))
+        raise ValueError(
+            f"got the time {times[place + 1]:g} after {times[place]:g}, accepted: ascending times "
+            f"(line {lines[place + 1]})"
+        )
+    usual = float(np.median(steps))
+    place = int(np.argmax(np.abs(steps - usual) > 0.02 * usual))
+    # Where each step is usual, the sum of what they are off is not.
+    place, expected = (place, times[place] + usual) if np.ptp(steps) > 0.04 * usual else _latest(times, late)
+    raise ValueError(
+        f"got the time {times[place + 1]:g} for {expected:g}, accepted: equally spaced times (line {lines[place + 1]})"
+    )
+
+
+def _latest(times, late):
+    """Return the place before the time that is furthest off equal spacing, and the time expected after it."""
+    place = int(np.argmax(np.abs(late)))
+    return place - 1, times[place] - late[place]
+
+
+def _rounded_interval(times, words):
+    """Return the interval of equally spaced times that were rounded to decimals; 0 where rounding explains them not.
+
+    They are rounded times if some line has all within half a unit of the last decimal. Fewer than ten tell nothing.
+    """
+    decimals = max(len(word.partition(".")[2]) for word in words)
+    half, count = 0.5 * 10.0**-decimals, np.arange(len(times))
+    if len(times) < 10 or any("e" in word.lower() for word in words) or not (np.diff(times) >= 0.0).all():
+        return 0.0
+    ends = (times[-1] - times[0]) / (len(times) - 1)
+    # The range of what is left is convex in the interval, and the ends are off by half a unit each at most.
+    low, high = (ends + sign * 2.0 * half / (len(times) - 1) for sign in (-1.0, 1.0))
+    for _ in range(60):
+        first, second = low + (high - low) / 3.0, high - (high - low) / 3.0
+        if np.ptp(times - first * count) <= np.ptp(times - second * count):
+            high = second
+        else:
+            low = first
+    interval = float(0.5 * (low + high))
+    explained = np.ptp(times - interval * count) <= 2.0 * half * (1.0 + 1e-6) + 1e-12 * abs(times[-1])
+    return interval if explained and interval > 0.0 else 0.0
 
 
 def _accept_count(count):
@@ -202,8 +306,8 @@ def _accept_count(count):
         raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
 
 
-def _numbers(words):
-    """Return words as finite numbers."""
+def _numbers(words, lines=()):
+    """Return words as finite numbers; their lines are for the message that refuses one."""
     try:
         values = np.array(words, dtype=float)
     except ValueError:
@@ -211,7 +315,8 @@ def _numbers(words):
     # Python reads 1_0 as 10.
     wild = np.flatnonzero(~np.isfinite(values) | np.array(["_" in word for word in words], dtype=bool))
     if wild.size:
-        raise ValueError(f"got {words[wild[0]][:40]!r}, accepted: finite numbers")
+        where = f" (line {lines[wild[0]]})" if lines else ""
+        raise ValueError(f"got {words[wild[0]][:40]!r}, accepted: finite numbers{where}")
     return values
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
+from fpk_rocking.physics.forcing.baseline import BASELINES, CORNER_HZ, Drift, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.files import MOST, UNITS, read, unit_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
@@ -35,6 +36,12 @@ class Record(TransientForcing):
         Factor of the samples.
     source : str
         Where the record is from, such as the name of a file. It does not count when records are compared.
+    baseline : {"none", "mean", "linear", "high-pass"}
+        What is removed from the samples before they act: nothing; their mean; their line of least squares; or that line
+        and what lies below the corner of a filter. `corrected_samples` are what is left.
+    corner_hz : float
+        Corner of "high-pass", Hz: Butterworth's filter of order 2 forwards and backwards, so that the amplitude at f is
+        multiplied by 1 / (1 + (corner / f)^4), over samples padded with 6 / corner seconds of zeros on either side.
 
     Examples
     --------
@@ -53,6 +60,8 @@ class Record(TransientForcing):
     units: str
     scale: float = 1.0
     source: str = dataclasses.field(default="", compare=False)
+    baseline: str = "none"
+    corner_hz: float = CORNER_HZ
 
     _size: ClassVar[Size | None] = None
     time_scale: ClassVar[float] = 2.0
@@ -63,9 +72,24 @@ class Record(TransientForcing):
         checks.keep(self, samples=_samples(self.samples), units=_unit(self.units))
         checks.keep_numbers(self, "forcing", "scale")
         checks.keep(self, source=checks.sentence("forcing.source", self.source))
+        checks.keep(self, baseline=check_baseline("forcing.baseline", self.baseline))
+        checks.keep_numbers(self, "forcing", "corner_hz", above=0.0)
+        low, high = corners(self.interval)
+        if self.baseline == "high-pass" and not low <= self.corner_hz <= high:
+            accepted = f"from {low:.3g} to {high:.3g} Hz for samples at {self.interval:g} s"
+            raise ValueError(checks.refusal("forcing.corner_hz", self.corner_hz, accepted))
 
     @classmethod
-    def from_file(cls, path: File, *, units: str | None = None, scale: float = 1.0) -> Self:
+    def from_file(
+        cls,
+        path: File,
+        *,
+        units: str | None = None,
+        scale: float = 1.0,
+        baseline: str = "none",
+        corner_hz: float = CORNER_HZ,
+        units_if_unstated: str | None = None,
+    ) -> Self:
         """Read a record from a file.
 
         Parameters
@@ -73,12 +97,20 @@ class Record(TransientForcing):
         path : str or pathlib.Path
             A PEER file (.AT2), whose third line says the unit and whose fourth has ``NPTS= n, DT= seconds`` or ``n
             seconds NPTS, DT``; a file of the ESM database (.ASC); or a text of two columns, time in seconds and
-            acceleration, parted by commas, semicolons, tabs or blanks. A first line of names may say the unit; lines
-            that begin with # are comments.
+            acceleration, parted by commas, semicolons, tabs or blanks. A first line of names may say the unit, as in
+            ``acc_g`` or ``Acceleration (cm/s2)``, and of several columns which are time and acceleration; lines that
+            begin with # are comments. Times may be rounded. Other formats, such as MiniSEED and SAC, are read by
+            ObsPy where it is installed: ``pip install "fpk-rocking[obspy]"``.
         units : str, optional
             Unit of the accelerations, see `Record`. Required where the file does not say it.
         scale : float
             Factor of the samples.
+        baseline : str
+            Correction of the baseline, see `Record`.
+        corner_hz : float
+            Corner of the correction "high-pass", Hz.
+        units_if_unstated : str, optional
+            In place of ``units``: the unit where the file does not say it; another one that it says stands.
 
         Returns
         -------
@@ -94,7 +126,9 @@ class Record(TransientForcing):
         """
         file = checks.path("forcing.file", path)
         wanted = None if units is None else _unit(units)
+        default = None if units_if_unstated is None else _unit(units_if_unstated)
         motion = read(file)
+        wanted = wanted or (default if not motion.units else None)
         if wanted and motion.units and wanted != motion.units:
             accepted = f"{motion.units!r}, as the file {str(file)!r} says, or nothing"
             raise ValueError(checks.refusal("forcing.units", units, accepted))
@@ -102,14 +136,15 @@ class Record(TransientForcing):
             raise ValueError(
                 f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
             )
-        return cls(motion.interval, tuple(motion.samples.tolist()), wanted or motion.units, scale, file.name)
+        samples, unit = tuple(motion.samples.tolist()), wanted or motion.units
+        return cls(motion.interval, samples, unit, scale, file.name, baseline, corner_hz)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
         """Read a record from its file, or from a table that holds its samples."""
         if "file" not in table:
             return super().from_table(name, table, folder)
-        keys = ("file", "units", "scale")
+        keys = ("file", "units", "scale", "baseline", "corner_hz")
         for key in table:
             if key not in keys:
                 raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
@@ -118,7 +153,8 @@ class Record(TransientForcing):
 
     def scaled(self, strength: float, rate: float) -> Self:
         """Return the record with accelerations multiplied by a factor, and times divided by one."""
-        changed = dataclasses.replace(self, scale=self.scale * strength, interval=self.interval / rate)
+        scale, interval, corner_hz = self.scale * strength, self.interval / rate, self.corner_hz * rate
+        changed = dataclasses.replace(self, scale=scale, interval=interval, corner_hz=corner_hz)
         return changed if self._size is None else changed.for_size(self._size)
 
     def check_range(self) -> None:
@@ -148,8 +184,63 @@ class Record(TransientForcing):
     @functools.cached_property
     def forces(self) -> Array:
         """Nondimensional force at the samples, shape (n,); what overflows is refused with all that is too strong."""
-        with np.errstate(over="ignore"):
-            return self._bound_size.amplitude(self.scale * UNITS[self.units] * np.array(self.samples))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._bound_size.amplitude(self.scale * UNITS[self.units] * self.corrected_samples)
+
+    @functools.cached_property
+    def corrected_samples(self) -> Array:
+        """Samples that act, (n,), in their unit: without what `baseline` removes."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return corrected(np.array(self.samples), self.interval, self.baseline, self.corner_hz)
+
+    @functools.cached_property
+    def drift(self) -> Drift:
+        """What "high-pass" would remove from the samples that act, before they are multiplied by `scale`.
+
+        Where the interval does not resolve the corner it is what "linear" would remove.
+        """
+        low, high = corners(self.interval)
+        kind = "high-pass" if low <= self.corner_hz <= high else "linear"
+        with np.errstate(over="ignore", invalid="ignore"):
+            straight = corrected(self.corrected_samples, self.interval, kind, self.corner_hz)
+            unit = UNITS[self.units]
+            return drift_of(unit * self.corrected_samples, unit * straight, self.interval)
+
+    @functools.cached_property
+    def correction(self) -> Drift:
+        """What `baseline` removed from the samples, before they are multiplied by `scale`."""
+        unit = UNITS[self.units]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return drift_of(unit * np.array(self.samples), unit * self.corrected_samples, self.interval)
+
+    @property
+    def implausible(self) -> list[str]:
+        """Sentences on accelerations, velocities and times, before `scale` multiplies, that were hardly meant."""
+        drift, lasts = self.drift, self.interval * (len(self.samples) - 1)
+        name, sentences = self.source or "the record", []
+        # The strongest recorded accelerations are below 4.5 g, the fastest velocities about 3 m/s.
+        if 5.0 * UNITS["g"] < drift.pga < math.inf and self.units != "cm/s2":
+            meant = 1e-2 * drift.pga / UNITS[self.units]
+            sentences.append(
+                f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g); was "
+                f"{meant:.4g} m/s² meant (cm/s²)?"
+            )
+        elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
+            sentences.append(
+                f"The PGV of {name} is {drift.corrected_pgv:.3g} m/s without drift, and it lasts {lasts:.4g} s: is its "
+                f"interval {self.interval:g} s, and its unit {self.units}?"
+            )
+        return sentences
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the velocity of the base is that of a drift, see `Drift`; False for less than 2 s, which say little.
+
+        What "high-pass" has corrected does not drift.
+        """
+        # A fifth of a period of the corner: 2 s, whatever the record's times were divided by.
+        lasts = self.interval * (len(self.samples) - 1) * self.corner_hz >= 0.2
+        return lasts and self.baseline != "high-pass" and self.drift.drifts
 
     @functools.cached_property
     def unit(self) -> float:
@@ -184,6 +275,14 @@ class Record(TransientForcing):
     def __str__(self):
         name = self.source or "a record"
         return f"{name}, {len(self.samples)} samples of {self.interval:g} s, {self.scale:g} times"
+
+
+def check_baseline(name: str, value: str) -> str:
+    """Return the name of a correction in `BASELINES`, or refuse it."""
+    if not isinstance(value, str) or value not in BASELINES:
+        kind = ValueError if isinstance(value, str) else TypeError
+        raise kind(checks.refusal(name, value, " or ".join(map(repr, BASELINES))))
+    return value
 
 
 def _unit(text):
