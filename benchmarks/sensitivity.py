@@ -48,8 +48,9 @@ GROUPS = {
         "envelope_order": ("exact enveloped",),
         "rk4_.*": ("rk4",),
         "white_.*|finest_step|barrier_distance|bounce_time": ("white", "white rack"),
-        "sure_arrival|longest_arrival|bounce_.*": ("white",),
-        "filtered_(fewest|longest|smooth|rough)": ("filtered", "filtered soil", "filtered rough"),
+        "sure_arrival|longest_arrival|bounce_.*": ("white", "white at rest"),
+        "filtered_(fewest|rough)": ("filtered", "filtered soil", "filtered rough"),
+        "filtered_(longest|smooth)": ("filtered smooth", "filtered slow"),
         "batch_seconds|smallest_batch|first_batch|impacts_per_cycle": ("exact", "exact record"),
         "tally_states": ("tally",),
         "foresight|score_.*": ("splitting",),
@@ -155,6 +156,8 @@ def calls():
     pulse = white.varied(forcing=fpk.Pulse("one-sine", 1.5, 1.1), noise=fpk.WhiteNoise(0.06))
     enveloped = main.varied(noise={"envelope": importlib.import_module("fpk_rocking.envelopes").Exponential(3.0)})
     soil = fpk.FilteredNoise(fpk.CloughPenzien(9.0, 0.6, 1.5, 0.4), 0.04)
+    smooth = fpk.FilteredNoise("low-pass", 0.04, 30.0, 0.7)
+    slow = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(1.5, 1.2), fpk.FilteredNoise("low-pass", 0.04, 1.0, 0.7))
     resting = fpk.Scene(
         fpk.Block(0.5),
         fpk.Harmonic(0.9, 6.0),
@@ -200,9 +203,12 @@ def calls():
         "exact enveloped": (enveloped, simulated, 5, 10000),
         "rk4": (main, simulated, 4, 4000, {"method": "rk4"}),
         "white": (white, simulated, 4, 16000),
+        "white at rest": (band.white_equivalent(), simulated, 6, 4000),
         "white rack": (white_rack, simulated, 4, 8000),
         "filtered": (moving, simulated, 4, 6000),
         "filtered soil": (main.varied(noise=soil), simulated, 4, 4000),
+        "filtered smooth": (main.varied(noise=smooth), simulated, 3, 3000),
+        "filtered slow": (slow, simulated, 4, 6000),
         "filtered rough": (resting, simulated, 6, 3000),
         "tally": (main, tallied),
         "splitting": (main.varied(noise={"variance": 0.03}).white_equivalent(), split),
@@ -334,7 +340,8 @@ def verdict(change, chance=0.0):
     if "refused" in change:
         return "refused"
     largest = max(change[key] for key in RESULTS)
-    drawn = change["paths"] > DRAWN and change["survival"] <= 3.0 * math.sqrt(2.0) * change["sampling"]
+    within = change["survival"] <= 3.0 * math.sqrt(2.0) * change["sampling"]
+    drawn = within and (change["paths"] > DRAWN or change["paths"] <= ROUNDING)  # of most paths, or of few
     words = [] if largest <= ROUNDING else ["draws"] if drawn else ["accuracy"]
     words += ["speed"] if abs(change["seconds"] - 1.0) > max(SECONDS, chance) else []
     return ", ".join(words) or ("rounding" if largest > 0.0 else "nothing")
