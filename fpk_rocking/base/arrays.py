@@ -5,7 +5,9 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
+from numba.core.imputils import lower_getattr_generic
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
+from numba.extending import intrinsic, models, register_model
 from numba.np import arrayobj
 
 
@@ -36,27 +38,74 @@ def scratch(rows: int, columns: int) -> Callable[[], Any]:
     return make
 
 
+class BorrowedTuple(types.Type):
+    """The numba type of a named tuple with arrays that a kernel does not own."""
+
+    def __init__(self, kind):
+        self.kind = kind
+        super().__init__(name=f"borrowed {kind}")
+
+
+@register_model(BorrowedTuple)
+class _BorrowedTuple(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, manager.lookup(kind.kind).get_value_type())
+
+
+def _borrowed_type(kind):
+    """Type of what `borrowed` makes of a type."""
+    return BorrowedTuple(kind) if isinstance(kind, types.NamedTuple) and _has_arrays(kind) else kind
+
+
+def _has_arrays(kind):
+    return isinstance(kind, types.Array) or (isinstance(kind, types.BaseTuple) and any(map(_has_arrays, kind.types)))
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = BorrowedTuple
+
+    def generic_resolve(self, borrowed, name):
+        fields = borrowed.kind.fields
+        return _borrowed_type(borrowed.kind.types[fields.index(name)]) if name in fields else None
+
+
+@lower_getattr_generic(BorrowedTuple)
+def _field(context, builder, borrowed, value, name):
+    number = borrowed.kind.fields.index(name)
+    return _disowned(context, builder, borrowed.kind.types[number], builder.extract_value(value, number))
+
+
+def _disowned(context, builder, kind, value):
+    """Return a value without ownership of an array's memory; the arrays of a named tuple are disowned when read."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple) and not isinstance(kind, types.NamedTuple):
+        items = zip(kind.types, cgutils.unpack_tuple(builder, value), strict=True)
+        return context.make_tuple(builder, kind, [_disowned(context, builder, *pair) for pair in items])
+    return value
+
+
 @intrinsic
 def borrowed(typing, value):  # noqa: ARG001
-    """Return an array, or a tuple with arrays, without ownership of the memory: no references to it are counted.
+    """Return an array or a named tuple with arrays, or a tuple of such, without ownership of the memory.
 
-    Whoever calls the kernel has to own the arrays until it returns, as Python does the arguments of a kernel.
+    No references to it are counted. Whoever calls the kernel has to own the arrays until it returns, as Python does the
+    arguments of a kernel.
     """
-
-    def disowned(context, builder, kind, item):
-        if isinstance(kind, types.BaseTuple):
-            items = zip(kind.types, cgutils.unpack_tuple(builder, item), strict=True)
-            return context.make_tuple(builder, kind, [disowned(context, builder, *pair) for pair in items])
-        if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder, item)
-            array.meminfo = cgutils.get_null_value(array.meminfo.type)
-            return array._getvalue()
-        return item
+    result = _borrowed_type(value)
+    if isinstance(value, types.BaseTuple) and not isinstance(value, types.NamedTuple):
+        result = types.Tuple([_borrowed_type(kind) for kind in value.types])
 
     def generate(context, builder, called, arguments):
-        return disowned(context, builder, called.args[0], arguments[0])
+        if result is called.args[0] or not isinstance(result, types.BaseTuple):
+            return _disowned(context, builder, called.args[0], arguments[0])
+        items = zip(called.args[0].types, cgutils.unpack_tuple(builder, arguments[0]), strict=True)
+        return context.make_tuple(builder, result, [_disowned(context, builder, *pair) for pair in items])
 
-    return value(value), generate
+    return result(value), generate
 
 
 @intrinsic

@@ -49,7 +49,7 @@ def band_of_scene(scene, period):
     return Band(low, high - low, weight, scene.noise.harmonics)
 
 
-@kernel
+@kernel(inline="always")
 def draw_start_and_noise(stream, start, band, harmonics):
     """Draw the start and the harmonics of one realization, in this order; return angle and velocity at τ = 0.
 
@@ -86,7 +86,7 @@ def divide_by_window(harmonics, parameters):
         )
 
 
-@kernel(fastmath={"contract"})
+@kernel(inline="always")
 def write_first_samples(samples, cycle, parameters):
     """Write the samples for the first CHUNK intervals from a cycle on."""
     harmonics, spacing = samples.harmonics, parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing)

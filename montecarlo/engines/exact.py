@@ -44,12 +44,11 @@ from montecarlo.engines.engine import Engine
 
 
 @kernel(fastmath={"contract"})
-def _divide_by_stiffness(harmonics, parameters):
-    """Turn the harmonics of the noise into those of the interpolant of P."""
-    ratios, frequency = harmonics.ratios, 2.0 * math.pi / (parameters.grid.count * parameters.grid.spacing)
+def _divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
+    """Turn the weights (n,) of the noise's harmonics into those of the interpolant of P."""
     for n in range(ratios.size):
-        gain = -evaluate_compensation(parameters.compensation, ratios[n] * parameters.ratio_scale)
-        harmonics.weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
+        gain = -evaluate_compensation(compensation, ratios[n] * ratio_scale)
+        weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
 
 
 @kernel(fastmath={"contract"})
@@ -71,13 +70,14 @@ def _noise_slope(samples, k, slopes):
     return total
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _begin_closed(stream, cycle, parameters, workspace):
     """Draw the start and the noise; the state is the growing and the decaying exponential and the folded angle."""
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     side = side_of_start(x, v)
-    _divide_by_stiffness(samples.harmonics, parameters)
+    ratios, frequency = samples.harmonics.ratios, 2.0 * math.pi / (parameters.grid.count * parameters.grid.spacing)
+    _divide_by_stiffness(ratios, samples.harmonics.weights, frequency, parameters.compensation, parameters.ratio_scale)
     write_first_samples(samples, cycle, parameters)
     _write_nodes(samples.values, workspace.node, parameters.flight.ends)
     _build_particular(0, 0, parameters, workspace)
@@ -92,7 +92,7 @@ def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG0
         _write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _is_eventless(u, end, side, j, parameters):
     """Whether a flight between two folded angles surely has no event in interval j."""
     s = 1 if side > 0 else 0
@@ -108,14 +108,14 @@ def _try_closed(state, side, number, j, parameters, workspace):
     return side != 0 and _is_eventless(u, end, side, j, parameters), (grow, decay, end)
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _build_particular(number, j, parameters, workspace):
     """Write P of forcing and noise in an interval."""
     particular, samples = workspace.interval.particular, workspace.samples.values
     interpolate(particular, parameters.forced[j], parameters.polynomials, samples, number % CHUNK)
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
     """Carry a block through an interval; with the impacts None through a share of it, to angle and velocity."""
     block = parameters.block
@@ -144,7 +144,7 @@ def _end_closed(state, side, number, j, parameters, workspace):
 # ------------------------------------------------------ an envelope, or an exact block; the state is angle and velocity
 
 
-@kernel
+@kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start and the noise, and make the first samples."""
     samples = workspace.samples
@@ -154,13 +154,13 @@ def _begin(stream, cycle, parameters, workspace):
     return (x, v), (x, v)
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
     """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
     write_next_samples(workspace.samples, number, cycle, parameters)
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath={"contract"}, forceinline=True)
 def _respond_to_force(x, v, side, j, k, parameters, workspace):
     """Angle and velocity of a slender block after interval j, number k of a chunk, if nothing happens in it."""
     h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
@@ -188,7 +188,7 @@ def _noise_at_points(values, g, k):
     return one + two
 
 
-@kernel
+@kernel(inline="always")
 def _try_response(state, side, number, j, parameters, workspace):
     """Whether nothing happens to a slender block in an interval, and angle and velocity at its end if so."""
     x, v = state
@@ -200,7 +200,7 @@ def _try_response(state, side, number, j, parameters, workspace):
     return _is_eventless(side * x, side * end[0], side, j, parameters), end
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _try_collocation(state, side, number, j, parameters, workspace):
     """Whether nothing happens to an exact block in an interval, and angle and velocity at its end if so."""
     x, v = state
@@ -221,7 +221,7 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     return eventless, (side * end if converged else math.nan, side * speed)
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath={"contract"}, forceinline=True)
 def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
     k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
@@ -232,7 +232,7 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
         workspace.noise[n] = value
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
     interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
@@ -274,7 +274,7 @@ def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters,
 _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 
-@kernel
+@kernel(forceinline=True)
 def _step(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
     """Carry a block through a share of an interval, piece by piece of the envelope."""
     (x, v), first = state, parameters.envelope.first

@@ -131,7 +131,7 @@ def workspace_of(parameters):
     return Workspace(allocate_noise(parameters.noise), rows[0], rows[1], rows[2])
 
 
-@kernel
+@kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start, and the noise up to the begin of the run; the state is angle and velocity."""
     state = draw_start(stream, parameters.start)
@@ -141,13 +141,13 @@ def _begin(stream, cycle, parameters, workspace):
     return state, state
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
     """Draw the noise of the next interval."""
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
     """Angle and velocity of a slender block after interval j if nothing happens in it, and True."""
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
@@ -175,7 +175,7 @@ def _fly_exact(x, v, side, j, parameters, workspace, block):
 _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 
-@kernel(forceinline=True)  # see events.next_event
+@kernel(inline="always")
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether nothing happens in an interval, and angle and velocity at its end if so."""
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise)
@@ -265,7 +265,7 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
     return x, v, side, time
 
 
-@kernel
+@kernel(inline="always")
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
     """Carry a block through a share of an interval; return (angle, velocity), side, and time of overturning."""
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing

@@ -97,7 +97,7 @@ def workspace_of(parameters):
     )
 
 
-@kernel
+@kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
     """Draw the start and the noise, and tabulate the rotations of its harmonics; the state is angle and velocity."""
     n, length, harmonics = parameters.grid.count, workspace.low.size, workspace.harmonics

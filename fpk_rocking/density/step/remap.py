@@ -211,7 +211,8 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 @kernel
 def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
     """Integrate products of shape functions over all overlaps of row r, exactly, see `fill_blocks`."""
-    origin, first, _, start, blocks, places, masses = remap
+    origin, first, start, blocks = remap.origin, remap.first, remap.start, remap.blocks
+    places, masses = remap.end_places, remap.end_masses
     floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
     for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
         for n in range(len(nodes)):
@@ -284,7 +285,7 @@ def blocks_to_point_values(begin, end, moments, values, blocks, basis):
 @kernel(fastmath=FASTMATH)
 def remap_row(r, values, source, target, remap, moved, basis):
     """Write to `moved` the values (cells, lines, modes) of the target cells of row r by those of its source cells."""
-    origin, first, count, start, blocks, _, _ = remap
+    origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
     base, sums = origin[min(r, len(origin) - 1)], _line_sums()
     for c in range(target[0], target[1]):
@@ -308,7 +309,7 @@ def remap_row(r, values, source, target, remap, moved, basis):
 @kernel(fastmath=FASTMATH)
 def adjoint_remap_row(r, values, source, target, remap, moved, basis):
     """Add to `moved` values (cells, lines, modes) of source cells by those of target cells: adjoint of `remap_row`."""
-    origin, first, count, start, blocks, _, _ = remap
+    origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
     base = origin[min(r, len(origin) - 1)]
     for c in range(target[0], target[1]):

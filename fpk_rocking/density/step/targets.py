@@ -138,10 +138,10 @@ def locate_point(search, point):
 
     `search` is a `CellSearch`.
     """
-    lines, scales, table, density = search
+    lines, scales = search.lines, search.scales
     if not lines[0] <= point < lines[-1]:
         return Exit.TRUNCATED.value, 0.0
-    i = table[int((point - lines[0]) * density)]
+    i = search.table[int((point - lines[0]) * search.density)]
     while point >= lines[i + 1]:
         i += 1
     return i, (point - lines[i]) * scales[i] - 1.0
