@@ -32,6 +32,13 @@ class Dataset(NamedTuple):
         values) as of a variable.
     rows : tuple of str
         Dimensions that the rows of the table stand for, the last one running fastest; each has a coordinate.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> dataset = solve_fpk(load_scene("main"), cycles=4, tol=1e-2).dataset()
+    >>> print(dataset.rows, dataset.table()["survival"].round(2))
+    ('time',) [1.   1.   1.   0.96 0.86]
     """
 
     variables: dict[str, Any]
@@ -118,9 +125,17 @@ class Result:
     """
 
     if TYPE_CHECKING:  # a property of the base would be the default value of a field of its name
+        scene: Any
 
-        def __getattr__(self, name: str) -> Any:
-            """Return what a subclass has: scene, title, dataset, plot."""
+        @property
+        def title(self) -> str:
+            """What this is a result of, as a line of text."""
+
+        def dataset(self) -> Dataset:
+            """Return the arrays with their dimensions."""
+
+        def plot(self) -> Any:
+            """Draw the result; returns a matplotlib figure."""
 
     @property
     def diagnostics(self) -> list[Diagnostic]:

@@ -1,6 +1,6 @@
 """Results that say how many blocks still stand, row by row, whichever engine they come from."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -62,6 +62,24 @@ class SurvivalResult(Result):
     Fokker-Planck density 0.86
     Monte Carlo exact 0.86
     """
+
+    if TYPE_CHECKING:  # fields and methods of every subclass, listed above
+        times: Any
+        survival: Any
+        overturned: Any
+        wall_s: Any
+        realizations: Any
+        at: Any
+        _binned: Any
+        survival_interval: Any
+
+        @property
+        def engine(self) -> str:
+            """Name of the engine."""
+
+        @property
+        def deterministic(self) -> bool:
+            """Whether nothing is random."""
 
     @property
     def cycles(self) -> int | None:

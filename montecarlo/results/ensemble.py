@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -39,6 +39,11 @@ class Sample(SurvivalResult):
     * ``first_overturning``: earliest and latest time of overturning of the first realization, and the side; None if it
       stands.
     """
+
+    if TYPE_CHECKING:
+        method: Any
+        overturned_counts: Any
+        first_overturning: Any
 
     noise_replacement = ""
     shown_bins = 24
