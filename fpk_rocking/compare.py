@@ -325,7 +325,7 @@ def _checked_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int
 
 
 def _bin_distances(both, sizes, cycle, edges):
-    """L1, its floor, Hellinger distance, its floor, and both probabilities outside the bins, after a cycle."""
+    """After a cycle: L1 of bins, its floor, Hellinger, its floor; of each result, what stands outside the bins."""
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
     common = sampling.pooled(bins[0], bins[1], *sizes)
     return (

@@ -53,7 +53,7 @@ def terminable():
 
 @contextlib.contextmanager
 def insistent():
-    """Raise an interruption anew that C code swallowed within the block; only the main thread can, as `terminable`.
+    """Raise again an interruption that C code swallowed in the block, at its end or before; in the main thread only.
 
     The exception of a signal cannot pass a callback from C or a finalizer: Python prints it there and goes on. A signal
     that comes while LLVM makes machine code ends like that, for the first Python code to run afterwards, where it is

@@ -117,7 +117,7 @@ class ContactForces:
 
 
 def contact_forces(histories: Histories) -> ContactForces:
-    """Compute the forces at the corner along histories.
+    """Compute horizontal and normal forces at the corner, over the weight, along histories.
 
     Parameters
     ----------

@@ -242,7 +242,7 @@ def filtered_discretization(scene, plane, number):
 
 
 def may_rest(scene):
-    """Whether noise, up to four standard deviations of it, may leave a block at rest at the end of a cycle."""
+    """Whether the force at a cycle's end, with four standard deviations of noise against it, may be below lift-off."""
     return abs(scene.forcing.value(0.0)) < scene.block.lift_off + 4.0 * math.sqrt(scene.noise.variance)
 
 

@@ -201,7 +201,7 @@ class Discretization:
 
     @property
     def settings(self):
-        """Mesh, degree, quadrature and steps as plain values."""
+        """Cells, degree, quadrature, steps and patches as a dict for JSON, quadrature and patches as dicts in it."""
         angle_cells, velocity_cells = self.cells
         plain = {"angle_cells": angle_cells, "velocity_cells": velocity_cells, "degree": self.degree}
         plain |= {"quadrature": dataclasses.asdict(self.quadrature), "steps": self.steps}

@@ -225,7 +225,7 @@ class StartUp:
 
 
 def takeover_step(startup: StartUp, space: Space, edges, settled=None):
-    """Return the number of the step edge, of those (n,) of a cycle at most, at which a mesh takes over from patches.
+    """Return the index, 1 or more, of those step `edges` (n,), times since the start, where a mesh takes over.
 
     It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
     barely resolved there: the patches would have to follow it through the event. Or it is the first at whose time

@@ -109,7 +109,7 @@ def _draw_survival(axes, result, label, colour, marker):
 
 
 def _draw_difference(axes, comparison, times, place):
-    """Draw differences of survival with 95 % intervals, those of each result a little beside the others."""
+    """Draw survival of one result less that of the first, with 95 % intervals, set off by its `place`, 1 on."""
     bars = 1.96 * comparison.standard_error
     times = times[: len(comparison.difference)]
     beside = times + 0.3 * (place - 1) * times[1]

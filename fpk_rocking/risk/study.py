@@ -102,7 +102,7 @@ class Study:
         return against
 
     def text(self) -> str:
-        """Return the rate, the verdict and the fit as lines of text."""
+        """Return rate, verdict, fit, remarks on noise and baseline, and deviances by measure as lines of one text."""
         curve, lines = self.risk.curve, [self.risk.sentences[0], str(self.trust)]
         points = "In its place stand the points, joined by lines"
         fit = curve.fit

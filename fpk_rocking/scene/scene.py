@@ -380,7 +380,7 @@ def _check_cutoff(cutoff, critical_angle):
 
 
 def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
-    """Return the forcing that `Scene.from_block` describes."""
+    """Return the forcing of `Scene.from_block`: the Record, or a pulse or harmonic scaled by Dimensions `size`."""
     if record is not None:
         checks.instance("record", record, Record)
         for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):

@@ -16,7 +16,7 @@ from montecarlo.engines import engine_of, engines_for, task_of
 
 
 def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
-    """Sample a scene by `montecarlo.simulate`; return survival, survivors, realizations, method, verdict by name."""
+    """Sample a scene by `montecarlo.simulate`; return survival, final survivors, realizations, method, trust by key."""
     result = simulate(scene, seed=seed, **options)
     return {
         "survival": result.survival.tolist(),

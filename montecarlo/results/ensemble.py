@@ -19,7 +19,7 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 
 
 def path_diagnostics(method: str) -> list[Diagnostic]:
-    """Diagnostics of the one path of a deterministic scene, which has only the error of its method."""
+    """Return a list of what to say of the one path of a deterministic scene: a caution, or nothing if it is exact."""
     if method == "exact":
         return []
     sentence = (

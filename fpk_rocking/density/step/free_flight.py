@@ -378,7 +378,7 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
 
 @kernel
 def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
-    """Write a density after shear and diffusion of the velocity: values (velocity cells, angle cells, velocity, angle).
+    """Write values after the shear and diffusion of the velocity to `out`, with the axes of the cells exchanged.
 
     The masses that passed the velocity bound are written to `truncated` (angle cells,).
     """
@@ -413,7 +413,7 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
 
 @kernel
 def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
-    """Add row r after the last shear of the angle to `out`, see `last_angle_shear`."""
+    """Add coefficients of row r (side, velocity cell), sheared from values at Gauss points; see `last_angle_shear`."""
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
     moved, cell = np.zeros((limit, modes, modes)), np.zeros((modes, modes))

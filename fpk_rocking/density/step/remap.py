@@ -210,7 +210,7 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 @kernel
 def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
-    """Integrate products of shape functions over all overlaps of row r, exactly, see `fill_blocks`."""
+    """Add integrals of row r to `remap`, see `prepare_remap`; `points`, `point_weights`: a Gauss-Legendre rule."""
     origin, first, start, blocks = remap.origin, remap.first, remap.start, remap.blocks
     places, masses = remap.end_places, remap.end_masses
     floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]

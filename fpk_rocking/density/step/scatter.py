@@ -82,7 +82,7 @@ def point_masses(cell, area, points, rows, values, basis):
 
 @kernel
 def project_point_values(values, points, rows, out, basis):
-    """Write coefficients of a cell by values (g, h) at its Gauss points (L2 projection): adjoint of `point_masses`."""
+    """Write coefficients of a cell by values (g, h) at its GaussPoints (L2 projection); `rows` is overwritten."""
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
     angle_weights, velocity_weights = points.angle_weights, points.velocity_weights

@@ -234,11 +234,11 @@ class Step:
 
     @property
     def nbytes(self):
-        """Memory of the step, shared buffers left out; bytes."""
+        """Memory of targets and own remaps; bytes. Buffers, characteristics and a shared angle remap are left out."""
         return self._targets.nbytes + (self._flight.nbytes if self._flight else 0)
 
     def _extend(self, ends, flags):
-        """Add the targets of traced paths, and divide the active cells into free flight and scatter.
+        """Add the targets of traced paths, by ends and flags of `trace_cells`, and divide the active cells in two.
 
         Free cells fly where source and target are one mesh, all others are scattered.
         """
@@ -332,7 +332,7 @@ class Step:
         return columns
 
     def _free_range(self):
-        """Return the lowest and the highest angle, (columns,) each, that a node of a scattered free cell ends at."""
+        """Lowest and highest angle (2, columns) where nodes of scattered cells without events end; 0, 0 of none."""
         paths, lines = self.characteristics, self.characteristics.source.angle_lines
         free = self._scattered & ~paths.event_cells
         ends = np.stack([free.argmax(axis=1), free.shape[1] - free[:, ::-1].argmax(axis=1)])

@@ -264,7 +264,7 @@ def scatter_group(target, begin, end, points, masses, basis):
 
 @kernel(fastmath=FASTMATH)
 def gather_group(function, begin, end, points, values, basis):
-    """Write the values (blocks, 8) of a function, by its coefficients in a cell, at the points of a group's blocks."""
+    """Write the values (blocks, 8) of a function, by its coefficients (modes²,) in a cell, at `Targets.coordinates`."""
     modes, rows = len(basis), _polynomials()
     for b in range(begin, end):
         _store_polynomials(points, b, rows)
