@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -11,60 +11,13 @@ from fpk_rocking.base.types import Number
 from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.drawing import Draws
 from fpk_rocking.studies.lognormal import LognormalFit, dispersions, fit_lognormal, refitted
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import intensities, scaled
+from fpk_rocking.studies.scenes import intensity_of, measure_of, scaled
 
 FEWEST_RECORDS = 5
 """Least number of records for a bootstrap over them."""
-
-
-class Measure(NamedTuple):
-    """An intensity of the ground motion: its name in `Intensities`, its unit, and that in SI."""
-
-    field: str
-    unit: str
-    si: float
-
-
-MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", "m/s", 1.0)}
-"""Intensities that a curve may be for: peak ground acceleration in g, peak ground velocity in m/s."""
-
-
-def measure_of(name: str) -> Measure:
-    """Return field, unit and factor of the intensity "PGA" or "PGV", or refuse another name."""
-    if name not in MEASURES:
-        raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
-    return MEASURES[name]
-
-
-def intensity_of(scene: Scene, measure: str) -> float:
-    """Return the peak ground acceleration or velocity of a scene's forcing.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of a block with dimensions.
-    measure : str
-        "PGA" (in g) or "PGV" (in m/s).
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        The measure is unknown, the block has no dimensions, or the forcing is 0.
-    """
-    chosen = measure_of(measure)
-    peak = getattr(intensities(scene), chosen.field) / chosen.si
-    if not peak > 0.0:
-        why = "a scene of a block with dimensions and a forcing that is not 0"
-        raise ValueError(checks.refusal("scene", scene, why))
-    return peak
 
 
 def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:

@@ -317,6 +317,52 @@ def intensities(scene: Scene) -> Intensities:
     return Intensities(acceleration, velocity, acceleration * unit, pgv, relative)
 
 
+class Measure(NamedTuple):
+    """An intensity of the ground motion: its name in `Intensities`, its unit, and that in SI."""
+
+    field: str
+    unit: str
+    si: float
+
+
+MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", "m/s", 1.0)}
+"""Intensities that a curve may be for: peak ground acceleration in g, peak ground velocity in m/s."""
+
+
+def measure_of(name: str) -> Measure:
+    """Return field, unit and factor of the intensity "PGA" or "PGV", or refuse another name."""
+    if name not in MEASURES:
+        raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
+    return MEASURES[name]
+
+
+def intensity_of(scene: Scene, measure: str) -> float:
+    """Return the peak ground acceleration or velocity of a scene's forcing.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s).
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+    """
+    chosen = measure_of(measure)
+    peak = getattr(intensities(scene), chosen.field) / chosen.si
+    if not peak > 0.0:
+        why = "a scene of a block with dimensions and a forcing that is not 0"
+        raise ValueError(checks.refusal("scene", scene, why))
+    return peak
+
+
 def recorded_scenes(
     scene: Scene, records: Sequence[Forcing | File], *, units: str | None = None, baseline: str | None = None
 ) -> list[Scene]:

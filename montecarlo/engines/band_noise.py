@@ -295,6 +295,22 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     )
 
 
+def scaled_parameters(parameters, factor):
+    """Return the `Parameters` of a scene without noise as those of its forcing times a factor, above 0.
+
+    The tables of the forcing are linear in it. To make them anew costs several times as much as a path.
+    """
+    flight, forced = parameters.flight, factor * parameters.forced
+    if isinstance(flight, Collocation):
+        force, flight = forced, flight._replace(forcing=factor * flight.forcing)
+    else:
+        force, flight = force_series(forced), flight._replace(node=factor * flight.node)
+    spread = np.abs(force[:, 1:]) @ (0.5 * parameters.grid.spacing) ** np.arange(1, TERMS)
+    bounds = force[:, 0] - spread, force[:, 0] + spread
+    least, most, stays = _eventless_angles(*bounds, parameters.grid.spacing, parameters.block)
+    return parameters._replace(forced=forced, flight=flight, least=least, most=most, stays=stays)
+
+
 def _closed_form(particular, polynomials, half):
     """Return `ClosedForm` from P of the forcing and the polynomials of the interpolant."""
     return ClosedForm(np.stack(particular_at(particular, half), axis=-1), np.stack(particular_at(polynomials, half)))

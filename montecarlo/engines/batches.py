@@ -73,7 +73,7 @@ def refuse_large(run, per_cycle=1, instead=""):
         raise ValueError(checks.refusal("realizations", run.realizations, accepted))
 
 
-def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None):
+def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None, parameters=None):
     """Simulate the realizations of a run from `first` on, in parallel; those of a deterministic scene are one path.
 
     Parameters
@@ -90,6 +90,8 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         and filtered noise are the same function of time for every such run, white noise is independent.
     progress : callable, optional
         Called as ``progress(done, total)`` after each batch; may raise.
+    parameters : tuple, optional
+        What the engine's `parameters_of` makes of the scene, where the caller has it.
 
     Yields
     ------
@@ -99,9 +101,10 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
     ahead.before(task_of(engine, run.scene))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
-    outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
-    parameters, keys = engine.parameters_of(run.scene, run.steps_per_cycle, outputs), stream_keys(run.seed)
-    keys = keys_at(keys, cycle) if engine.renews else keys
+    if parameters is None:
+        outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
+        parameters = engine.parameters_of(run.scene, run.steps_per_cycle, outputs)
+    keys = keys_at(stream_keys(run.seed), cycle) if engine.renews else stream_keys(run.seed)
     size = max(TUNING.smallest_batch, TUNING.first_batch // run.rows)
     while first < run.realizations:
         began = time.perf_counter()

@@ -10,11 +10,10 @@ import pytest
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
-from fpk_rocking.risk.curve import intensity_of
 from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import intensities
+from fpk_rocking.studies.scenes import intensities, intensity_of
 
 SIZE = Dimensions(0.6, 2.0)
 SCALES = np.geomspace(0.1, 3.0, 12)
