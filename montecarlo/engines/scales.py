@@ -55,7 +55,7 @@ class ScaledPaths:
             self.times = grid.spacing * np.append(0.0, ends)
             self._run = run._replace(times=self.times)
         self._parameters = parameters._replace(grid=grid._replace(output_times=ends))
-        self._cutoff = scene.overturning.angle
+        self.cutoff = scene.overturning.angle
 
     @functools.cached_property
     def least_scale(self):
@@ -76,7 +76,7 @@ class ScaledPaths:
         parameters = scaled_parameters(self._parameters, scale)
         (path,) = simulate_batches(self._run, samples=self._samples, parameters=parameters)
         outcomes.overturn_time[number], outcomes.overturn_side[number] = path.overturn_time[0], path.overturn_side[0]
-        peak = self._cutoff if path.overturn_side[0] else largest_angle(self.times, path.angle[0], path.velocity[0])
+        peak = self.cutoff if path.overturn_side[0] else largest_angle(self.times, path.angle[0], path.velocity[0])
         outcomes.peak[number] = peak
 
 

@@ -19,7 +19,7 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.binning import joint_edges, shown_edges
-from fpk_rocking.studies import Fragility, Sweep
+from fpk_rocking.studies import CriticalIntensities, Fragility, Sweep
 from montecarlo import Ensemble, Histories, Splitting, Tally
 from montecarlo.results.counts import PARTS, Counts
 
@@ -365,6 +365,53 @@ def plane_map():
     return PlaneMap(SPACE, evolution().result.coefficients[9], 0.3, 1e-3)
 
 
+def critical():
+    rng, count = np.random.default_rng(13), 132
+    peaks = rng.uniform(1.0, 9.0, count)
+    scenes = tuple(Scene.from_block(0.5, 1.8, peak, 1.5 + 0.01 * k) for k, peak in enumerate(peaks))
+    own, jumps = peaks / 9.80665, np.sort(rng.uniform(0.3, 1.0, (count, 3)), axis=1) * np.array([1.0, 1.5, 2.5])
+    jumps[0, 2] = jumps[1] = math.nan
+    jumps[2, :2] = 0.5, 0.502  # too narrow to count
+    turned, tops = np.where(np.arange(count) % 3, rng.uniform(1.0, 9.0, count), math.nan), rng.uniform(0.0, 1.5, count)
+    sides = np.where(np.isnan(turned), 0, 1 - 2 * (np.arange(count) % 2)).astype(np.int8)
+    result = CriticalIntensities(
+        scenes=scenes,
+        measure="PGA",
+        highest=3.0,
+        own=own,
+        jumps=jumps,
+        peak=tops,
+        overturn_time=turned,
+        overturn_side=sides,
+        options={"cycles": 4},
+        wall_s=1.0,
+    )
+    first = jumps[:, 0].copy()
+    first[1], first[2] = math.inf, jumps[2, 2]
+    p = math.sqrt(3.0 * 9.80665 / (2.0 * math.hypot(0.5, 1.8)))
+    texts = [
+        "" if k == 1 else "{:.4g}-{:.4g}".format(*row) + ("" if k == 0 else f"; {row[2]:.4g}-")
+        for k, row in enumerate(jumps)
+    ]
+    variables = {
+        "pga_g": own,
+        "pgv_m_per_s": peaks / (2.0 * math.pi * (1.5 + 0.01 * np.arange(count))),
+        "own_intensity": own,
+        "critical_intensity": first,
+        "critical_scale": first / own,
+        "peak_rotation": tops,
+        "overturn_time": turned,
+        "overturn_s": turned / p,
+        "overturn_side": np.array([{-1: "left", 0: "", 1: "right"}[side] for side in sides.tolist()]),
+        "overturns_at": np.array(texts),
+    }
+    names = [str(scene.forcing) for scene in scenes]
+    arrays = {name: (("motion",), values) for name, values in variables.items()}
+    places = {"motion": names, "number": [1, 2, 3]}
+    columns = {"motion": np.array(names)} | variables
+    return Made(result, columns, arrays | {"jump": (("motion", "number"), jumps)}, places)
+
+
 KINDS = {
     "density": evolution,
     "density with rest": functools.partial(evolution, rests_exactly=True),
@@ -378,6 +425,7 @@ KINDS = {
     "fragility": fragility,
     "fragility by density": functools.partial(fragility, sampled=False),
     "surface": functools.partial(fragility, "size"),
+    "critical": critical,
     "sweep": sweep,
     "list": functools.partial(sweep, gridded=False),
     "operator": operator,

@@ -1,0 +1,154 @@
+"""Critical intensities: against paths at single scales, and where the search begins, ends and passes over."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+from fpk_rocking import NoNoise, Scene
+from fpk_rocking.studies import CriticalIntensities, critical_intensities, intensities, scaled, synthetic_records
+from fpk_rocking.studies.critical import factor_diagnostics, first_scale, motion_names, overturns
+from montecarlo import simulate
+
+BLOCK = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+MOTIONS = synthetic_records(4, duration=5.0, rms=1.5)
+HIGHEST = 8.0
+
+
+@pytest.fixture(scope="module")
+def found():
+    return critical_intensities(BLOCK, MOTIONS, measure="scale", highest=HIGHEST)
+
+
+def outcome(scene, scale):
+    return simulate(scaled(scene, scale)).overturn_side[0] != 0
+
+
+def test_outcomes_are_those_of_single_paths(found):
+    scales = np.exp(np.random.default_rng(3).uniform(math.log(0.8), math.log(HIGHEST), 40))
+    got = found.overturned(scales)
+    wanted = np.array([[outcome(scene, scale) for scale in scales] for scene in found.scenes])
+    assert 0.3 < wanted.mean() < 0.7
+    # An interval narrower than the scan is met by chance: about one point in a hundred lies in one that is missed.
+    assert np.count_nonzero(got != wanted) <= 3
+
+
+def test_each_jump_is_where_the_outcome_changes(found):
+    for scene, row in zip(found.scenes, found.jumps, strict=True):
+        scales = row[np.isfinite(row)]
+        assert scales.size % 2 == 1
+        assert (np.diff(scales) > 0.0).all()
+        # Halved from steps of .01, a jump lies between two scales that were followed; the last step may be shorter.
+        for number, scale in enumerate(scales[scales < HIGHEST * math.exp(-0.04)].tolist()):
+            before, after = (outcome(scene, scale * math.exp(sign * 0.01 / 32.0)) for sign in (-1, 1))
+            assert (before, after) == (number % 2 == 1, number % 2 == 0)
+
+
+def test_there_are_several_intervals(found):
+    assert np.isfinite(found.jumps).sum(axis=1).max() >= 5
+
+
+def test_at_its_own_scale_it_is_one_path(found):
+    for number, scene in enumerate(found.scenes):
+        path = simulate(scene)
+        assert found.overturn_side[number] == path.overturn_side[0]
+        assert found.overturn_time[number] == pytest.approx(path.overturn_time[0], abs=1e-11, nan_ok=True)
+    assert (found.overturn_side == 0).any()
+
+
+@pytest.mark.parametrize("measure", ["PGA", "PGV"])
+def test_intensities_are_scales_times_the_motions_own(found, measure):
+    field, unit = ("pga", 9.80665) if measure == "PGA" else ("pgv", 1.0)
+    own = np.array([getattr(intensities(scene), field) / unit for scene in found.scenes])
+    other = critical_intensities(BLOCK, MOTIONS, measure=measure, highest=HIGHEST * own.max())
+    assert other.own == pytest.approx(own, rel=1e-12)
+    # What the last cell of the scan holds depends on where it ends.
+    below = found.jumps < HIGHEST * math.exp(-0.04)
+    for number, row in enumerate(found.jumps):
+        kept = row[below[number]]
+        assert other.jumps[number, : kept.size] == pytest.approx(kept * own[number], rel=1e-9)
+    assert other.factor == pytest.approx(found.factor, rel=1e-9)
+    assert not np.array_equal(other.critical, found.critical)
+
+
+def test_the_first_interval_that_is_wide_enough_counts():
+    rows = [[1.0, 1.005, 2.0, 2.1], [1.0, 1.02, math.nan, math.nan], [1.0, 1.001, 3.0, math.nan], [math.nan] * 4,
+            [1.0, 1.001, 2.0, 2.001]]  # fmt: skip
+    assert first_scale(np.array(rows)).tolist() == [2.0, 1.0, 3.0, math.inf, math.inf]
+    assert first_scale(np.array(rows)[:, :3]).tolist() == [2.0, 1.0, 3.0, math.inf, 2.0]
+    assert first_scale(np.empty((2, 0))).tolist() == [math.inf, math.inf]
+
+
+def test_between_jumps_the_outcome_alternates():
+    rows = np.array([[1.0, 2.0, 3.0], [1.5, math.nan, math.nan]])
+    got = overturns(rows, [0.5, 1.0, 1.9, 2.0, 2.9, 3.0, 9.0])
+    assert got.astype(int).tolist() == [[0, 1, 1, 0, 0, 1, 1], [0, 0, 1, 1, 1, 1, 1]]
+
+
+def test_a_motion_that_never_overturns_is_censored():
+    weak = critical_intensities(BLOCK, MOTIONS[:2], measure="PGA", highest=0.2)
+    assert weak.critical.tolist() == [math.inf, math.inf]
+    assert weak.jumps.shape == (2, 0)
+    assert weak.title == "0 of 2 motions overturn the block up to PGA 0.2 g"
+    assert not weak.overturned([0.1, 0.2]).any()
+
+
+def test_a_block_that_starts_tilted_may_overturn_at_once():
+    tilted = BLOCK.varied(start={"angle": 1.2})
+    (row,) = critical_intensities(tilted, MOTIONS[:1], measure="scale", highest=1.0).jumps
+    assert row[0] == pytest.approx(1e-3)
+
+
+def test_motions_have_names_that_differ():
+    scenes = [*(Scene.from_block(0.5, 1.8, record=motion) for motion in (MOTIONS[0], MOTIONS[1], MOTIONS[0])), BLOCK]
+    first, second, third, fourth = motion_names(scenes)
+    assert (first, third) == (MOTIONS[0].source + " (1)", MOTIONS[0].source + " (2)")
+    assert (second, fourth) == (MOTIONS[1].source, str(BLOCK.forcing))
+
+
+def test_a_large_factor_is_a_caution():
+    assert factor_diagnostics(np.array([0.5, 5.0, math.inf])) == []
+    (caution,) = factor_diagnostics(np.array([0.5, 7.3, math.inf]))
+    assert caution.severity == 1
+    assert caution.message.startswith("1 of 3 motions overturn the block at more than 5 times their own strength")
+    assert "up to 7.3 times" in caution.message
+
+
+def test_files_hold_it(found, tmp_path):
+    found.save(tmp_path / "found.npz")
+    again = CriticalIntensities.load(tmp_path / "found.npz")
+    assert np.array_equal(again.jumps, found.jumps, equal_nan=True)
+    again.to_csv(tmp_path / "found.csv")
+    rows = list(csv.DictReader((tmp_path / "found.csv").open(encoding="utf-8")))
+    assert [row["motion"] for row in rows] == [motion.source for motion in MOTIONS]
+    assert [float(row["critical_scale"]) for row in rows] == found.critical.tolist()
+    assert found.summary()["jumps"][1] == found.jumps[1][np.isfinite(found.jumps[1])].tolist()
+
+
+def test_workers_and_stores_change_nothing(found, tmp_path):
+    wanted = {"measure": "scale", "highest": HIGHEST, "store": tmp_path / "rows.jsonl"}
+    critical_intensities(BLOCK, MOTIONS[:1], **wanted)
+    again = critical_intensities(BLOCK, MOTIONS, workers=2, **wanted)
+    assert np.array_equal(again.jumps, found.jumps, equal_nan=True)
+    assert np.array_equal(again.peak, found.peak)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"scene": None, "motions": ()}, "scene: got None"),
+     ({"highest": 0.0}, "highest: got 0.0, accepted: "),
+     ({"measure": "PGD"}, "measure: got 'PGD', accepted: 'PGA', 'PGV'"),
+     ({"scene": [BLOCK]}, "motions: got "),
+     ({"cycles": 3}, "cycles: got 3, accepted: nothing")],
+)  # fmt: skip
+def test_refusals(change, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        critical_intensities(**{"scene": BLOCK, "motions": MOTIONS[:1], "highest": 1.0} | change)
+
+
+def test_noise_is_refused():
+    noisy = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    assert noisy.noise != NoNoise()
+    with pytest.raises(ValueError, match=r"scene\[0\]: got .*, accepted: scenes without noise"):
+        critical_intensities(noisy, MOTIONS[:1], highest=1.0)
