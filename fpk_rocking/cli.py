@@ -1,4 +1,4 @@
-"""The command line: ``fpk-rocking fpk|mc|compare|fragility|risk|warmup``.
+"""The command line: ``fpk-rocking probability|fpk|mc|compare|fragility|risk|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
 what the machine refuses, 130 when interrupted, 143 when terminated. Files are complete or not there.
@@ -20,6 +20,8 @@ _EXAMPLES = """\
 a scene is a TOML file, or the name of a scene of the package: main, second, fig05, second_harmonic, rest, record
 
 examples:
+  fpk-rocking probability rack.toml --cycles 10 --tol 0.002
+      the probability that the block overturns, to the wanted error, by the engine that gets there soonest
   fpk-rocking fpk main
       probability density by finite elements, 40 forcing cycles
   fpk-rocking mc main --realizations 20000 --seed 7
@@ -57,6 +59,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --json                  print one JSON object instead of a table
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
                         fragility 0.01)
+--rtol X:float          wanted error (95 %) in parts of the probability; with --tol too, the larger error is enough
+--limit S:float         seconds that it may take; what is predicted to take longer is refused (default 600)
 --bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
                         for a pulse or a record, and with inf: any)
 --noise-replacement NAME  what replaces band noise in the density solver: white (default), or filtered, which lets
@@ -191,6 +195,10 @@ def _parser() -> argparse.ArgumentParser:
 
     rows = "--set --cycles --times --out --report --json"
     printed = "Prints the survival, the probability that the block has not overturned, after each forcing cycle."
+    does = "probability of overturning, to a wanted error (--tol, default 0.005, or --rtol)"
+    files = "result.npz, summary.json, probability.csv and probability.png"
+    wanted = "scene --set --cycles --times --tol --rtol --limit --seed --out --json"
+    command("probability", _probability, does, "Takes the engine that gets there soonest.", wanted, files)
     does = "probability density by finite elements (Fokker-Planck equation)"
     files = "result.npz, summary.json and a VTK series jpdf.pvd"
     command("fpk", _fpk, does, printed, f"scene {rows} {_DENSITY}", files)
@@ -210,6 +218,29 @@ def _parser() -> argparse.ArgumentParser:
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser
+
+
+def _probability(options):
+    """Run the command ``probability``: answer, and print and save the answer."""
+    from fpk_rocking.base.files import write_json
+    from fpk_rocking.output import tables
+    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.results.style import save
+    from fpk_rocking.studies.overturning import probability
+
+    scene = _scene(options, options.scene)
+    own = _rows(options, scene) | _passed(options, "tol", "rtol", "seed")
+    own |= {} if options.limit is None else {"limit_s": options.limit}
+    with reporting("probability") as progress:
+        answer = probability(scene, progress=progress, **own)
+    if options.out:
+        answer.save(options.out / "result.npz")
+        answer.to_csv(options.out / "probability.csv")
+        save(answer.plot(), options.out / "probability.png")
+        write_json(options.out / "summary.json", answer.summary())
+    _print(options, answer, answer.summary(), lambda: tables.probability_table(answer))
+    if answer.interrupted:
+        raise KeyboardInterrupt
 
 
 def _fpk(options):
@@ -507,7 +538,7 @@ def _print(options, result, values, table, films=()):
     """Print a result as JSON (`values`) or as a table, and write its report where one is asked for."""
     from fpk_rocking.output import tables
 
-    if options.report:
+    if getattr(options, "report", None):
         from fpk_rocking.output.report import write_report
 
         scenes = [one.scene for one in films] or result.scenes

@@ -12,6 +12,7 @@ from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.notices import (
     announce,
     announce_finer,
+    estimated_seconds,
     refuse_broken,
     refuse_large,
     refuse_slow,
@@ -158,6 +159,31 @@ def solve_fpk(
     warn_beyond("survival", refined, tol, bins_tol, "compare with Monte Carlo", stacklevel=3)
     warn_unresolved(result, bins_tol, stacklevel=3)
     return result
+
+
+def predicted_seconds(scene: Scene, *, tol: float, cycles: int | None = None, times: ArrayLike | None = None) -> float:
+    """Predict the seconds of one processor that `solve_fpk` takes for a scene, to about a factor of two.
+
+    Parameters
+    ----------
+    scene : Scene
+        With white noise.
+    tol, cycles, times
+        As for `solve_fpk`. A finer solution, where the tolerance asks for one, is not counted.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        The solver cannot take the scene.
+    """
+    refuse_unsolvable(scene)
+    rows = result_times(scene, cycles, times)
+    meshes = _discretizations(scene, scene, explore(scene, rows), resolutions_for(tol, before=SOLUTIONS - 1))
+    return sum(estimated_seconds(scene, mesh, rows) for mesh in meshes[:SOLUTIONS])
 
 
 def _tolerances(scene, tol, bins_tol):

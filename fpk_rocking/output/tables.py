@@ -10,7 +10,7 @@ from rich.table import Table
 
 from fpk_rocking.results.remarks import noise_text
 
-__all__ = ["comparison_table", "result_table", "show", "text_table", "verdict_first"]
+__all__ = ["comparison_table", "probability_table", "result_table", "show", "text_table", "verdict_first"]
 
 
 def show(title, table, sentences):
@@ -27,7 +27,7 @@ def show(title, table, sentences):
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     """Return title, table and closing sentences for survival and overturned probability after each cycle or time."""
     columns = {result.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in result.row_values]}
-    seconds = result.seconds if result.cycles is not None else None
+    seconds = result.time_s if result.cycles is not None else None
     if seconds is not None:
         columns["time, s"] = [f"{time:.4g}" for time in seconds]
     columns["survival"] = [f"{value:.5f}" for value in result.survival]
@@ -44,6 +44,22 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
         f"{result.overturning_text()}, {at}\n{made_by}",
         text_table(columns, zip(*columns.values(), strict=True)),
         verdict_first(result.trust, *_account(result), *result.remarks),
+    )
+
+
+def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
+    """Return title, table and closing sentences for the answer of `fpk_rocking.probability`, row by row."""
+    columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
+    if answer.cycles is not None and answer.time_s is not None:
+        columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
+    shown = {"survival": answer.survival, "overturned left": answer.left, "overturned right": answer.right}
+    for (name, values), errors in zip(shown.items(), answer.errors.T, strict=True):
+        columns[name] = [f"{value:z.5f} ± {error:.1g}" for value, error in zip(values, errors, strict=True)]
+    closing = f"Seed {answer.seed}, {answer.seconds:.1f} s."
+    return (
+        answer.title,
+        text_table(columns, zip(*columns.values(), strict=True)),
+        verdict_first(answer.trust, *answer.remarks, closing),
     )
 
 

@@ -10,10 +10,55 @@ from fpk_rocking.results.binning import ascending_edges, joint_edges
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Dataset, Result
 
-__all__ = ["SurvivalResult"]
+__all__ = ["RowResult", "SurvivalResult"]
 
 
-class SurvivalResult(Result):
+class RowResult(Result):
+    """A result with a row for each of some times: after each forcing cycle, or where it does not repeat at `times`.
+
+    A subclass has a `scene` and `times` τ, ndarray (rows,), from 0 on.
+    """
+
+    if TYPE_CHECKING:
+        times: Any
+
+    @property
+    def cycles(self) -> int | None:
+        """Number of forcing cycles; None where the forcing does not repeat."""
+        return None if self.scene.period is None else len(self.times) - 1
+
+    @property
+    def time_s(self) -> Array | None:
+        """Times of the rows in seconds; None where the size of the block is unknown."""
+        size = self.scene.block.dimensions
+        return None if size is None else size.seconds(np.asarray(self.times))
+
+    @property
+    def row_label(self) -> str:
+        """What the rows are counted in, for axes and tables."""
+        return "forcing cycles" if self.cycles is not None else "time τ" if self.time_s is None else "time, s"
+
+    @property
+    def row_values(self) -> Array:
+        """Rows as `row_label` counts them: whole cycles; else times in seconds, without a size of the block in τ."""
+        if self.cycles is not None:
+            return np.arange(len(self.times))
+        return np.asarray(self.times) if self.time_s is None else self.time_s
+
+    def when(self, row: int) -> str:
+        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5".
+
+        Parameters
+        ----------
+        row : int
+            Number of the row, from 0.
+        """
+        if self.cycles is not None:
+            return f"after {row} cycle{'s' * (row != 1)}"
+        return f"τ = {self.times[row]:.4g}" if self.time_s is None else f"after {self.time_s[row]:.4g} s"
+
+
+class SurvivalResult(RowResult):
     """Survival and overturning of the blocks of a scene; `compare`, tables, pictures and VTK files take such results.
 
     Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
@@ -82,41 +127,6 @@ class SurvivalResult(Result):
             """Whether nothing is random."""
 
     @property
-    def cycles(self) -> int | None:
-        """Number of forcing cycles; None where the forcing does not repeat."""
-        return None if self.scene.period is None else len(self.times) - 1
-
-    @property
-    def seconds(self) -> Array | None:
-        """Times of the rows in seconds; None where the size of the block is unknown."""
-        size = self.scene.block.dimensions
-        return None if size is None else size.seconds(np.asarray(self.times))
-
-    @property
-    def row_label(self) -> str:
-        """What the rows are counted in, for axes and tables."""
-        return "forcing cycles" if self.cycles is not None else "time τ" if self.seconds is None else "time, s"
-
-    @property
-    def row_values(self) -> Array:
-        """Rows as `row_label` counts them: whole cycles; else times in seconds, without a size of the block in τ."""
-        if self.cycles is not None:
-            return np.arange(len(self.times))
-        return np.asarray(self.times) if self.seconds is None else self.seconds
-
-    def when(self, row: int) -> str:
-        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5".
-
-        Parameters
-        ----------
-        row : int
-            Number of the row, from 0.
-        """
-        if self.cycles is not None:
-            return f"after {row} cycle{'s' * (row != 1)}"
-        return f"τ = {self.times[row]:.4g}" if self.seconds is None else f"after {self.seconds[row]:.4g} s"
-
-    @property
     def bin_edges(self) -> tuple[Array, Array]:
         """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
         return joint_edges(self.scene)
@@ -166,7 +176,7 @@ class SurvivalResult(Result):
             {
                 **({} if self.cycles is None else {"cycle": ("time", np.arange(rows))}),
                 "time": self.times,
-                **({} if self.seconds is None else {"time_s": ("time", self.seconds)}),
+                **({} if self.time_s is None else {"time_s": ("time", self.time_s)}),
                 "side": ["left", "right"],
                 **({} if self.interval is None else {"limit": ["low", "high"]}),
                 "bin_angle": angle,

@@ -1,0 +1,543 @@
+"""`probability`: with what probability a block overturns, to a wanted error, by the engine that gets there soonest."""
+
+import dataclasses
+import functools
+import math
+import statistics
+import sys
+import time
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, ArrayLike, Progress
+from fpk_rocking.results.result import Dataset
+from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.survival import RowResult
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, Diagnostic
+from fpk_rocking.scene.scene import Scene
+from montecarlo.engines.batches import checked_run, simulate_batches
+from montecarlo.results.ensemble import EXACT_PATH
+from montecarlo.splitting import split
+
+__all__ = ["Probability", "probability"]
+
+_Z = statistics.NormalDist().inv_cdf(0.975)
+_PILOT, _GROWTH = 1000, 16
+"""Paths before anything is predicted, and how many times more may follow before the prediction is made anew."""
+_SHORT_S = 1.0
+"""Predicted seconds of paths below which nothing else is tried."""
+_FINER = 5.0
+"""Seconds of a density whose forcing does not repeat over those predicted, which leave finer solutions out."""
+_LONG_S = 5.0
+"""Predicted seconds from which on a call says how long it will take."""
+_REPEATS, _STUDENT = 32, 2.0395
+"""Repeats of splitting, and the 97.5 % point of Student's distribution of one degree of freedom less."""
+_COARSER = 4
+"""How many times longer the steps are with which the error of an engine's steps is measured."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Probability(Saved, RowResult):
+    """Probability of overturning with its error, after each cycle or at each of the times; see `probability`.
+
+    Parameters
+    ----------
+    scene : Scene
+    times : ndarray, shape (rows,)
+        Nondimensional times τ from 0 on: whole cycles where the forcing repeats.
+    left, right : ndarray, shape (rows,)
+        Probability of having overturned to either side.
+    errors : ndarray, shape (rows, 3)
+        Errors of the survival, of `left` and of `right`: half of the 95 % interval of a sample, with the measured error
+        of its time steps; of a density the estimated error.
+    method : {"one path", "paths", "density", "splitting"}
+    engine : str
+        The Monte Carlo method, as in "exact"; empty for a density.
+    reason : str
+        Why this method was taken, as a sentence.
+    tol, rtol : float
+        Wanted error of the last probability, absolute and in parts of it; 0 where none was asked for.
+    realizations : int
+        Number of paths; of walkers in all repeats of splitting; 0 for a density.
+    seed : int
+        Seed of the random numbers.
+    interrupted : bool
+        Whether the call was interrupted; the numbers are those of the paths until then.
+    seconds : float
+        That the call took, compilation included.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene, probability
+    >>> rack = Scene.from_block(0.6, 2.0, "0.35 g", "1.2 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> answer = probability(rack, cycles=10, tol=0.01)
+    >>> print(f"{answer.overturned:.2f} {answer.method} {answer.error <= 0.01} {answer.verdict}")
+    0.31 paths True ok
+    """
+
+    kind: ClassVar = "probability"
+    scene: Scene
+    times: Annotated[Array, "f8 k+1"]
+    left: Annotated[Array, "f8 k+1"]
+    right: Annotated[Array, "f8 k+1"]
+    errors: Annotated[Array, "f8 k+1 3"]
+    method: str
+    engine: str
+    reason: str
+    tol: float
+    rtol: float
+    realizations: int
+    seed: int
+    interrupted: bool
+    seconds: float
+
+    @property
+    def survival(self) -> Array:
+        """Probability of not having overturned, shape (rows,)."""
+        return 1.0 - self.left - self.right
+
+    @property
+    def overturned(self) -> float:
+        """Probability of having overturned by the last time."""
+        return float(self.left[-1] + self.right[-1])
+
+    @property
+    def error(self) -> float:
+        """Error of `overturned` (95 %)."""
+        return float(self.errors[-1, 0])
+
+    @property
+    def verdict(self) -> str:
+        """Return "ok", "caution" or "do not use"; `trust` has the reasons."""
+        return self.trust.verdict
+
+    @property
+    def wanted(self) -> float:
+        """The error that was asked for: `tol`, or `rtol` times the probability where that is larger."""
+        return max(self.tol, self.rtol * self.overturned)
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok" on a scene in which nothing is random."""
+        return EXACT_PATH if self.method == "one path" else ""
+
+    @property
+    def diagnostics(self) -> list[Diagnostic]:
+        """Diagnostics of the model, of the error against the wanted one, and of an interruption."""
+        diagnostics = self.model_diagnostics()
+        if self.interrupted:
+            diagnostics.append(Diagnostic(CAUTION, "The call was interrupted before it was done.", "interrupted"))
+        if self.method == "one path":
+            return diagnostics
+        text = f"The error of P(overturned) is {self.error:.2g} (95 %)"
+        if self.error <= self.wanted:
+            return [*diagnostics, Diagnostic(0, f"{text}, within {self.wanted:.2g}.", "error", self.error)]
+        useless = self.error > max(USELESS, self.tol) if self.tol else self.error > 0.5 * self.overturned
+        return [
+            *diagnostics,
+            Diagnostic(UNUSABLE if useless else CAUTION, f"{text}, above {self.wanted:.2g}.", "error", self.error),
+        ]
+
+    @property
+    def title(self) -> str:
+        """P(overturned) with its error and the method, as a line of text."""
+        when, label = self.when(len(self.times) - 1), "one path" if self.method == "one path" else self.label
+        if self.method == "one path":
+            return f"P(overturned) = {self.overturned:.0f} (one path), {when}"
+        return f"P(overturned) = {_with_error(self.overturned, self.error)} (95 %), {when}; {label}"
+
+    @property
+    def label(self) -> str:
+        """Method, engine and number of paths, as in "19,000 paths (exact)"."""
+        if self.method == "paths":
+            return f"{self.realizations:,} paths ({self.engine})"
+        return f"splitting of {self.realizations:,} paths" if self.method == "splitting" else self.method
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Why this method was taken, and what is to be said of the scene."""
+        return (self.reason, *super().remarks)
+
+    def dataset(self) -> Dataset:
+        """Survival and the probabilities of either side by row, each with its error."""
+        names = "survival", "left", "right"
+        return Dataset(
+            {name: ("time", getattr(self, name)) for name in names}
+            | {f"{name}_error": ("time", self.errors[:, k]) for k, name in enumerate(names)},
+            {
+                **({} if self.cycles is None else {"cycle": ("time", np.arange(len(self.times)))}),
+                "time": self.times,
+                **({} if self.time_s is None else {"time_s": ("time", self.time_s)}),
+            },
+            rows=("time",),
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """`overturned`, `error` and the verdict, and all of `Result.summary`, for JSON."""
+        return {"overturned": self.overturned, "error": self.error, "verdict": self.verdict} | super().summary()
+
+    def plot(self) -> Any:
+        """Draw the probability of having overturned, and its share to the left, with their errors."""
+        from matplotlib.ticker import MaxNLocator
+
+        from fpk_rocking.results.pictures import figure_of
+        from fpk_rocking.results.style import COLOURS
+
+        def panel(_, axes):
+            """Draw both probabilities over the rows."""
+            shown = (1.0 - self.survival, 0, "either side"), (self.left, 1, "to the left")
+            for (values, column, label), colour in zip(shown, COLOURS, strict=False):
+                error = self.errors[:, column]
+                axes.fill_between(self.row_values, values - error, values + error, color=colour, alpha=0.3, linewidth=0)
+                axes.plot(self.row_values, values, color=colour, marker=".", label=label)
+            axes.set(xlabel=self.row_label, ylabel="P(overturned)", ylim=(0.0, None))
+            axes.set_title(f"{_with_error(self.overturned, self.error)}, {self.when(len(self.times) - 1)}")
+            if self.cycles is not None:
+                axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axes.legend(fontsize=8)
+
+        return figure_of(panel)
+
+
+def probability(
+    scene: Scene,
+    *,
+    cycles: int | None = None,
+    times: ArrayLike | None = None,
+    tol: float | None = None,
+    rtol: float | None = None,
+    limit_s: float = 600.0,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> Probability:
+    """Estimate the probability that a block has overturned, to a wanted error, for the scene as it is.
+
+    A scene without noise has one path. Else 1,000 paths are sampled first. From them the seconds are predicted that
+    more paths take until the error is small enough, under white noise also those of the density (`solve_fpk`) and of
+    splitting (`montecarlo.split`), and the shortest way is taken. Band noise and filtered noise act as they are.
+
+    Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
+    as the limits of the interval so far ask for. The interval at the end contains the probability in 94.4 to 97 % of
+    repetitions, whatever the probability (benchmarks/probability.py). Where an engine has time steps, as many paths are
+    sampled again with steps four times as long, and what these change beyond sampling is added to the error: for any
+    order from 1/2 on the error of the shorter steps is smaller than that.
+
+    Parameters
+    ----------
+    scene : Scene
+        Block, forcing, noise, start and overturning.
+    cycles : int, optional
+        Number of forcing cycles. Required where the forcing repeats, refused where it does not.
+    times : array_like, optional
+        For a pulse or a record: ascending nondimensional times. By default 21 times over its duration, and 10 units of
+        time after its end.
+    tol : float, optional
+        Wanted error (95 %) of the last probability, above 0. By default .005, unless `rtol` is given.
+    rtol : float, optional
+        Wanted error in parts of the probability, above 0. With both, the larger error is enough.
+    limit_s : float
+        Seconds that the call may take. Where more are predicted it is refused before the work begins.
+    seed : int
+        Seed of the random numbers, from 0 to 2**64 - 1.
+    progress : callable, optional
+        Called as ``progress(done, total)``.
+
+    Returns
+    -------
+    Probability
+        After an interruption from the keyboard what the paths until then say.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused, or the wanted error takes longer than `limit_s`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, probability
+    >>> answer = probability(load_scene("main"), cycles=4, tol=0.01)
+    >>> print(f"{answer.overturned:.2f}")
+    0.14
+    """
+    call = _Call.of(scene, cycles, times, tol, rtol, limit_s, seed, progress)
+    if scene.deterministic:
+        return call.one_path()
+    return call.answer()
+
+
+class _Wanted(NamedTuple):
+    """The error that is wanted: absolute, relative; 0 where none."""
+
+    tol: float
+    rtol: float
+
+    def of(self, share):
+        """Return the error that is small enough for a probability."""
+        return max(self.tol, self.rtol * share)
+
+    def paths(self, overturned, paths):
+        """Return how many paths are needed, from how many of some overturned: by the limits of their share."""
+        low, high = wilson_interval(overturned, paths).tolist()
+        widest = min(max(0.5, low), high)
+        absolute = 1.02 * widest * (1.0 - widest) * (_Z / self.tol) ** 2 + _Z**2 if self.tol else math.inf
+        share = 0.5 * (low + overturned / paths) or high  # where none has overturned, as few as can be
+        relative = (1.0 - share) / share * (_Z / self.rtol) ** 2 if self.rtol else math.inf
+        return min(absolute, relative)
+
+
+class _Counts:
+    """How many of some paths have overturned at each time to the left and to the right: `sides` (rows, 2)."""
+
+    def __init__(self, times):
+        self.times, self.paths, self.sides = times, 0, np.zeros((len(times), 2), np.int64)
+
+    def add(self, batch):
+        """Add a `Batch` of realizations."""
+        over = batch.overturn_side != 0
+        rows = np.searchsorted(self.times, batch.overturn_time[over])
+        passages = np.zeros_like(self.sides)
+        np.add.at(passages, (rows, (batch.overturn_side[over] > 0).astype(int)), 1)
+        self.sides += np.cumsum(passages, axis=0)
+        self.paths += len(batch.overturn_side)
+
+    @property
+    def columns(self):
+        """Numbers of paths that stand, and that overturned to either side, (rows, 3)."""
+        return np.column_stack([self.paths - self.sides.sum(axis=1), self.sides])
+
+    @property
+    def overturned(self):
+        """Number of paths that have overturned by the last time."""
+        return int(self.sides[-1].sum())
+
+    @property
+    def half_widths(self):
+        """Larger distance of the shares in `columns` from the limits of their 95 % intervals, (rows, 3)."""
+        limits = wilson_interval(self.columns, self.paths)
+        return np.abs(limits - (self.columns / self.paths)[..., None]).max(axis=-1)
+
+
+@dataclasses.dataclass
+class _Call:
+    """A call of `probability`: its checked parameters, and what it has learned so far."""
+
+    run: Any
+    wanted: _Wanted
+    limit_s: float
+    progress: Progress | None
+    began: float
+    counts: _Counts
+    split: bool = False
+
+    @classmethod
+    def of(cls, scene, cycles, times, tol, rtol, limit_s, seed, progress):
+        """Return the call with parameters, those of `probability`, or refuse one."""
+        began = time.perf_counter()
+        run = checked_run(scene, cycles, _PILOT, seed, None, 200, progress, times)
+        if tol is None and rtol is None:
+            tol = 5e-3
+        tol, rtol = (
+            0.0 if value is None else checks.number(name, value, above=0.0)
+            for name, value in (("tol", tol), ("rtol", rtol))
+        )
+        limit_s = limit_s if limit_s == math.inf else checks.number("limit_s", limit_s, above=0.0)
+        return cls(run, _Wanted(tol, rtol), limit_s, progress, began, _Counts(run.times))
+
+    def one_path(self):
+        """Return the answer for a scene in which nothing is random."""
+        (batch,) = simulate_batches(self.run._replace(realizations=1), progress=self.progress)
+        self.counts.add(batch)
+        return self.result("one path", "Nothing is random: one path decides.", self.counts.sides, 0.0, 1)
+
+    def answer(self):
+        """Return the answer for a scene with noise."""
+        try:
+            self.sample(_PILOT)
+            begin = time.perf_counter()
+            self.sample(2 * _PILOT)  # the first paths wait for machine code
+            path_s = (time.perf_counter() - begin) / _PILOT
+            if self.run.method != "exact":
+                path_s *= 1.0 + 1.0 / _COARSER
+            answer = None
+            while not self.reached:
+                needed = self.wanted.paths(self.counts.overturned, self.counts.paths)
+                seconds = (needed - self.counts.paths) * path_s
+                if self._density_pays(seconds):
+                    answer = self._density(seconds)
+                elif self._splitting_pays(seconds):
+                    answer = self._splitting(seconds)
+                if answer:
+                    return answer
+                self._announce(needed, seconds)
+                self.sample(min(max(needed, 1.25 * self.counts.paths), _GROWTH * self.counts.paths))
+            return self._from_paths()
+        except KeyboardInterrupt:
+            if not self.counts.paths:
+                raise
+            return self._from_paths(interrupted=True)
+
+    @property
+    def reached(self):
+        """Whether the paths so far give the wanted error."""
+        counts = self.counts
+        return counts.half_widths[-1, 0] <= self.wanted.of(counts.overturned / counts.paths)
+
+    def sample(self, until, counts=None, steps_per_cycle=None):
+        """Add paths to the counts until there are so many."""
+        counts = self.counts if counts is None else counts
+        run = self.run._replace(realizations=int(until))
+        if steps_per_cycle:
+            run = run._replace(steps_per_cycle=steps_per_cycle)
+        for batch in simulate_batches(run, first=counts.paths, progress=self.progress):
+            counts.add(batch)
+
+    def _announce(self, needed, seconds):
+        """Say on standard error how long so many paths take, if long; refuse too long."""
+        if seconds > self.limit_s:
+            self._refuse(needed, seconds)
+        if seconds > _LONG_S:
+            sys.stderr.write(f"probability: about {float(f'{seconds:.1g}'):,.0f} s for {needed:,.0f} paths\n")
+
+    def _refuse(self, needed, seconds):
+        """Raise ValueError: the wanted error takes too long."""
+        counts = self.counts
+        high = wilson_interval(counts.overturned, counts.paths)[1]
+        name = "tol" if self.wanted.tol else "rtol"
+        least = "at least " * (not counts.overturned)
+        paths = self.limit_s / seconds * needed
+        share = max(counts.overturned, 1) / counts.paths
+        within = _Z * math.sqrt(share / paths)
+        raise ValueError(
+            f"{name}: got {getattr(self.wanted, name):g}, which takes {least}{needed:.2g} paths, about {seconds:.2g} s "
+            f"({counts.overturned} of {counts.paths:,} paths overturned, the probability is below {high:.2g}); "
+            f"accepted: a larger limit_s (got {self.limit_s:g} s), or a larger error, as tol={within:.1g}"
+        )
+
+    def _from_paths(self, interrupted=False):
+        """Return the answer that the paths give, with the error of the engine's steps."""
+        counts, errors, engine = self.counts, self.counts.half_widths, self.run.method
+        reason = f"Paths under the noise as it is reach the wanted error soonest ({engine} engine)."
+        if engine != "exact" and not interrupted:
+            coarse = _Counts(self.run.times)
+            self.sample(counts.paths, coarse, max(8, self.run.steps_per_cycle // _COARSER))
+            change = np.abs(coarse.columns - counts.columns) / counts.paths
+            errors = errors + np.maximum(change - math.sqrt(2.0) * errors, 0.0)
+            reason += f" Steps {_COARSER} times as long change the last probability by {change[-1, 0]:.1g}."
+        return self.result("paths", reason, counts.sides / counts.paths, errors, counts.paths, interrupted)
+
+    @property
+    def _share(self):
+        """Share of the paths that has overturned, at least one of them."""
+        return max(self.counts.overturned, 1) / self.counts.paths
+
+    @functools.cached_property
+    def _density_s(self):
+        """Predicted seconds of the density; inf where the solver does not take the scene or the wanted error."""
+        from fpk_rocking.density.solver import predicted_seconds
+
+        scene, tol = self.run.scene, self.wanted.of(self._share)
+        if scene.noise.kind != "white" or tol < 1e-4 or tol > 0.1:
+            return math.inf
+        try:
+            return (1.0 if scene.repeats else _FINER) * predicted_seconds(scene, tol=tol, **self._rows)
+        except ValueError:
+            return math.inf
+
+    def _density_pays(self, paths_s):
+        """Whether the density, not yet tried, is predicted to take less time than paths."""
+        return paths_s > _SHORT_S and self._density_s < min(paths_s, self.limit_s)
+
+    def _density(self, paths_s):
+        """Return the answer by the density; None if it is not accurate enough, or not that of the paths so far."""
+        from fpk_rocking.density.solver import solve_fpk
+
+        counts, tol, seconds = self.counts, self.wanted.of(self._share), self._density_s
+        self._density_s = math.inf  # once
+        try:
+            density = solve_fpk(self.run.scene, tol=tol, bins_tol=math.inf, progress=self.progress, **self._rows)
+        except ValueError:  # no mesh resolves this scene
+            return None
+        error = density.error_estimate
+        difference = abs(density.survival[-1] - 1.0 + counts.overturned / counts.paths)
+        if error > tol or difference > error + 2.0 * counts.half_widths[-1, 0]:
+            return None
+        reason = f"The density was predicted to take {seconds:.1g} s, paths {paths_s:.1g} s."
+        return self.result("density", reason, np.asarray(density.overturned), error, 0)
+
+    def _splitting_pays(self, paths_s):
+        """Whether splitting, not yet tried, takes the scene, and overturning is rare."""
+        scene = self.run.scene
+        rare = self.wanted.of(self._share) < self._share < 0.02
+        return paths_s > _SHORT_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
+
+    def _splitting(self, paths_s):
+        """Return the answer by splitting; None where it would take longer than paths."""
+        counts, walkers = self.counts, 300
+        self.split = True
+        while True:
+            began = time.perf_counter()
+            try:
+                rare = split(
+                    self.run.scene,
+                    walkers=walkers,
+                    repeats=_REPEATS,
+                    seed=self.run.seed,
+                    progress=self.progress,
+                    **self._rows,
+                )
+            except ValueError:  # more walkers than memory holds
+                return None
+            last = float(rare.probability[-1])
+            error, wanted = _STUDENT * float(rare.standard_error[-1]), self.wanted.of(last)
+            if error <= wanted and last and not rare.skewed:
+                break
+            more = 2.0 if not last or rare.skewed else max(2.0, 1.2 * (error / wanted) ** 2)
+            walkers = math.ceil(walkers * min(more, _GROWTH))
+            # Of an event that few paths saw, what plain paths take is a lower bound.
+            limit = min(self.limit_s, paths_s) if counts.overturned > 4 else self.limit_s
+            if more * (time.perf_counter() - began) > limit:
+                return None
+        sides = rare.repeat_overturned
+        columns = np.concatenate([sides.sum(axis=2, keepdims=True), sides], axis=2)
+        errors = _STUDENT * columns.std(axis=0, ddof=1) / math.sqrt(_REPEATS)
+        reason = f"Overturning is rare: plain paths were predicted to take {paths_s:.1g} s."
+        return self.result("splitting", reason, rare.overturned, errors, _REPEATS * rare.walkers)
+
+    @property
+    def _rows(self):
+        """Cycles or times, as other functions take them."""
+        cycles = self.run.scene.period is not None
+        return {"cycles": len(self.run.times) - 1} if cycles else {"times": self.run.times[1:]}
+
+    def result(self, method, reason, sides, errors, realizations, interrupted=False):
+        """Return the `Probability` of a method: `sides` (rows, 2), `errors` (rows, 3) or a number."""
+        left, right = np.asarray(sides, dtype=float).T.copy()
+        return Probability(
+            scene=self.run.scene,
+            times=self.run.times.astype(float),
+            left=left,
+            right=right,
+            errors=np.broadcast_to(errors, (len(left), 3)).astype(float),
+            method=method,
+            engine="" if method == "density" else self.run.method,
+            reason=reason,
+            tol=self.wanted.tol,
+            rtol=self.wanted.rtol,
+            realizations=realizations,
+            seed=self.run.seed,
+            interrupted=interrupted,
+            seconds=time.perf_counter() - self.began,
+        )
+
+
+def _with_error(value, error):
+    """Write a probability and its error, with as many digits as the error has."""
+    if not error > 0.0:
+        return f"{value:.4g}"
+    digits = max(0, 1 - math.floor(math.log10(error)))
+    if value > 0.0 and digits > 6:
+        return f"{value:.3g} ± {error:.2g}"
+    return f"{value:.{digits}f} ± {error:.{digits}f}"

@@ -1,0 +1,145 @@
+"""`probability`: the wanted error, the way that is taken, and what is refused."""
+
+import numpy as np
+import pytest
+
+from fpk_rocking import NoNoise, load_scene, probability, solve_fpk
+from fpk_rocking.studies import overturning
+from fpk_rocking.studies.overturning import Probability
+from montecarlo import simulate
+from montecarlo.engines.batches import Batch
+
+MAIN = load_scene("main")
+WHITE = MAIN.white_equivalent()
+RARE = MAIN.varied(noise={"variance": 0.03}).white_equivalent()
+RARE_OVERTURNED = 5.72e-4, 1.2e-5  # after two cycles: 4e6 paths of seed 77, and their standard error
+
+
+def bernoulli_batches(share, shift=0.0, seed=1):
+    """A stand-in for `simulate_batches`: paths overturn in the middle with a share, shifted where steps are long."""
+    random = np.random.default_rng(seed)
+
+    def batches(run, first=0, progress=None):
+        count, chance = run.realizations - first, share + shift * (run.steps_per_cycle < 200)
+        side = np.where(random.random(count) < chance, random.choice([-1, 1], count), 0).astype(np.int8)
+        when = np.where(side != 0, 0.5 * run.times[-1], np.nan)
+        yield Batch(first, None, None, when, side, None)
+        if progress is not None:
+            progress(run.realizations, run.realizations)
+
+    return batches
+
+
+@pytest.mark.parametrize("share", [0.5, 0.04, 0.0])
+def test_sampling_stops_at_the_wanted_error_and_covers(monkeypatch, share):
+    """Of 300 answers each, 95 % cover: fewer than 273 do with a probability of 2e-3."""
+    monkeypatch.setattr(overturning, "simulate_batches", bernoulli_batches(share))
+    answers = [probability(MAIN, cycles=1, tol=0.02) for _ in range(300)]
+    assert all(answer.error <= 0.02 == answer.wanted and answer.verdict == "ok" for answer in answers)
+    assert sum(abs(answer.overturned - share) <= answer.error for answer in answers) >= 273
+
+
+def test_relative_error(monkeypatch):
+    monkeypatch.setattr(overturning, "simulate_batches", bernoulli_batches(0.003))
+    answer = probability(MAIN, cycles=1, rtol=0.1)
+    assert 0.05 * answer.overturned < answer.error <= 0.1 * answer.overturned
+    larger = probability(MAIN, cycles=1, rtol=0.1, tol=0.002)
+    assert larger.realizations < answer.realizations / 5
+
+
+def test_paths_are_those_of_the_engine():
+    answer = probability(MAIN, cycles=3, tol=0.01, seed=5)
+    sample = simulate(MAIN, cycles=3, realizations=answer.realizations, seed=5)
+    assert answer.method == "paths"
+    np.testing.assert_allclose(answer.survival, sample.survival, atol=1e-12)
+    np.testing.assert_array_equal(answer.left, sample.overturned[:, 0])
+    limits = sample.survival_interval()
+    np.testing.assert_allclose(answer.errors[:, 0], np.abs(limits - sample.survival[:, None]).max(axis=1), atol=1e-12)
+    assert answer.left[-1] != answer.right[-1]
+
+
+def test_no_noise_is_one_path():
+    calm, strong = MAIN.varied(noise=NoNoise()), MAIN.varied(noise=NoNoise(), forcing={"amplitude": 20.0})
+    answers = [probability(scene, cycles=10) for scene in (calm, strong)]
+    assert [(answer.overturned, answer.error, answer.method) for answer in answers] == [
+        (0.0, 0.0, "one path"),
+        (1.0, 0.0, "one path"),
+    ]
+    assert "P(overturned) = 1 (one path)" in answers[1].title
+
+
+def test_density_where_it_is_faster(monkeypatch):
+    monkeypatch.setattr(overturning, "_SHORT_S", 0.0)
+    monkeypatch.setattr("fpk_rocking.density.solver.predicted_seconds", lambda *_, **__: 0.0)
+    answer = probability(WHITE, cycles=4, tol=2e-3)
+    density = solve_fpk(WHITE, cycles=4, tol=2e-3, bins_tol=np.inf)
+    assert answer.method == "density"
+    np.testing.assert_array_equal(answer.left, density.overturned[:, 0])
+    assert answer.error == density.error_estimate <= 2e-3
+    assert "density" in answer.title
+
+
+def test_density_that_the_paths_contradict_is_not_taken(monkeypatch):
+    monkeypatch.setattr(overturning, "_SHORT_S", 0.0)
+    monkeypatch.setattr("fpk_rocking.density.solver.predicted_seconds", lambda *_, **__: 0.0)
+    calmer = MAIN.varied(noise={"variance": 0.015}).white_equivalent()
+    wrong = solve_fpk(calmer, cycles=4, tol=2e-3, bins_tol=np.inf)
+    monkeypatch.setattr("fpk_rocking.density.solver.solve_fpk", lambda *_, **__: wrong)
+    assert probability(WHITE, cycles=4, tol=2e-3).method == "paths"
+
+
+def test_splitting_where_overturning_is_rare(monkeypatch):
+    monkeypatch.setattr(overturning, "_SHORT_S", 0.0)
+    answer = probability(RARE, cycles=2, rtol=0.3)
+    expected, standard_error = RARE_OVERTURNED
+    assert answer.method == "splitting"
+    assert abs(answer.overturned - expected) <= 1.5 * answer.error + 3.0 * standard_error
+    assert answer.error <= 0.3 * answer.overturned
+
+
+def test_error_of_the_steps_is_added(monkeypatch):
+    monkeypatch.setattr(overturning, "simulate_batches", bernoulli_batches(0.3, shift=0.1))
+    answer = probability(MAIN.filtered_equivalent(), cycles=1, tol=0.02)
+    assert 0.05 < answer.error < 0.13
+    assert answer.verdict == "caution"
+
+
+def test_too_long_is_refused():
+    with pytest.raises(ValueError, match=r"^tol: got 1e-05, .* limit_s \(got 2 s\)"):
+        probability(MAIN, cycles=4, tol=1e-5, limit_s=2)
+    with pytest.raises(ValueError, match=r"^rtol: got 0\.01, which takes at least .* \(0 of 2,000 paths"):
+        probability(MAIN, cycles=1, rtol=0.01, limit_s=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error"),
+    [("tol", 0.0, ValueError), ("rtol", -1.0, ValueError), ("tol", "x", TypeError), ("limit_s", 0.0, ValueError)],
+)
+def test_wrong_parameters_are_refused(name, value, error):
+    with pytest.raises(error, match=f"^{name}: got"):
+        probability(MAIN, cycles=1, **{name: value})
+
+
+def test_interruption_hands_back_the_paths_so_far():
+    def stop(done, _):
+        if done > 3000:
+            raise KeyboardInterrupt
+
+    answer = probability(MAIN, cycles=2, tol=1e-3, progress=stop)
+    assert answer.interrupted
+    assert answer.realizations >= 2000
+    assert answer.verdict == "caution"
+    assert "interrupted" in answer.trust.reasons[0]
+
+
+def test_answer_is_saved_and_written(tmp_path):
+    answer = probability(MAIN, cycles=3, tol=0.02)
+    answer.save(tmp_path / "answer.npz")
+    loaded = Probability.load(tmp_path / "answer.npz")
+    assert loaded.summary() == answer.summary()
+    answer.to_csv(tmp_path / "answer.csv")
+    lines = (tmp_path / "answer.csv").read_text().splitlines()
+    assert lines[0] == "cycle,time,survival,left,right,survival_error,left_error,right_error"
+    assert float(lines[-1].split(",")[3]) == answer.left[-1]
+    (axes,) = answer.plot().axes
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), answer.left + answer.right)
