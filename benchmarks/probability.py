@@ -1,0 +1,173 @@
+"""`probability` against ten times the paths: is the truth inside answer ± error, and what does the answer cost.
+
+The scenes are drawn at random, in turn of these kinds: exact blocks under band noise, white noise, filtered noise, a
+pulse with band noise, a record with band noise. The truth is the same engine with other seeds, and at least ten times
+the paths or 4e5 of them. Hindsight is the time that the cheapest single engine takes: paths alone, as many as the true
+probability asks for, at the speed of the reference; under white noise the density too, where its error is small enough.
+
+    python benchmarks/probability.py                              # 60 scenes at 5e-3
+    python benchmarks/probability.py --tol 5e-4 --scenes 15
+    python benchmarks/probability.py --rtol 0.1 --scenes 20 --rare
+"""
+
+import argparse
+import math
+import statistics
+import time
+import warnings
+
+import numpy as np
+from report import table, write_section
+
+from fpk_rocking import Scene, probability, solve_fpk
+from fpk_rocking.scene import FilteredNoise, Pulse
+from fpk_rocking.studies import synthetic_records
+from montecarlo import simulate
+
+CYCLES = 10
+KINDS = "band", "white", "filtered", "pulse", "record"
+_Z = 1.959964
+_TRUTH_SEED, _ANSWER_SEED = 5001, 1
+_MOST_PATHS = 400_000
+
+
+def drawn(kind, random):
+    """Return a scene of a kind, and the rows that are asked for."""
+    width = random.uniform(0.3, 1.2)
+    height = width * random.uniform(2.5, 6.0)
+    peak, hertz = math.exp(random.uniform(math.log(0.2), math.log(0.8))), random.uniform(0.6, 3.0)
+    rms, band = 9.81 * random.uniform(0.02, 0.1), (0.0, random.uniform(5.0, 10.0))
+    noise = {"noise_rms_acceleration": rms, "noise_band_hz": band}
+    if kind == "record":
+        motion = synthetic_records(1, duration=8.0, seed=int(random.integers(1 << 30)))[0]
+        return Scene.from_block(width, height, record=motion, **noise), {}
+    scene = Scene.from_block(width, height, f"{peak:.3f} g", f"{hertz:.3f} Hz", **noise)
+    if kind == "pulse":
+        pulse = Pulse("one-sine", scene.forcing.amplitude * 1.5, scene.forcing.frequency)
+        return scene.varied(forcing=pulse), {}
+    if kind == "white":
+        scene = scene.white_equivalent()
+    if kind == "filtered":
+        ratio = random.uniform(0.5, 1.0)
+        noise = FilteredNoise("low-pass", scene.noise.variance, random.uniform(4.0, 12.0), ratio)
+        scene = scene.varied(noise=noise)
+    return scene, {"cycles": CYCLES}
+
+
+def scenes(seed, count, rare):
+    """Draw scenes whose probability is above .002 and below .998, or with `rare` from 1e-6 to 1e-2."""
+    random = np.random.default_rng(seed)
+    while count > 0:
+        kind = KINDS[(count - 1) % (2 if rare else len(KINDS))]
+        scene, rows = drawn(kind, random)
+        sample = simulate(scene, realizations=1_000_000 if rare else 4000, seed=9, **rows)
+        share = 1.0 - sample.survival[-1]
+        if (1e-6 < share < 1e-2) if rare else (0.002 < share < 0.998):
+            count -= 1
+            yield kind, scene, rows
+
+
+def row_of(kind, scene, rows, wanted):
+    """Answer a scene, and hold the answer against the truth; return a row as a dict."""
+    begin = time.process_time()
+    try:
+        answer = probability(scene, seed=_ANSWER_SEED, **rows, **wanted)
+    except ValueError as error:
+        return {"kind": kind, "refused": str(error)}
+    spent = time.process_time() - begin
+    share = max(answer.overturned, 1e-12)
+    needed = share * (1.0 - share) * (_Z / answer.wanted) ** 2
+    begin = time.process_time()
+    count = int(min(max(10.0 * needed, 20_000), _MOST_PATHS if wanted.get("tol") else 20 * _MOST_PATHS))
+    sample = simulate(scene, realizations=count, seed=_TRUTH_SEED, **rows)
+    path_s = (time.process_time() - begin) / count
+    truth = 1.0 - float(sample.survival[-1])
+    sampling = _Z * math.sqrt(max(truth * (1.0 - truth), 1.0 / count) / count)
+    hindsight = path_s * max(truth * (1.0 - truth), 1e-12) * (_Z / answer.wanted) ** 2
+    if scene.noise.kind == "white" and answer.wanted >= 1e-4:
+        hindsight = min(hindsight, _density_seconds(scene, rows, answer.wanted))
+    inside = abs(truth - answer.overturned) <= math.hypot(answer.error, sampling)
+    return {
+        "kind": kind,
+        "truth": truth,
+        "sampling": sampling,
+        "answer": answer.overturned,
+        "error": answer.error,
+        "wanted": answer.wanted,
+        "inside": bool(inside),
+        "verdict": answer.verdict,
+        "method": answer.method,
+        "seconds": spent,
+        "hindsight": hindsight,
+    }
+
+
+def _density_seconds(scene, rows, wanted):
+    """Processor seconds of the density where its estimated error is within the wanted one, else inf."""
+    begin = time.process_time()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            density = solve_fpk(scene, tol=wanted, bins_tol=math.inf, **rows)
+    except ValueError:
+        return math.inf
+    return time.process_time() - begin if density.error_estimate <= wanted else math.inf
+
+
+def main():
+    """Draw, answer and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=3901)
+    parser.add_argument("--scenes", type=int, default=60)
+    parser.add_argument("--tol", type=float)
+    parser.add_argument("--rtol", type=float)
+    parser.add_argument("--rare", action="store_true")
+    options = parser.parse_args()
+    wanted = {name: getattr(options, name) for name in ("tol", "rtol") if getattr(options, name)} or {"tol": 5e-3}
+    for kind in KINDS:  # machine code
+        scene, rows = drawn(kind, np.random.default_rng(0))
+        probability(scene, tol=0.05, **rows)
+    solve_fpk(drawn("white", np.random.default_rng(0))[0], cycles=1, tol=1e-2)
+    results = []
+    for draw in scenes(options.seed, options.scenes, options.rare):
+        results.append(row_of(*draw, wanted))
+        print(results[-1], flush=True)
+    answered = [row for row in results if "answer" in row]
+    inside = sum(row["inside"] for row in answered)
+    twice = sum(
+        row["verdict"] == "ok" and abs(row["truth"] - row["answer"]) > 2.0 * row["error"] + row["sampling"]
+        for row in answered
+    )
+    ratios = [row["seconds"] / row["hindsight"] for row in answered if row["hindsight"] > 0.2]
+    asked = ", ".join(f"{name} {value:g}" for name, value in wanted.items())
+    body = f"""**Result.** The truth was inside answer ± error in {inside} of {len(answered)} scenes ({asked}); "ok" was
+wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused.
+
+Processor seconds over those of the cheapest engine in hindsight, where that takes more than .2 s ({len(ratios)}
+scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest {max(ratios, default=math.nan):.2f}.
+
+{
+        table(
+            ["kind", "truth", "answer", "error", "wanted", "method", "verdict", "s", "hindsight, s"],
+            [
+                [
+                    row["kind"],
+                    f"{row['truth']:.3g}",
+                    f"{row['answer']:.3g}",
+                    f"{row['error']:.2g}",
+                    f"{row['wanted']:.2g}",
+                    row["method"],
+                    row["verdict"],
+                    f"{row['seconds']:.2f}",
+                    f"{row['hindsight']:.2f}",
+                ]
+                for row in answered
+            ],
+        )
+    }
+"""
+    write_section(f"Probability of overturning, {asked}", body, values={"rows": results})
+
+
+if __name__ == "__main__":
+    main()
