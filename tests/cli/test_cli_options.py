@@ -8,12 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import cli, solve_fpk
+from fpk_rocking import cli, probability, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
 from fpk_rocking.studies import Fragility, curves, fragility
+from fpk_rocking.studies.overturning import Probability
 from montecarlo import Ensemble, Tally, simulate
 
 PERIODIC = Scene(Block(0.5), Harmonic(5.2, 2.7, math.pi), BandNoise(0.09, (0.0, 10.0), 100))
@@ -69,8 +70,21 @@ def test_no_option_is_left_out():
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
-    others = {"times", "tally", "noise_replacement", "scales", "pga", "workers", "no_check"}
+    others = {"times", "tally", "noise_replacement", "scales", "pga", "workers", "no_check", "rtol", "limit"}
     assert known - ELSEWHERE - OF_RISK == tried | others
+
+
+def test_options_of_probability(run):
+    options = {"set": "noise.variance=0.05", "cycles": 3, "tol": 0.02, "rtol": 0.3, "seed": 4, "limit": 60}
+    values, file = run("probability", PERIODIC, **options)
+    answer = Probability.load(file)
+    assert (values["tol"], values["rtol"], values["seed"]) == (0.02, 0.3, 4)
+    same = probability(PERIODIC.varied(noise={"variance": 0.05}), cycles=3, tol=0.02, rtol=0.3, seed=4)
+    assert answer.overturned == same.overturned == values["overturned"] > 0.0
+    rows = (file.parent / "probability.csv").read_text().splitlines()
+    assert len(rows) == 5
+    with pytest.raises(AssertionError, match="limit_s"):
+        run("probability", PERIODIC, cycles=3, tol=1e-6, limit=0.1)
 
 
 OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cycle", 60), ("method", "exact")]
