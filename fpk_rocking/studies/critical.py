@@ -17,7 +17,7 @@ import math
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -93,6 +93,45 @@ def first_scale(jumps: Array) -> Array:
     return np.where(wide, begins, math.inf).min(axis=1, initial=math.inf)
 
 
+class MotionOutcomes(NamedTuple):
+    """What s scenes without noise come to over their scales, and at their own.
+
+    Parameters
+    ----------
+    jumps : ndarray, shape (s, l + 1, k)
+        Scales, ascending, from which a block overturns (the first, third, ...) or stands (the second, fourth, ...), nan
+        behind the last; [:, 1:] from which it reaches each of l levels.
+    peak : ndarray, shape (s,)
+        Largest |Θ| = |θ|/θ_cr at scale 1; where the block overturns that of overturning.
+    overturn_time : ndarray, shape (s,)
+        Time τ of overturning at scale 1, nan where the block stands.
+    overturn_side : ndarray, shape (s,)
+        -1 (left) or 1 (right), 0 where it stands.
+    """
+
+    jumps: Annotated[Array, "f8 s l+1 k"]
+    peak: Annotated[Array, "f8 s"]
+    overturn_time: Annotated[Array, "f8 s"]
+    overturn_side: Annotated[Array, "i1 s"]
+
+    @property
+    def critical(self) -> Array:
+        """Lowest scale (s,) from which each scene overturns over 1 % at least; inf for one that does not."""
+        return first_scale(self.jumps[:, 0])
+
+    @classmethod
+    def of(cls, values: Sequence[dict[str, Any]], curves: int = 1) -> "MotionOutcomes":
+        """Return the outcomes of what `search` has returned for each scene and each of its curves, in this order."""
+        own = values[::curves]
+        rows = _padded([one.get("jumps", ()) for one in values])
+        return cls(
+            rows.reshape(len(own), curves, rows.shape[1]),
+            np.array([one.get("peak") for one in own], float),
+            np.array([one.get("overturn_time") for one in own], float),
+            np.array([one.get("overturn_side", 0) for one in own], np.int8),
+        )
+
+
 def search(scene: Scene, *, seed: int, measure: str, highest: float, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
     """Follow a scene without noise over its scales; return jumps, and what it comes to at its own scale, by name."""
     paths = ScaledPaths(scene, **lasting)
@@ -107,7 +146,7 @@ def search(scene: Scene, *, seed: int, measure: str, highest: float, **lasting: 
     }
 
 
-def _kernels_of(task, scenes, options):  # noqa: ARG001  (as `tasks.kernels_of`)
+def kernels_of(task, scenes, options):  # noqa: ARG001  (as `tasks.kernels_of`)
     """Return the names in `base.ahead` of the kernels of the paths of some scenes."""
     return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
@@ -395,26 +434,26 @@ def critical_intensities(
     own = np.array([1.0 if measure == "scale" else intensity_of(one, measure) for one in scenes])
     jobs = [Job(number, one, 0) for number, one in enumerate(scenes)]
     options = {"measure": measure, "highest": highest} | lasting
-    rows = run_jobs(search, jobs, options, _kernels_of, workers=workers, store=store, progress=progress)
+    rows = run_jobs(search, jobs, options, kernels_of, workers=workers, store=store, progress=progress)
     failed = next((row for row in rows if row["reason"]), None)
     if failed:
         raise ValueError(f"motion {motion_names(scenes)[failed['cell']]}: {failed['reason']}")
-    values = [row["values"] for row in rows]
+    outcomes = MotionOutcomes.of([row["values"] for row in rows])
     return CriticalIntensities(
         scenes=scenes,
         measure=measure,
         highest=highest,
         own=own,
-        jumps=padded([np.array(one["jumps"]) * unit for one, unit in zip(values, own, strict=True)]),
-        peak=np.array([one["peak"] for one in values]),
-        overturn_time=np.array([one["overturn_time"] for one in values], float),
-        overturn_side=np.array([one["overturn_side"] for one in values], np.int8),
+        jumps=outcomes.jumps[:, 0] * own[:, None],
+        peak=outcomes.peak,
+        overturn_time=outcomes.overturn_time,
+        overturn_side=outcomes.overturn_side,
         options=options,
         wall_s=time.perf_counter() - started,
     )
 
 
-def padded(rows: Sequence[Array]) -> Array:
+def _padded(rows: Sequence[Array]) -> Array:
     """Return rows of numbers as one array (m, k), with nan behind the last number of a shorter row."""
     out = np.full((len(rows), max(map(len, rows), default=0)), math.nan)
     for row, values in zip(out, rows, strict=True):

@@ -1,5 +1,6 @@
 """`fragility`: the probability of overturning as a function of the scale of the shaking."""
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -11,6 +12,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies import critical
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import checked_scenes, grid, scaled
@@ -41,6 +43,9 @@ def fragility(
     probability P(max |Θ| ≥ x) too. The samples of different scales and of different scenes are independent of each
     other, as the fit supposes. Levels share random numbers, and so do the values of a parameter, so their differences
     have less sampling noise; the curves of two levels never cross under band noise or none.
+
+    Without noise all scales at which the outcome changes are searched for, up to the largest (`critical_intensities`),
+    and a probability is 0 or 1 by those.
 
     Parameters
     ----------
@@ -110,16 +115,28 @@ def fragility(
     lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
     options, realizations = _options(engine, shaken, lasting, realizations, tol)
     shape = len(scenes), 1 + len(levels), len(factors)
+    searched = engine == "exact" and all(one.deterministic for one in shaken)
     jobs: list[Job] = []
-    for m, which, n in np.ndindex(shape):
+    job_of = np.arange(math.prod(shape[:2] if searched else shape)).reshape(*shape[:2], -1) + np.zeros(shape, int)
+    for m, which, n in np.ndindex(*shape[:2], 1 if searched else shape[2]):
         own = seed_of(seed, n if over else m * len(factors) + n)
         level = levels[which - 1] if which else None
-        jobs.append(Job(len(jobs), _at(shaken[m], factors[n], level, scale_noise), own))
-    task = TASKS["fpk" if engine == "density" else "mc"]
-    rows = run_jobs(task, jobs, options, kernels_of, workers=workers, store=store, progress=progress)
+        jobs.append(Job(len(jobs), _at(shaken[m], 1.0 if searched else factors[n], level, scale_noise), own))
+    running: dict[str, Any] = {"workers": workers, "store": store, "progress": progress}
+    if searched:
+        bounds = {"measure": "scale", "highest": factors[-1]} | lasting
+        rows = run_jobs(critical.search, jobs, bounds, critical.kernels_of, **running)
+    else:
+        rows = run_jobs(TASKS["fpk" if engine == "density" else "mc"], jobs, options, kernels_of, **running)
     values = [row["values"] for row in rows]
     if not any(values):
         raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
+    outcomes = critical.MotionOutcomes.of(values, shape[1]) if searched else None
+    if outcomes is None:
+        probability = np.array([_overturned(row) for row in values])[job_of]
+    else:
+        overturned = critical.overturns(outcomes.jumps.reshape(len(rows), -1), factors).reshape(shape)
+        probability = np.where(np.array(list(map(bool, values)))[job_of], overturned, np.nan)
     noise = "white" if any(row.get("noise_replacement") for row in values) else engine if shaken != scenes else ""
     replaced = (
         f"At every scale {noise} noise of equal Melnikov variance replaces that of the scene: an approximation, which "
@@ -131,17 +148,20 @@ def fragility(
         place=np.array(places, float),
         level=np.array(levels, float),
         scale=np.array(factors),
-        probability=np.array([_overturned(row) for row in values]).reshape(shape),
-        error_estimate=np.array([row.get("error_estimate", np.nan) for row in values]).reshape(shape),
+        probability=probability,
+        error_estimate=np.array([row.get("error_estimate", np.nan) for row in values])[job_of],
         engine=engine,
         realizations=realizations,
         noise_scaled=bool(scale_noise),
         options=options | {"seed": seed},
         noise_replacement=replaced * bool(noise),
         reasons={
-            ",".join(map(str, np.unravel_index(row["cell"], shape))): row["reason"] for row in rows if row["reason"]
+            ",".join(map(str, place)): rows[number]["reason"]
+            for place, number in np.ndenumerate(job_of)
+            if rows[number]["reason"]
         },
         wall_s=time.perf_counter() - started,
+        motions=outcomes,
     )
 
 

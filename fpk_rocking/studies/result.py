@@ -15,6 +15,7 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.critical import MotionOutcomes
 from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.scenes import Intensities, intensities
@@ -61,6 +62,9 @@ class Fragility(Saved, Result):
         Seconds that the call took.
     mixture : bool
         Whether the one curve is for a motion drawn from the scenes with equal probability (`pooled`).
+    motions : MotionOutcomes or None
+        Of scenes without noise by the method "exact" all scales at which an outcome changes, and what each scene does
+        at scale 1; None of others.
 
     Examples
     --------
@@ -93,6 +97,7 @@ class Fragility(Saved, Result):
     reasons: dict[str, str]
     wall_s: float
     mixture: bool = False
+    motions: MotionOutcomes | None = None
 
     def __post_init__(self) -> None:
         if len(self.place) != (1 if self.mixture else len(self.scenes)):

@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from fpk_rocking import NoNoise, Scene
-from fpk_rocking.studies import CriticalIntensities, critical_intensities, intensities, scaled, synthetic_records
+from fpk_rocking.studies import (
+    CriticalIntensities,
+    Fragility,
+    critical_intensities,
+    fragility,
+    intensities,
+    scaled,
+    synthetic_records,
+)
 from fpk_rocking.studies.critical import factor_diagnostics, first_scale, motion_names, overturns
 from montecarlo import simulate
 
@@ -152,3 +160,19 @@ def test_noise_is_refused():
     assert noisy.noise != NoNoise()
     with pytest.raises(ValueError, match=r"scene\[0\]: got .*, accepted: scenes without noise"):
         critical_intensities(noisy, MOTIONS[:1], highest=1.0)
+
+
+def test_fragility_without_noise_is_by_the_jumps_and_not_by_the_number_of_scales(found, tmp_path):
+    scenes = list(found.scenes)
+    few, many = (fragility(scenes, scale=np.geomspace(1.0, HIGHEST, count), levels=[0.5]) for count in (3, 20))
+    for curves in (few, many):
+        assert np.array_equal(curves.motions.jumps[:, 0, : found.jumps.shape[1]], found.jumps, equal_nan=True)
+        assert np.array_equal(curves.overturned, found.overturned(np.minimum(curves.scale, HIGHEST)))
+        assert curves.motions.critical.tolist() == found.critical.tolist()
+    # A block that overturns has passed each level before.
+    assert (many.reached[:, 0] >= many.overturned).all()
+    assert (many.reached[:, 0] > many.overturned).any()
+    many.save(tmp_path / "curves.npz")
+    again = Fragility.load(tmp_path / "curves.npz")
+    assert np.array_equal(again.motions.jumps, many.motions.jumps, equal_nan=True)
+    assert again.pooled.motions.peak.tolist() == found.peak.tolist()
