@@ -92,6 +92,10 @@ class IntensityCurve:
         Mean over records drawn with replacement; (0, n) for one scene.
     blocks : dict of str to float
         Dispersion β_j that each uncertain value of the block gives, by name (`fpk_rocking.studies.drawing.drawn`).
+    jumps : ndarray, shape (r, b, k)
+        Without noise: intensities, ascending, from which record r overturns block b (the first, third, ...) or lets it
+        stand (the second, ...), nan behind the last. They do not depend on `intensity`, and the rate is by them. (0, 0,
+        0) with noise.
 
     Examples
     --------
@@ -118,6 +122,7 @@ class IntensityCurve:
     between: float
     redrawn: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
     blocks: dict[str, float] = dataclasses.field(default_factory=dict)
+    jumps: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0, 0)))
 
     @property
     def sources(self) -> dict[str, float]:
@@ -222,9 +227,15 @@ class IntensityCurve:
         spreads = refitted(intensity, shares[~fragility.deterministic])[:, 1]
         within = math.sqrt(np.mean(spreads**2)) if spreads.size else math.nan
         common = {"name": fragility.names[which], "measure": measure, "intensity": intensity, "within": within}
+        origin = range(len(shares)) if draws is None else draws.origin
+        if fragility.motions is not None:
+            rows = at_one[0] * fragility.motions.jumps[:, which]
+            records = np.unique(origin)
+            common["jumps"] = np.stack([rows[np.asarray(origin) == record] for record in records])
+            if len(records) == 1:  # blocks that are drawn for one record stand for themselves
+                common["jumps"] = common["jumps"].swapaxes(0, 1)
         if several:
             own = {} if draws is None else dispersions(intensity, shares, draws.values)
-            origin = range(len(shares)) if draws is None else draws.origin
             return cls(**common, blocks=own, **_of_suite(intensity, shares, (within, own), origin, rng, samples))
         return cls(**common, **_of_one(fragility, intensity, which, rng, samples))
 

@@ -229,15 +229,18 @@ class Risk:
     def sentences(self) -> list[str]:
         """The result in words, with what its interval leaves out."""
         sampled = " and ".join(
-            ["records"] * (self.curve.records > 1) + ["blocks"] * bool(self.curve.blocks) + ["noise"]
+            ["records"] * (self.curve.records > 1)
+            + ["blocks"] * bool(self.curve.blocks)
+            + ["noise"] * (not self.curve.jumps.size)
         )
         through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
+        through = "all intensities at which each motion overturns the block" if self.curve.jumps.size else through
         at_once = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
         wide = "" if self.curve.fitted or len(self.curve.redrawn) else at_once
+        limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
         text = (
             f"{self.title}: return period {self.return_period:.4g} years, probability in 50 years "
-            f"{self.probability():.3g}. By {through}; the limits contain the sampling of {sampled}{wide}. The "
-            "hazard and the model of the block count as known."
+            f"{self.probability():.3g}. By {through}{limits}. The hazard and the model of the block count as known."
         )
         return [text, *(diagnostic.message for diagnostic in self.diagnostics)]
 
@@ -273,7 +276,9 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """Return the annual frequency of a limit state.
 
     The integral is taken over the logarithm of the intensity by Gauss-Legendre rules between the points of the hazard;
-    for a lognormal curve and a power law it is right to rounding (λ = k₀ M^(-k) exp(k²β²/2)).
+    for a lognormal curve and a power law it is right to rounding (λ = k₀ M^(-k) exp(k²β²/2)). Without noise it is a
+    sum: each interval of intensities in which a motion overturns the block adds the difference of the hazard at its
+    ends.
 
     Parameters
     ----------
@@ -299,6 +304,8 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """
     checks.instance("curve", curve, IntensityCurve)
     checks.instance("hazard", hazard, Hazard)
+    if curve.jumps.size:
+        return _by_jumps(curve, hazard)
     y, weights = _rule(curve, hazard)
     share = weights * _density(curve, hazard, y)
     rate, (edges, contribution) = float(share.sum()), _contributions(curve, hazard, y, share)
@@ -312,6 +319,31 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
         curve,
         hazard,
     )
+
+
+def _by_jumps(curve, hazard):
+    """Return the `Risk` of motions without noise, from the intensities at which their outcomes change."""
+    signs = 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
+
+    def above(intensity):
+        """Rate (r,) at which each record overturns a block at intensities above one."""
+        return np.nansum(signs * hazard(np.maximum(curve.jumps, intensity)), axis=-1).mean(axis=-1)
+
+    rates, lowest = above(0.0), np.nanmin(curve.jumps)
+    rate = float(rates.mean())
+    drawn = np.random.default_rng(1).integers(0, rates.size, (999, rates.size))
+    low, high = np.quantile(rates[drawn].mean(axis=1), [0.025, 0.975]).tolist()
+    ends = []
+    for part in (1.0 - 5e-4, 5e-4):
+        left, right = math.log(lowest), math.log(lowest) + _TAIL * math.log(10.0) / hazard.exponents.min()
+        for _ in range(60):  # halvings to rounding
+            middle = 0.5 * (left + right)
+            left, right = (middle, right) if above(math.exp(middle)).mean() > part * rate else (left, middle)
+        ends.append(right)
+    edges = np.exp(np.linspace(ends[0], ends[1], 25))
+    share = np.array([above(edge).mean() for edge in edges]) / rate
+    first, last, most = (above(one).mean() / rate for one in (*hazard.intensity[[0, -1]], curve.intensity[-1]))
+    return Risk(rate, (low, high), edges, -np.diff(share), 1.0 - first + last, most, curve, hazard)
 
 
 def _digits(rate):

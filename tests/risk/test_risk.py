@@ -390,3 +390,30 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
     for said, more in refused.items():
         assert cli.main([*arguments, "--realizations", "100000000", *more]) == 2
         assert said in capsys.readouterr().err
+
+
+def stepped(count):
+    block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
+    return study(block, motions, Hazard([0.2, 0.7, 3.0], [2e-3, 8e-5, 1e-6]), np.geomspace(0.3, 3.0, count))
+
+
+def test_without_noise_the_rate_is_that_of_the_share_of_motions_that_overturn():
+    found = stepped(5)
+    jumps, hazard = found.fragility.motions.jumps[:, 0], found.risk.hazard
+    # The share over the hazard on a grid of its own; beyond the search what stands or overturns goes on.
+    grid = np.geomspace(0.05, 3e3, 400_001)
+    share = ((jumps[:, None, :] <= np.sqrt(grid[1:] * grid[:-1])[:, None]).sum(axis=-1) % 2).mean(axis=0)
+    parts = share * -np.diff(hazard(grid))
+    assert found.risk.rate == pytest.approx(parts.sum(), rel=1e-4)
+    inside = (found.risk.edges[:-1, None] <= grid[:-1]) & (grid[:-1] < found.risk.edges[1:, None])
+    assert found.risk.contribution == pytest.approx((inside * parts).sum(axis=1) / parts.sum(), abs=1e-4)
+    assert found.risk.contribution.sum() == pytest.approx(0.999, abs=1e-6)
+    beyond = parts[grid[:-1] >= 3.0].sum() / parts.sum()
+    assert found.risk.beyond_curve == pytest.approx(beyond, abs=1e-4)
+    assert found.risk.beyond_hazard == pytest.approx(beyond + parts[grid[:-1] < 0.2].sum() / parts.sum(), abs=1e-4)
+    assert found.risk.interval[0] < found.risk.rate < found.risk.interval[1]
+    assert "By all intensities at which each motion overturns" in found.text()
+
+
+def test_without_noise_the_rate_does_not_depend_on_the_number_of_intensities():
+    assert [stepped(count).risk.rate for count in (5, 9, 24)] == pytest.approx([stepped(5).risk.rate] * 3, rel=1e-12)
