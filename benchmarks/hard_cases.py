@@ -23,7 +23,7 @@ TOL = 1e-3
 SIGMAS = 3.5
 BINS = 10.0
 COLUMNS = [
-    "row", "S", "dS", "estimate", "L1 of the bins", "negative", "lost", "mass defect", "time", "verdict"
+    "row", "S", "dS", "estimate", "L1 of the bins", "negative", "truncated", "mass defect", "time", "verdict"
 ]  # fmt: skip
 
 
@@ -97,8 +97,8 @@ def faults(row: Row, evolution, reference: Reference):
         names.append("survival")
     if not beyond <= evolution.error_estimate:
         names.append("estimate")
-    if not evolution.lost[-1] <= tol:
-        names.append("lost")
+    if not evolution.truncated[-1] <= tol:
+        names.append("truncated")
     if not all(distance <= most + BINS * tol for distance, _, most in bin_distances(evolution, reference)):
         names.append("bins")
     if row.cycles > row.sampled:
@@ -143,7 +143,7 @@ def judged(row: Row, reference: Reference | None, tol=TOL):
         f"{evolution.error_estimate:.0e}",
         ", ".join(f"{distance:.4f} ({floor:.4f})" for distance, floor, _ in bin_distances(evolution, reference)),
         f"{evolution.negative_mass:.0e}",
-        f"{evolution.lost[-1]:.0e}",
+        f"{evolution.truncated[-1]:.0e}",
         f"{evolution.mass_defect:.0e}",
         seconds,
     ]
@@ -205,7 +205,7 @@ values except for those that it names.
 * dS: largest error of the solver in survival ± its standard error; estimate: the solver's own.
 * L1 of the bins of 0.1, at two cycles; in brackets that of sampling alone. The four bins about the origin, where blocks
   at rest are, count as one.
-* negative, lost, mass defect: integral of the negative part of the density; mass beyond the mesh; how far all masses
+* negative, truncated, mass defect: integral of the negative density; mass beyond the mesh; how far all masses
   are from adding up to 1.
 * time: 1 is the main scene's {unit:.1f} s in this run, good to a factor 2 where other work shares the cores.
 
@@ -213,9 +213,9 @@ values except for those that it names.
 
 * |dS| is at most tol, and at most the solver's own estimate, each with {SIGMAS} standard errors added;
 * L1 is at most {BINS:g} tol above that of sampling, with {SIGMAS} standard errors added;
-* at most tol is lost.
+* at most tol is truncated.
 
-Otherwise it is named what fails: survival, estimate, bins, lost. If all {len(findings)} rows are right, the probability
+What fails is named: survival, estimate, bins, truncated. If all {len(findings)} rows are right, the probability
 that chance makes one of them fail is below a hundredth, because tol is added. A row of more cycles than its reference
 is also judged by its later loss of log S in a cycle (tail).
 

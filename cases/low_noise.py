@@ -63,8 +63,8 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
         rows.append(
             {
                 "diffusion": diffusion, "escape_rate": operator.escape_rate, "escape_error": operator.escape_error,
-                "refinement": operator.refinement, "negative_mass": operator.negative_mass, "lost": operator.lost,
-                "wall_s": time.perf_counter() - begin,
+                "refinement": operator.refinement, "negative_mass": operator.negative_mass,
+                "truncated": operator.truncated, "wall_s": time.perf_counter() - begin,
             }
         )  # fmt: skip
     quiet = simulate(scene.varied(noise=NoNoise()), cycles=400, realizations=1)

@@ -46,8 +46,8 @@ class Evolution(Saved, SurvivalResult):
         Probability of not having overturned.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned to the left and to the right.
-    lost : ndarray, shape (cycles + 1,)
-        Probability that the mesh lost: blocks faster than its largest velocity, or in cells that it does not follow.
+    truncated : ndarray, shape (cycles + 1,)
+        Probability truncated by the mesh: blocks faster than its largest velocity, or in cells that it does not follow.
     at_rest : ndarray, shape (cycles + 1,)
         Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
         this is their probability, which the density does not contain. Under white noise no block rests: this is the
@@ -63,7 +63,7 @@ class Evolution(Saved, SurvivalResult):
         Estimate of the largest error of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md);
         0 under white noise.
     mass_defect : float
-        Largest |survival + overturned + lost - 1|: 0 but for rounding.
+        Largest |survival + overturned + truncated - 1|: 0 but for rounding.
     negative_mass : float
         Largest integral of max(-p, 0) after 1 cycle or more: how far the density p is below 0 in places.
     moving_negative_mass : float
@@ -101,7 +101,7 @@ class Evolution(Saved, SurvivalResult):
     times: Annotated[Array, "f8 k+1"]
     survival: Annotated[Array, "f8 k+1"]
     overturned: Annotated[Array, "f8 k+1 2"]
-    lost: Annotated[Array, "f8 k+1"]
+    truncated: Annotated[Array, "f8 k+1"]
     at_rest: Annotated[Array, "f8 k+1"]
     error_estimate: float
     bins_error_estimate: float
@@ -261,13 +261,13 @@ class Evolution(Saved, SurvivalResult):
         return super().metadata | own | ({"replacement": self.replacement.plain} if self.replacement else {})
 
     def dataset(self) -> Dataset:
-        """Survival, overturned to either side, lost, at rest and binned probabilities over the times.
+        """Survival, overturned to either side, truncated, at rest and binned probabilities over the times.
 
         Where the replacement of the noise was checked: also what it changes in survival, the sampling error of that,
         and the total error of survival.
         """
         dataset = super().dataset()
-        dataset.variables.update(lost=("time", self.lost), at_rest=("time", self.at_rest))
+        dataset.variables.update(truncated=("time", self.truncated), at_rest=("time", self.at_rest))
         if (check := self.replacement) is not None:
             added = check.difference, check.sampling_error, not_none(self.total_error)
             names = "survival_replacement", "survival_replacement_error", "survival_total_error"

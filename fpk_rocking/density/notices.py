@@ -94,7 +94,15 @@ def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
 
 def refuse_broken(result: Evolution) -> None:
     """Raise FloatingPointError where a result has something that is not a finite number."""
-    parts = ("survival", "overturned", "lost", "coefficients", "error_estimate", "bins_error_estimate", "negative_mass")
+    parts = (
+        "survival",
+        "overturned",
+        "truncated",
+        "coefficients",
+        "error_estimate",
+        "bins_error_estimate",
+        "negative_mass",
+    )
     for name in parts:
         if not np.all(np.isfinite(getattr(result, name))):
             raise FloatingPointError(

@@ -137,7 +137,7 @@ def solve_fpk(
         survival=fine.survival,
         overturned=fine.outflow[:, :2],
         at_rest=near_rest(propagator.space, fine.coefficients, scene.start) if at_rest is None else at_rest,
-        lost=fine.outflow[:, 2],
+        truncated=fine.outflow[:, 2],
         error_estimate=refined.error,
         bins_error_estimate=refined.bins_error,
         rest_error_estimate=_rest_error(refined.levels),

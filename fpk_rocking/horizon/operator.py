@@ -84,8 +84,8 @@ class CycleOperator(Result, LinearOperator):
     leakage : ndarray, shape (2,)
         Probability that a block distributed like `quasi_stationary` overturns within a cycle, to the left and to the
         right.
-    lost : float
-        Probability that the mesh loses in a cycle, to velocities beyond its largest one.
+    truncated : float
+        Probability that the mesh truncates in a cycle, to velocities beyond its largest one.
     eigenvalues : ndarray of complex
         Leading eigenvalues, descending in modulus.
     residuals : ndarray
@@ -131,7 +131,7 @@ class CycleOperator(Result, LinearOperator):
         self._fine, self._coarse, self.escape_error = refined.fine.solution, refined.coarse.solution, refined.error
         self.refinement = [(level.solution.space.unknowns, level.solution.rate) for level in refined.levels]
         fine = self._fine
-        self.escape_rate, self.leakage, self.lost = fine.rate, fine.leaks[:2], float(fine.leaks[2])
+        self.escape_rate, self.leakage, self.truncated = fine.rate, fine.leaks[:2], float(fine.leaks[2])
         self.eigenvalues = fine.modes.values**fine.periods
         self.residuals, self.negative_mass = fine.modes.residuals, refined.fine.negative_mass
         self.settings = fine.settings

@@ -114,12 +114,12 @@ def table_html(columns):
     """Return a table of columns (n,) by name, without those that are empty or unknown throughout."""
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
-    head = "".join(f"<th>{html.escape(_head(name))}</th>" for name in texts)
+    head = "".join(f"<th>{html.escape(_column_label(name))}</th>" for name in texts)
     rows = ("".join(f"<td>{html.escape(text)}</td>" for text in row) for row in zip(*texts.values(), strict=True))
     return f"<div class='wide'><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table></div>"
 
 
-def _head(name):
+def _column_label(name):
     """Return the name of a column as the head of a table, with its unit."""
     units = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
     ending = next((ending for ending in units if name.endswith(ending)), "")

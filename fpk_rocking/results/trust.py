@@ -182,7 +182,7 @@ def _limits(tol, bins_tol, values=()):
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
         "rest_error_estimate": ("estimated error of the probability of being at rest", *never),
-        "lost": ("probability lost beyond the largest velocity of the mesh", tol, useless),
+        "truncated": ("probability truncated beyond the largest velocity of the mesh", tol, useless),
         "mass_defect": ("mass defect (probability that the solver created or lost)", 1e-9, tol),
         "negative_mass": (f"negative mass ({below})", *negative),
         "moving_negative_mass": (f"negative mass ({below}, blocks at rest left out)", 1e-2, useless),

@@ -70,7 +70,7 @@ def sampled():
         tol=1e-3,
         survival=hard_cases.sampling(reference)[0],
         error_estimate=1e-3,
-        lost=np.zeros(11),
+        truncated=np.zeros(11),
         bin_probabilities=lambda cycle, *_: bins[cycle],
     )
 
@@ -96,8 +96,8 @@ def test_judgement_of_wrong_survival(sampled):
 
 
 def test_judgement_of_lost_mass(sampled):
-    sampled.lost = np.linspace(0.0, 2e-3, 11)
-    assert faults(sampled) == ["lost"]
+    sampled.truncated = np.linspace(0.0, 2e-3, 11)
+    assert faults(sampled) == ["truncated"]
 
 
 def test_judgement_of_wrong_bins(sampled):
@@ -119,7 +119,7 @@ def test_judgement_of_a_wrong_tail():
             tol=1e-3,
             survival=np.concatenate([survival, tail]),
             error_estimate=1e-3,
-            lost=np.zeros(501),
+            truncated=np.zeros(501),
             bin_probabilities=lambda cycle, *_: bins[cycle],
         )
 

@@ -150,13 +150,13 @@ def test_turned_scene_has_the_turned_density(skewed):
 
 
 def test_nothing_is_unaccounted_for(skewed):
-    balance = skewed.survival + skewed.overturned.sum(axis=1) + skewed.lost
+    balance = skewed.survival + skewed.overturned.sum(axis=1) + skewed.truncated
     assert np.abs(balance - 1.0).max() < 1e-12
     assert skewed.mass_defect == pytest.approx(np.abs(balance - 1.0).max(), abs=1e-14)
     assert skewed.survival[1:] == pytest.approx([skewed.at(k).moment(0, 0) for k in (1, 2)], abs=1e-13)
     assert np.all(np.diff(skewed.survival) < -0.01)
     assert np.all(np.diff(skewed.overturned, axis=0) > 0.0)
-    assert np.abs(skewed.lost).max() < 3e-6
+    assert np.abs(skewed.truncated).max() < 3e-6
     assert skewed.negative_mass == pytest.approx(
         max(skewed.space.negative_mass(coefficients) for coefficients in skewed.coefficients), rel=1e-12
     )

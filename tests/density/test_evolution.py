@@ -67,7 +67,7 @@ def test_band_noise_is_solved_as_its_white_equivalent_and_says_so(band):
 
 
 def test_shapes_and_honesty_figures(band):
-    assert (band.cycles, band.survival.shape, band.overturned.shape, band.lost.shape) == (2, (3,), (3, 2), (3,))
+    assert (band.cycles, band.survival.shape, band.overturned.shape, band.truncated.shape) == (2, (3,), (3, 2), (3,))
     assert band.survival[0] == 1.0
     assert np.all(band.overturned[0] == 0.0)
     assert 0.0 < band.error_estimate < 1e-2

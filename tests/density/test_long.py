@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize("name", ["main", "second"])
 def test_everything_is_accounted_for_after_500_cycles(name, named_scene):
     evolution = solve_fpk(named_scene(name).white_equivalent(), cycles=CYCLES, tol=1e-2)
-    balance = evolution.survival + evolution.overturned.sum(axis=1) + evolution.lost
+    balance = evolution.survival + evolution.overturned.sum(axis=1) + evolution.truncated
     assert np.abs(balance - 1.0).max() <= 1e-12
     assert evolution.overturned[-1].sum() > 0.99
     assert np.all(np.diff(evolution.overturned, axis=0) > -1e-12)

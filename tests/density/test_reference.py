@@ -41,7 +41,7 @@ def test_binned_density_is_that_of_an_independent_program(which, request):
 def test_result_is_honest_about_itself(which, request):
     evolution, _ = request.getfixturevalue(which)
     assert evolution.mass_defect < 1e-12
-    assert np.abs(evolution.lost).max() < 1e-6
+    assert np.abs(evolution.truncated).max() < 1e-6
     assert 0.0 < evolution.negative_mass < 2e-3
     assert 1e-4 < evolution.error_estimate <= evolution.tol == 1e-3
     assert 1e-3 < evolution.bins_error_estimate <= bins_tolerance(1e-3)

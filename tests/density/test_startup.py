@@ -57,7 +57,7 @@ QUIET = {
 def test_start_that_meets_nothing_keeps_gaussian_moments(covariance, error):
     """A cycle without events, from a point, a Gaussian that the mesh cannot resolve and one that it can.
 
-    The first two begin on patches, which cut the density off at five standard deviations: that is counted as lost.
+    The first two begin on patches, which cut the density off at five standard deviations: that is counted as truncated.
     """
     scene = scene_of(0.8, start=Start(0.8, 0.15, covariance), diffusion=0.003, cutoff=2.5, frequency=8.0)
     evolution = solve_fpk(scene, cycles=1, tol=1e-2, bins_tol=math.inf)
@@ -101,7 +101,7 @@ def test_starts_that_meet_impacts_agree_with_paths(amplitude, phase, start):
     scene = scene_of(amplitude, phase, start, 0.01)
     evolution = solve_fpk(scene, cycles=1, tol=3e-3, bins_tol=0.01 if start == REST else math.inf)
     assert evolution.mass_defect < 1e-12
-    assert np.abs(evolution.lost).max() < 1e-6
+    assert np.abs(evolution.truncated).max() < 1e-6
     assert np.abs(standard_errors(evolution, simulate(scene, cycles=1, realizations=20_000, seed=3))).max() < 4.0
 
 

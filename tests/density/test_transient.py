@@ -51,7 +51,7 @@ def test_a_pulse_agrees_with_paths(tmp_path):
     assert 0.1 < found.survival[-1] < 0.5
     assert np.abs(found.overturned[-1] - paths.overturned[-1]).max() < 0.01
     assert found.mass_defect < 1e-12
-    assert found.lost[-1] < 1e-4
+    assert found.truncated[-1] < 1e-4
     edges = np.linspace(-1.6, 1.6, 9), np.linspace(-9.0, 9.0, 9)
     assert found.bin_probabilities(3, *edges).sum() == pytest.approx(found.survival[3], abs=1e-6)
     found.save(tmp_path / "density.npz")

@@ -91,7 +91,7 @@ class FakeEvolution(Evolution):
             "times": (scene.period or 1.0) * np.arange(cycles + 1),
             "survival": survival,
             "overturned": np.multiply.outer(1.0 - survival, [LEFT_SHARE, 1.0 - LEFT_SHARE]),
-            "lost": np.zeros(cycles + 1),
+            "truncated": np.zeros(cycles + 1),
             "at_rest": np.zeros(cycles + 1),
             "error_estimate": 1e-4,
             "bins_error_estimate": 1e-3,

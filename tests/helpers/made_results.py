@@ -95,7 +95,7 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, rests_exactly=False, **settings):
         times=times,
         survival=survival,
         overturned=overturned,
-        lost=truncated,
+        truncated=truncated,
         at_rest=at_rest,
         error_estimate=4e-4,
         bins_error_estimate=3e-3,
@@ -110,9 +110,9 @@ def evolution(scene=MAIN, times=WHOLE, seed=1, rests_exactly=False, **settings):
         velocity_lines=SPACE.velocity_lines,
         rests_exactly=rests_exactly,
     )
-    columns = _survival_columns(scene, times, survival, overturned) | {"lost": truncated, "at_rest": at_rest}
+    columns = _survival_columns(scene, times, survival, overturned) | {"truncated": truncated, "at_rest": at_rest}
     variables, places = _survival_grids(result, times, survival, overturned)
-    variables |= {"lost": (("time",), truncated), "at_rest": (("time",), at_rest)}
+    variables |= {"truncated": (("time",), truncated), "at_rest": (("time",), at_rest)}
     return Made(result, columns, variables, places)
 
 
@@ -347,7 +347,13 @@ def operator():
     values = np.array([0.93, 0.4 + 0.3j, 0.4 - 0.3j, -0.2])
     leakage = np.array([0.05, 0.02])
     own = {"scene": MAIN, "noise_replacement": "", "diffusion": 0.006, "tol": 1e-3, "escape_rate": -math.log(0.93)}
-    own |= {"escape_error": 1e-4, "refinement": [(10, 0.07)], "leakage": leakage, "lost": 0.0, "eigenvalues": values}
+    own |= {
+        "escape_error": 1e-4,
+        "refinement": [(10, 0.07)],
+        "leakage": leakage,
+        "truncated": 0.0,
+        "eigenvalues": values,
+    }
     own |= {"residuals": np.full(4, 1e-9), "negative_mass": 1e-5, "settings": {}}
     vars(result).update(own, _fine=types.SimpleNamespace(space=SPACE, quasi_stationary=density))
     edges = shown_edges(joint_edges(MAIN), SPACE.bin_integrals(density, *joint_edges(MAIN)), 64)

@@ -190,7 +190,7 @@ def test_quasi_stationary_density_keeps_its_shape(operator):
     kept = np.exp(-operator.escape_rate)
     assert density.moment(0, 0) == pytest.approx(1.0, abs=1e-12)
     assert space.absolute_mass(after.coefficients - kept * density.coefficients) < 1e-9
-    assert operator.leakage.sum() + operator.lost == pytest.approx(1.0 - kept, rel=1e-10)
+    assert operator.leakage.sum() + operator.truncated == pytest.approx(1.0 - kept, rel=1e-10)
     assert abs(operator.eigenvalues[0] - kept) < 1e-9
     assert operator.residuals.max() < 1e-8
 

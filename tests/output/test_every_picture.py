@@ -138,6 +138,8 @@ def test_pictures_of_surfaces_and_sweeps(monkeypatch):
     figure = result.plot()
     axes = figure.axes[0]
     equal(axes.lines[0].get_xydata(), np.stack([[fits[0].median for fits in result.fits], places["size"]], axis=1))
+    assert axes.get_xlim() == pytest.approx((places["scale"][0], places["scale"][-1]))
+    assert axes.get_ylim() == pytest.approx((places["size"][0], places["size"][-1]))
     monkeypatch.setattr(
         "fpk_rocking.studies.picture.draw_map", lambda _, *given: seen.update(zip("xyz", given, strict=True))
     )
@@ -191,6 +193,7 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
         curves = {line.get_marker(): line for line in axes.lines[3:]}
         equal(curves["None"].get_ydata(), few["angle"][number])
         equal(curves["o"].get_xdata(), few["impact_time"][few["impact_realization"] == number])
+        assert axes.get_xlim() == (0.0, motion._shown(result))
         side = few["overturn_side"][number]
         assert ("x" in curves) == (side != 0)
         if side:

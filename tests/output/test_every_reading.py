@@ -242,7 +242,7 @@ def test_a_summary_is_the_arrays(name):
         bounds = np.stack([columns["survival_low"], columns["survival_high"]], axis=1)
         equal(values["interval"], bounds)
         assert values["half_width"] == pytest.approx(0.5 * (bounds[:, 1] - bounds[:, 0]).max())
-    for one in {"lost", "at_rest"} & columns.keys():
+    for one in {"truncated", "at_rest"} & columns.keys():
         equal(values[one], columns[one])
 
 

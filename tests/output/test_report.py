@@ -92,7 +92,15 @@ def test_nothing_is_loaded_from_anywhere(report):
 def test_numbers_are_those_of_the_result(report):
     _, page = report
     assert page.json["summary"] == json.loads(json.dumps(DENSITY.summary()))
-    assert page.rows[0] == ["cycle", "time τ", "survival", "overturned left", "overturned right", "lost", "at rest"]
+    assert page.rows[0] == [
+        "cycle",
+        "time τ",
+        "survival",
+        "overturned left",
+        "overturned right",
+        "truncated",
+        "at rest",
+    ]
     survival = [float(row[2]) for row in page.rows[1:]]
     assert survival == pytest.approx(DENSITY.survival, rel=1e-5)
     assert page.texts.count(DENSITY.heading) == 2

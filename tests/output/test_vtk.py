@@ -65,6 +65,13 @@ def test_density_file_read_by_meshio(tmp_path):
     assert (fields["overturned_left"], fields["overturned_right"]) == tuple(DENSITY.overturned[4])
 
 
+def test_a_function_is_written_at_all_points_of_its_degree(tmp_path):
+    law = DENSITY.at(4)
+    mesh = meshio.read(vtk.write_function(tmp_path / "density.vtu", law, "density"))
+    assert (len(mesh.cells_dict["quad"]), len(mesh.points)) == (80 * 9, 80 * 16)
+    np.testing.assert_array_equal(mesh.point_data["density"], law.cell_values(4).ravel())
+
+
 def test_both_sides_of_upright_are_kept(tmp_path):
     vtk.write_series(tmp_path, "jpdf", DENSITY, [1])
     mesh, law = meshio.read(tmp_path / "jpdf_0001.vtu"), DENSITY.at(1)

@@ -211,7 +211,7 @@ def test_the_operator_of_unlike_halves_is_the_whole_cycle(operator):
     rng = np.random.default_rng(3)
     first, second = rng.random((2, operator.shape[0]))
     assert operator.matvec(first) @ second == pytest.approx(first @ operator.rmatvec(second), rel=1e-11)
-    assert 1.0 - operator.leakage.sum() - operator.lost == pytest.approx(math.exp(-operator.escape_rate), rel=1e-9)
+    assert 1.0 - operator.leakage.sum() - operator.truncated == pytest.approx(math.exp(-operator.escape_rate), rel=1e-9)
     assert abs(operator.eigenvalues[0]) == pytest.approx(math.exp(-operator.escape_rate), rel=1e-6)
     assert abs(operator.leakage[0] - operator.leakage[1]) > 0.1 * operator.leakage.sum()
     later = operator.scene.varied(forcing=operator.scene.forcing.at_phase(2.0), start=Start(0.3, -0.2))

@@ -187,7 +187,7 @@ def test_pictures_show_the_bins_that_hold_the_probability():
         ({"relative_error": 0.3}, "caution", "The relative standard error of the probability is 0.3, above 0.2."),
         ({"bins_tol": 0.03, "bins_error_estimate": 0.04}, "caution", "binned density (L1) is 0.04, above 0.03."),
         ({"bins_error_estimate": 0.04}, "caution", "No error is estimated."),
-        ({"error_estimate": 0.0, "tol": 1e-2, "lost": [0.0, 0.02, 0.0]}, "caution", "of the mesh is 0.02, above 0.01."),
+        ({"error_estimate": 0.0, "tol": 1e-2, "truncated": [0.0, 0.02, 0.0]}, "caution", "mesh is 0.02, above 0.01."),
         ({"error_estimate": 0.0, "tol": 1e-2, "mass_defect": 1e-8}, "caution", "or lost) is 1e-08, above 1e-09."),
         ({"error_estimate": 0.0, "tol": 1e-2, "mass_defect": 0.011}, "do not use", "or lost) is 0.011, above 0.01."),
         ({"error_estimate": 0.0, "tol": 1e-2, "negative_mass": 0.02}, "caution", "below 0) is 0.02, above 0.01."),

@@ -25,7 +25,7 @@ LIMITS = {
     "escape_error": (0.002 * math.e, 0.1 * math.e),
     "relative_error": (0.2, 0.5),
     "bins_error_estimate": (0.03, math.inf),
-    "lost": (0.002, 0.1),
+    "truncated": (0.002, 0.1),
     "mass_defect": (1e-9, 0.002),
     "negative_mass": (0.01, 0.1),
     "moving_negative_mass": (0.01, 0.1),
@@ -34,7 +34,7 @@ LIMITS = {
 }
 """Of each figure for a tolerance of .002: above the first there is caution, above the second no use."""
 
-COARSE = {"total_error": (0.3, 0.3), "lost": (0.3, 0.3), "negative_mass": (0.01, 0.3), "mass_defect": (1e-9, 0.3)}
+COARSE = {"total_error": (0.3, 0.3), "truncated": (0.3, 0.3), "negative_mass": (0.01, 0.3), "mass_defect": (1e-9, 0.3)}
 """Likewise for a tolerance of .3, larger than what is of no use otherwise."""
 
 
@@ -252,7 +252,7 @@ def test_a_figure_has_the_digits_that_tell_it_from_its_limit(value, said):
     assert f" is {said}" in judged({"total_error": value}, tol=0.01).reasons[0]
 
 
-@pytest.mark.parametrize("name", ["error_estimate", "half_width", "lost", "escape_error"])
+@pytest.mark.parametrize("name", ["error_estimate", "half_width", "truncated", "escape_error"])
 def test_the_limit_of_an_error_is_what_was_asked_for(name):
     """Caution begins at the tolerance, in a rate at e times it; without one at `UNASKED`; of no use is a tenth."""
     factor = math.e if name == "escape_error" else 1.0

@@ -367,8 +367,9 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     )
     assert "1 of 5 motions are the same as another one." in twice.trust.reasons
     assert not any("are the same" in reason for reason in found.trust.reasons)
-    assert cli.main([*arguments, "--set", "block.restitution"]) == 2
-    assert "--set: got 'block.restitution', accepted: KEY=VALUE" in capsys.readouterr().err
+    for text in ("block.restitution", "=0.8", " =0.8"):
+        assert cli.main([*arguments, "--set", text]) == 2
+        assert f"--set: got {text!r}, accepted: KEY=VALUE" in capsys.readouterr().err
 
 
 def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anything_is_computed(tmp_path, capsys):

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Scene
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, report
 from fpk_rocking.studies.lognormal import LognormalFit
 
@@ -127,3 +127,11 @@ def test_the_sketch_has_the_proportions_and_the_figures_of_the_block(size):
     assert y + h + 20.0 < height
     for figure in (f"{size[0]:.3g} m", f"{size[1]:.3g} m", f"α = {Dimensions(*size).critical_angle * 57.29578:.3g}°"):
         assert f">{figure}</text>" in drawn
+
+
+def test_the_scene_is_shown_without_the_samples_of_its_record():
+    scene = Scene(Block(0.9, SIZE), Record(interval=0.5, samples=(0.0, 1.0, 0.0), units="g"), NoNoise())
+    lines = scene.to_toml().splitlines()
+    (samples,) = (line for line in lines if line.startswith("samples"))
+    assert report._short(scene).splitlines() == [line for line in lines if line != samples]
+    assert len(lines) > 5

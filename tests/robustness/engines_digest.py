@@ -29,4 +29,4 @@ if __name__ == "__main__":
         digest(f"{method} map", restarted_poincare_map(scene, cycles=3, realizations=500, method=method).points)
     digest("split", split(white, cycles=2, walkers=50, repeats=4).repeat_overturned)
     found = solve_fpk(white, cycles=2, tol=1e-2)
-    digest("solve_fpk", found.survival, found.overturned, found.lost, found.coefficients)
+    digest("solve_fpk", found.survival, found.overturned, found.truncated, found.coefficients)

@@ -94,6 +94,8 @@ def test_the_critical_angle_follows_from_the_dimensions_unless_the_block_is_take
     assert (slender.critical_angle, Block(0.9).critical_angle, slender.lift_off) == (0.0, 0.0, 1.0)
     assert exact.lift_off == pytest.approx((0.4 / 1.7) / math.atan(0.4 / 1.7), rel=1e-15)
     assert Block(0.9, SIZE, SIZE.critical_angle * 1.0005).critical_angle == SIZE.critical_angle * 1.0005
+    with pytest.raises(ValueError, match=r"^block\.critical_angle: got 0\.23"):
+        Block(0.9, SIZE, SIZE.critical_angle * 1.002)
     for wrong in (Block(0.9, SIZE), Block(0.9, SIZE, slender=True)):
         with pytest.raises(ValueError, match=r"^block\.critical_angle: got 0\.5, accepted: "):
             dataclasses.replace(wrong, critical_angle=0.5)

@@ -92,7 +92,7 @@ def _obspy(path):
     if len(traces) != 1:
         raise ValueError(f"forcing.file: {str(path)!r}: got {len(traces)} traces, accepted: one, without gaps")
     (trace,) = traces
-    _accept_count(len(trace.data))
+    _check_count(len(trace.data))
     # What calib makes of counts is the unit of the instrument; it is 1 where the format has none.
     samples = np.asarray(trace.data, dtype=float) * trace.stats.calib
     if np.ma.is_masked(trace.data) or not np.isfinite(samples).all():
@@ -146,7 +146,7 @@ def _peer(text):
     count, interval = int(match[1]), _numbers([match[2]])[0]
     if not 0.0 < interval < math.inf:
         raise ValueError(f"got DT = {match[2]}, accepted: a number above 0")
-    _accept_count(count)
+    _check_count(count)
     words = _parted(" ".join(lines[4:]).split(), count)
     if len(words) != count:
         # What is no number tells more than their count does; the last one may be cut.
@@ -178,7 +178,7 @@ def _esm(text):
     words = " ".join(lines[64:]).split()
     if header["NDATA"] != str(len(words)):
         raise ValueError(f"got {len(words)} samples from line 65 on, accepted: the {header['NDATA']} of its line NDATA")
-    _accept_count(len(words))
+    _check_count(len(words))
     return FileRecord(float(interval), _numbers(words), units)
 
 
@@ -193,7 +193,7 @@ def _columns(text):
     names, units = [], ""
     if rows and not any(_is_number(entry) for entry in rows[0][1]):
         names, rows = _names(lines[0][1]), rows[1:]
-    _accept_count(len(rows))
+    _check_count(len(rows))
     places = _places(names)
     time, acceleration = places or (0, 1)
     width = len(names) if places else 2
@@ -300,7 +300,7 @@ def _rounded_interval(times, words):
     return interval if explained and interval > 0.0 else 0.0
 
 
-def _accept_count(count):
+def _check_count(count):
     """Refuse a number of samples that a record cannot have."""
     if not 2 <= count <= MOST:
         raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
