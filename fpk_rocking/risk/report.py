@@ -167,17 +167,15 @@ def _noise(scene):
 
 
 def _motions(study):
-    """Table of the motions as they are at intensity 1."""
-    scenes, measures = study.motions, [intensities(scene) for scene in study.motions]
-    names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
-    lasting = [scene.block.dimensions.seconds(scene.forcing.duration) for scene in scenes]
-    return {
-        "motion": np.arange(1, len(scenes) + 1),
-        "source": np.array(names),
-        "duration, s": _digits(lasting),
-        "PGA, g": _digits([measure.pga / STANDARD_GRAVITY for measure in measures]),
-        "PGV, m/s": _digits([measure.pgv for measure in measures]),
-    }
+    """Table of the motions as they are: name, seconds, PGA, PGV, and without noise what each does."""
+    table = dict(study.motion_table)
+    lasting = [scene.block.dimensions.seconds(scene.forcing.duration) for scene in study.recorded]
+    names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
+    names |= {"peak_rotation": "peak |θ|/θ_cr", "critical_scale": "critical scale"}
+    names["critical_intensity"] = f"critical {study.risk.curve.measure}, {study.risk.curve.unit}"
+    head = {"motion": table["motion"], "duration, s": _digits(lasting)}
+    kept = {text: table[name] for name, text in names.items() if name in table}
+    return head | {text: values if values.dtype.kind == "U" else _digits(values) for text, values in kept.items()}
 
 
 def _sources(curve):

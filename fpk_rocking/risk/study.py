@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.files import plain, write_json, write_text
+from fpk_rocking.base.files import plain, write_csv, write_json, write_text
 from fpk_rocking.base.types import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.results.remarks import baseline_remark
@@ -17,6 +17,13 @@ from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
 from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.critical import (
+    CriticalIntensities,
+    critical_intensities,
+    factor_diagnostics,
+    motion_lines,
+    motion_table,
+)
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws, drawn
@@ -40,6 +47,10 @@ class Study:
         Block and noise as passed to `study`.
     draws : Draws or None
         Blocks that were drawn.
+    recorded : list of Scene
+        The block as passed to `study` under each motion, at the motion's own scale.
+    critical : CriticalIntensities or None
+        Of these scenes; None with noise.
 
     Examples
     --------
@@ -59,6 +70,13 @@ class Study:
     name: str
     scene: Scene
     draws: Draws | None = None
+    recorded: Sequence[Scene] = ()
+    critical: CriticalIntensities | None = None
+
+    @property
+    def motion_table(self) -> dict[str, Array]:
+        """Columns with a row for each motion: name, own PGA and PGV, and without noise what `critical` says."""
+        return motion_table(self.recorded, self.critical)
 
     @property
     def motions(self) -> list[Scene]:
@@ -80,6 +98,7 @@ class Study:
     def trust(self) -> Trust:
         """Verdict on the rate: its relative standard error, and what speaks against scenes, engine, hazard, records."""
         model = model_diagnostics(self.fragility) + self.risk.diagnostics + self._of_records()
+        model += [] if self.critical is None else factor_diagnostics(self.critical.factor)
         return verdict([*model, *assess({"relative_error": self.risk.relative_error})])
 
     def _of_records(self):
@@ -105,6 +124,9 @@ class Study:
         """Return rate, verdict, fit, remarks on noise and baseline, and deviances by measure as lines of one text."""
         curve, lines = self.risk.curve, [self.risk.sentences[0], str(self.trust)]
         points = "In its place stand the points, joined by lines"
+        points = (
+            "The rate is by the intensities at which each motion overturns the block" if curve.jumps.size else points
+        )
         fit = curve.fit
         if fit.reason:
             lines.append(f"No lognormal fit: {fit.reason}. {points}.")
@@ -121,7 +143,7 @@ class Study:
             lines.append(f"{text}; {misfit}.")
         lines += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
         lines += filter(None, [baseline_remark(scene.forcing for scene in self.motions)])
-        return "\n".join([*lines, *self._ordered()])
+        return "\n".join([*lines, *self._ordered(), *motion_lines(self.motion_table, curve.measure)])
 
     def _ordered(self):
         """Return the deviances of intensity measures as a sentence in a list, empty for one motion."""
@@ -142,6 +164,7 @@ class Study:
             "trust": self.trust.plain,
             "ranking": [ranking._asdict() for ranking in ranked(self.fragility)],
             "draws": None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values},
+            "motions": self.motion_table,
             "fragility": self.fragility.summary(),
         }
         return plain(values)
@@ -152,19 +175,22 @@ class Study:
         return not_for_pelicun(self.risk.curve)
 
     def write(self, folder: File) -> None:
-        """Write report.html, risk.png, risk.txt, risk.json, curve.csv, result.npz, NAME.xml, NAME.csv and NAME.json.
+        """Write report.html, risk.png, risk.txt, risk.json, result.npz, curve.csv, motions.csv, NAME.xml, .csv, .json.
 
         Parameters
         ----------
         folder : str or pathlib.Path
-            Created if missing. NAME.xml is OpenQuake's NRML, NAME.csv and NAME.json are pelicun's; pelicun's files are
-            left out where it could not take the curve: `not_for_pelicun` says why, and so does risk.json.
+            Created if missing. motions.csv is `motion_table`. NAME.xml is OpenQuake's NRML, NAME.csv and NAME.json are
+            pelicun's; pelicun's files are left out where it could not take the curve: `not_for_pelicun` says why, and
+            so does risk.json.
         """
         from fpk_rocking.risk.report import risk_figure, write_risk_report
 
         out, curve = pathlib.Path(folder), self.risk.curve
         self.fragility.save(out / "result.npz")
         to_csv(out / "curve.csv", curve)
+        table = self.motion_table
+        write_csv(out / "motions.csv", table, zip(*(column.tolist() for column in table.values()), strict=True))
         to_nrml(out / f"{self.name}.xml", [curve], self.name)
         refused = self.not_for_pelicun
         if not refused:
@@ -269,4 +295,15 @@ def study(
         progress=progress,
     )
     curve = IntensityCurve.of(curves, measure, draws=draws)
-    return Study(curves, annual_frequency(curve, exceeded), name, scene, draws)
+    critical = _critical(scenes, measure, curves, draws)
+    return Study(curves, annual_frequency(curve, exceeded), name, scene, draws, scenes, critical)
+
+
+def _critical(scenes, measure, curves, draws):
+    """Return the `CriticalIntensities` of a block under motions at their own scales; None with noise."""
+    highest = float(curves.scale[-1])
+    if curves.motions is None or draws is not None:
+        return None if curves.motions is None else critical_intensities(scenes, measure=measure, highest=highest)
+    # Up to an intensity this low nothing is searched for: what each motion does at its own scale is left.
+    found = critical_intensities(scenes, measure=measure, highest=1e-9 * highest)
+    return dataclasses.replace(found, highest=highest, jumps=curves.motions.jumps[:, 0].copy())

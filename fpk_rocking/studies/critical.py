@@ -15,7 +15,7 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -273,10 +273,10 @@ class CriticalIntensities(Saved, Result):
 
         "overturns_at" are all intervals of overturning as a text. Seconds and m/s are nan without block dimensions.
         """
-        measures = [intensities(scene).columns(1.0) for scene in self.scenes]
+        peaks = motion_table(self.scenes)
         return Dataset(
             {
-                **{name: ("motion", np.array([one[name] for one in measures])) for name in ("pga_g", "pgv_m_per_s")},
+                **{name: ("motion", peaks[name]) for name in ("pga_g", "pgv_m_per_s")},
                 "own_intensity": ("motion", self.own),
                 "critical_intensity": ("motion", self.critical),
                 "critical_scale": ("motion", self.factor),
@@ -313,6 +313,45 @@ class CriticalIntensities(Saved, Result):
             axes.legend(fontsize=8)
 
         return figure_of(panel)
+
+
+def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None = None) -> dict[str, Array]:
+    """Return columns with a row for the motion of each scene: name, own PGA and PGV, and without noise what it does.
+
+    Parameters
+    ----------
+    scenes : sequence of Scene, (m,)
+        At the motions' own scales.
+    critical : CriticalIntensities, optional
+        Of these scenes: its table is returned.
+
+    Returns
+    -------
+    dict of str to ndarray, (m,)
+    """
+    if critical is not None:
+        return critical.table()
+    measures = [intensities(scene).columns(1.0) for scene in scenes]
+    columns = {name: np.array([one[name] for one in measures]) for name in ("pga_g", "pgv_m_per_s")}
+    return {"motion": np.array(motion_names(scenes))} | columns
+
+
+def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
+    """Return a line of text for each motion of a `motion_table`."""
+    unit = "" if measure == "scale" else f" {measure_of(measure).unit}"
+    lines = []
+    for place, name in enumerate(table["motion"]):
+        row = {column: values[place] for column, values in table.items()}
+        peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
+        texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]
+        if "critical_scale" in row:
+            turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"
+            texts.append(turned if row["overturn_side"] else f"peak rotation {row['peak_rotation']:.3g} θ_cr")
+            at = f"{measure} {row['critical_intensity']:.4g}{unit}, " * (measure != "scale")
+            critical = f"critical at {at}{row['critical_scale']:.3g} times its own strength"
+            texts.append(critical if math.isfinite(row["critical_scale"]) else "stands up to the highest intensity")
+        lines.append(f"{name}: {', '.join(texts) or 'no size, no units'}.")
+    return lines
 
 
 def motion_names(scenes: Sequence[Scene]) -> list[str]:

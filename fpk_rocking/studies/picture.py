@@ -12,6 +12,7 @@ from fpk_rocking.output.tables import text_table, verdict_first
 from fpk_rocking.results import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
+from fpk_rocking.studies.critical import motion_lines
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "message", "small_figure", "surface_figure"]
 
@@ -273,6 +274,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
         The verdict, the fits, notes on the columns, the seconds, and the remarks.
     """
     many, still = len(result.place) > 1, result.deterministic
+    motions = motion_lines(result.motion_table, "scale") if result.axis == "scene" else ()
     sized = all(np.isfinite(measure.pga) or np.isfinite(measure.pgv) for measure in result.intensities)
     names = [result.axis] * many + ["scale"] + (["PGA, g", "PGV, m/s"] if sized else ["p PGV / (g tan θ_cr)"])
     for name in result.names_with_degrees:
@@ -301,4 +303,5 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     what = "PGA, PGV: peak acceleration and velocity" if sized else "p PGV / (g tan θ_cr): peak velocity"
     notes.append(f"{what} of the shaking without noise{'' if sized else ', nondimensional'}.")
     table = text_table(names, *(rows(*place) for place in enumerate(result.place)))
-    return title, table, verdict_first(result.trust, *fits, *notes, f"{result.wall_s:.1f} s.", *result.remarks)
+    seconds = f"{result.wall_s:.1f} s."
+    return title, table, verdict_first(result.trust, *fits, *motions, *notes, seconds, *result.remarks)

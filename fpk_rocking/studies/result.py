@@ -15,7 +15,7 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import MotionOutcomes
+from fpk_rocking.studies.critical import CriticalIntensities, MotionOutcomes, motion_names, motion_table
 from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.scenes import Intensities, intensities
@@ -141,6 +141,29 @@ class Fragility(Saved, Result):
         return np.clip(limits, 0.0, 1.0)
 
     @functools.cached_property
+    def critical(self) -> CriticalIntensities | None:
+        """Critical scales of overturning of each scene, and what it does at scale 1; None with noise."""
+        if self.motions is None:
+            return None
+        return CriticalIntensities(
+            scenes=self.scenes,
+            measure="scale",
+            highest=float(self.scale[-1]),
+            own=np.ones(len(self.scenes)),
+            jumps=self.motions.jumps[:, 0].copy(),
+            peak=self.motions.peak,
+            overturn_time=self.motions.overturn_time,
+            overturn_side=self.motions.overturn_side,
+            options={name: self.options[name] for name in ("cycles", "times") if name in self.options},
+            wall_s=self.wall_s,
+        )
+
+    @property
+    def motion_table(self) -> dict[str, Array]:
+        """Columns with a row for the motion of each scene: name, PGA, PGV, and without noise what `critical` says."""
+        return motion_table(self.scenes, self.critical)
+
+    @functools.cached_property
     def fits(self) -> list[list[LognormalFit]]:
         """Lognormal fit of each curve, with 95 % intervals of a sample: a list (m) of lists (l + 1) of `LognormalFit`.
 
@@ -221,7 +244,12 @@ class Fragility(Saved, Result):
             return f"{self.axis} {self.place[scene]:.4g}"
         if size is not None and None not in sizes and len(set(sizes)) == len(sizes):
             return f"{size.width:.3g} m × {size.height:.3g} m"
-        return f"scene {scene}"
+        return motion_names(self.scenes)[scene] if self._of_motions else f"scene {scene}"
+
+    @property
+    def _of_motions(self) -> bool:
+        """Whether the scenes differ in their forcing."""
+        return self.axis == "scene" and len({scene.forcing for scene in self.scenes}) == len(self.scenes) > 1
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -355,6 +383,7 @@ class Fragility(Saved, Result):
         fits = [[fit._asdict() for fit in row] for row in self.fits]
         measures = [measure._asdict() for measure in self.intensities]
         more = {"interval": self.interval(), "fits": fits, "intensities": measures, "trust": self.trust.plain}
+        more["motions"] = self.motion_table
         return plain(values | more)
 
 

@@ -1,5 +1,6 @@
 """From a fragility to an annual frequency: curves over records, hazards, closed forms."""
 
+import csv
 import dataclasses
 import json
 import math
@@ -7,13 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli
+from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli, studies
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import intensities, intensity_of
+from montecarlo import histories, simulate
 
 SIZE = Dimensions(0.6, 2.0)
 SCALES = np.geomspace(0.1, 3.0, 12)
@@ -307,10 +309,16 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
         "How to cite",
     ):
         assert said in page
-    for file, one in zip(files, scenes, strict=True):
-        strength = intensities(one)
-        row = f"<td>{file.name}</td><td>5.98</td><td>{strength.pga / 9.80665:.4g}</td><td>1</td>"
-        assert row in page
+    rows = list(csv.DictReader((tmp_path / "out" / "motions.csv").open(encoding="utf-8")))
+    assert list(rows[0]) == ["motion", "pga_g", "pgv_m_per_s"]
+    for n, (file, row) in enumerate(zip(files, rows, strict=True)):
+        # As they are recorded, and not as they are scaled to an intensity.
+        own = intensities(Scene(Block(0.9, SIZE), record(n), scenes[n].noise))
+        pga, pgv = own.pga / 9.80665, own.pgv
+        assert f"<td>{file.name}</td><td>5.98</td><td>{pga:.4g}</td><td>{pgv:.4g}</td>" in page
+        assert f"{file.name}: PGA {pga:.3g} g, PGV {pgv:.3g} m/s.\n" in printed.out
+        assert (row["motion"], float(row["pga_g"])) == (file.name, pytest.approx(pga, rel=1e-9))
+        assert values["motions"]["pgv_m_per_s"][n] == pytest.approx(pgv, rel=1e-9)
     rms = math.sqrt(scenes[0].noise.variance) * SIZE.critical_angle
     assert f"rms {rms:.3g} g, 0 to {8.0 / SIZE.frequency(1.0):.3g} Hz" in page
     told = [f"{value:.2e}".replace("e-0", "e-") for value in (risk.rate, *values["risk"]["interval"])]
@@ -418,3 +426,25 @@ def test_without_noise_the_rate_is_that_of_the_share_of_motions_that_overturn():
 
 def test_without_noise_the_rate_does_not_depend_on_the_number_of_intensities():
     assert [stepped(count).risk.rate for count in (5, 9, 24)] == pytest.approx([stepped(5).risk.rate] * 3, rel=1e-12)
+
+
+def test_without_noise_each_motion_is_told_by_name(tmp_path):
+    found = stepped(5)
+    motions = synthetic_records(6, duration=5.0, rms=1.5)
+    found.write(tmp_path)
+    rows = list(csv.DictReader((tmp_path / "motions.csv").open(encoding="utf-8")))
+    lines = found.text().splitlines()[-6:]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for motion, row, line in zip(motions, rows, lines, strict=True):
+        scene = Scene.from_block(0.5, 1.8, record=motion)
+        own, path = intensities(scene).pgv, histories(scene, times=np.linspace(0.0, 25.0, 20_001))
+        assert row["motion"] == motion.source
+        assert float(row["peak_rotation"]) == pytest.approx(np.nanmax(np.abs(path.angle)), abs=1e-5)
+        factor = float(row["critical_scale"])
+        sides = [simulate(studies.scaled(scene, factor * change)).overturn_side[0] for change in (0.9995, 1.0005)]
+        assert sides[0] == 0
+        assert sides[1] != 0
+        assert float(row["critical_intensity"]) == pytest.approx(factor * own, rel=1e-9)
+        assert line.startswith(f"{motion.source}: PGA ")
+        assert line.endswith(f"critical at PGV {factor * own:.4g} m/s, {factor:.3g} times its own strength.")
+        assert f"<td>{factor:.4g}</td>" in page
