@@ -153,7 +153,7 @@ def main(arguments=None) -> int:
     int
         Exit status: 0, 2 for bad input or what the machine refuses, 130 when interrupted, 143 when terminated.
     """
-    options = _parser().parse_args(arguments)
+    options, begun = _parser().parse_args(arguments), time.time()
     try:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
             if getattr(options, "out", None):
@@ -167,10 +167,10 @@ def main(arguments=None) -> int:
             options.run(options)
             sys.stdout.flush()
     except KeyboardInterrupt as stop:
-        file = next((name for name in ("checkpoint", "store") if getattr(options, name, None)), None)
-        resume = f"; the same command goes on from the {file}" if file else ""
+        state = getattr(options, "checkpoint", None) or getattr(options, "store", None)
+        left = console.what_is_left(begun, getattr(options, "out", None), state)
         word = "terminated" if isinstance(stop, console.Terminated) else "interrupted"
-        sys.stderr.write(f"fpk-rocking: {word}; files written so far are whole{resume}\n")
+        sys.stderr.write(f"fpk-rocking: {word}; {left}\n")
         return 143 if isinstance(stop, console.Terminated) else 130
     except (ValueError, TypeError, OSError, ArithmeticError, MemoryError) as error:
         sys.stderr.write(f"fpk-rocking {options.command}: {console.line(error) or type(error).__name__}\n")

@@ -113,6 +113,25 @@ def line(message):
     return " ".join(str(message).split())
 
 
+def what_is_left(begun, folder, state):
+    """Return what an interrupted command leaves behind, as a sentence.
+
+    Parameters
+    ----------
+    begun : float
+        Time at which it began, as of `time.time`.
+    folder : pathlib.Path or None
+        For its files.
+    state : pathlib.Path or None
+        File from which it can go on.
+    """
+    files = folder.iterdir() if folder and folder.is_dir() else ()
+    written = sorted(file.name for file in files if file.is_file() and file.stat().st_mtime >= begun)
+    texts = [f"whole files in {folder}: {', '.join(written)}"] if written else []
+    texts += [f"the same command goes on from {state}"] if state and state.is_file() else []
+    return "; ".join(texts) or "no result was written"
+
+
 def check_folder(name, folder):
     """Refuse a folder that cannot be made or written to, before the work that would be lost; make nothing yet.
 

@@ -12,6 +12,9 @@ from fpk_rocking.results.result import Dataset, Result
 
 __all__ = ["RowResult", "SurvivalResult"]
 
+LEAST_OVERTURNING = 1e-6
+"""Probability of overturning below which the error of a density is held against this one."""
+
 
 class RowResult(Result):
     """A result with a row for each of some times: after each forcing cycle, or where it does not repeat at `times`.
@@ -117,6 +120,7 @@ class SurvivalResult(RowResult):
         at: Any
         _binned: Any
         survival_interval: Any
+        error_estimate: Any
 
         @property
         def engine(self) -> str:
@@ -125,6 +129,21 @@ class SurvivalResult(RowResult):
         @property
         def deterministic(self) -> bool:
             """Whether nothing is random."""
+
+    @property
+    def overturning_error(self) -> float | None:
+        """Error of the last probability of overturning in parts of it; None where nothing is random.
+
+        Of a sample half the width of the 95 % interval; where no path has overturned, in parts of one path's share. Of
+        a density the total error, or the solver's where the replacement of the noise was not checked.
+        """
+        if self.deterministic:
+            return None
+        over, total = 1.0 - float(self.survival[-1]), getattr(self, "total_error", None)
+        if self.interval is not None:
+            return 0.5 * float(np.diff(self.interval[-1])[0]) / max(over, 1.0 / self.realizations)
+        error = self.error_estimate if total is None else float(total[-1, 0])
+        return error / max(over, LEAST_OVERTURNING)
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:

@@ -21,6 +21,9 @@ USELESS = 0.1
 UNASKED = 0.05
 """Possible error of a probability above which there is caution where no tolerance was asked for, as of a sample."""
 
+SMALL = 0.4
+"""Error of a probability of overturning, in parts of it, above which there is caution."""
+
 REPLACED = 0.01
 """Total error of a density's probabilities, the measured replacement of its noise included, that needs no caution; the
 tolerance that was asked for, where that is larger."""
@@ -177,6 +180,8 @@ def _limits(tol, bins_tol, values=()):
         ),
         "error_estimate": ("estimated error of the probabilities", tol, useless),
         "half_width": ("half width of the 95 % interval of the probabilities", tol, useless),
+        # A probability is read in parts of itself: .006 ± .003 says no more than that it is small.
+        "overturning_error": ("error of the last probability of overturning, in parts of it,", SMALL, math.inf),
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),

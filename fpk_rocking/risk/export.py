@@ -14,6 +14,12 @@ from fpk_rocking.base.files import write_text
 from fpk_rocking.base.types import File
 from fpk_rocking.risk.curve import IntensityCurve
 
+_TAKEN = "risk", "curve", "motions"
+"""Names whose files would replace others of a study: risk.json, curve.csv, motions.csv."""
+
+NAMES = rf"(?!(?:{'|'.join(_TAKEN)})$)[A-Za-z0-9_-]{{1,75}}"
+"""Regular expression of a name that the formats take."""
+
 
 def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description: str = "") -> None:
     """Write curves as the limit states of one fragility function in OpenQuake's NRML 0.5.
@@ -206,10 +212,11 @@ def check_name(name: str) -> None:
     Raises
     ------
     ValueError
-        It is not up to 75 letters, digits, ``_`` and ``-``.
+        It is not up to 75 letters, digits, ``_`` and ``-``, or that of another file of a study.
     """
-    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9_-]{1,75}", name):
-        raise ValueError(checks.refusal("name", name, "up to 75 letters, digits, _ and -"))
+    if not isinstance(name, str) or not re.fullmatch(NAMES, name):
+        accepted = f"up to 75 letters, digits, _ and -, and none of {', '.join(_TAKEN)}"
+        raise ValueError(checks.refusal("name", name, accepted))
 
 
 def _identifier(name):

@@ -11,8 +11,9 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.files import plain
 from fpk_rocking.base.types import Array, File, Number
-from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.risk.curve import IntensityCurve
+from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 _TAIL = 12.0
 """Dispersions, and units of 1/k, over which the frequency is integrated to either side: beyond lies less than 1e-30."""
@@ -65,7 +66,7 @@ class Hazard:
 
     @classmethod
     def power_law(cls, rate: float, exponent: float) -> Self:
-        """Return the hazard k₀ im^(-k).
+        """Return the hazard k₀ im^(-k), with points at .001 and 1,000 g or m/s.
 
         Parameters
         ----------
@@ -79,7 +80,8 @@ class Hazard:
         Hazard
         """
         rate, exponent = checks.number("rate", rate, above=0.0), checks.number("exponent", exponent, above=0.0)
-        return cls(np.array([0.5, 2.0]), rate * np.array([0.5, 2.0]) ** -exponent)
+        ends = np.array([1e-3, 1e3])
+        return cls(ends, rate * ends**-exponent)
 
     @classmethod
     def from_csv(cls, path: File) -> Self:
@@ -128,6 +130,14 @@ class Hazard:
     def exponents(self) -> Array:
         """Exponents k (n - 1,) of the power laws between the points."""
         return -np.diff(np.log(self.rate)) / np.diff(np.log(self.intensity))
+
+    @property
+    def law(self) -> str:
+        """Power law of a hazard of two points as a text, as in "0.001 im^-2.5"; empty for one of more points."""
+        if self.intensity.size > 2:
+            return ""
+        exponent = float(self.exponents[0])
+        return f"{self.rate[0] * self.intensity[0] ** exponent:.4g} im^-{exponent:.4g}"
 
     def __call__(self, intensity: Number) -> Number:
         """Return the annual rate at which intensities are exceeded."""
@@ -202,7 +212,10 @@ class Risk:
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """What speaks against it: shares above .05 of the rate from beyond the points of hazard or fragility."""
+        """What speaks against it: shares of the rate from beyond the points of hazard or fragility.
+
+        Above .05 there is caution, above .5 the rate is not to be used: it is then made of an extrapolation.
+        """
         lognormal, points = "its lognormal curve goes on", "the probability is 0 below, the last one above"
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
@@ -210,14 +223,29 @@ class Risk:
         }
         return [
             Diagnostic(
-                CAUTION,
+                CAUTION if share <= 0.5 else UNUSABLE,
                 f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where "
-                f"{continued}: give more of them.",
+                f"{continued}: give more of them.{self._other_unit() if share > 0.5 else ''}",
                 what,
             )
             for what, (share, continued) in beyond.items()
             if share > 0.05
         ]
+
+    def _other_unit(self):
+        """Ask whether the hazard is in another unit, where in that one it does not go on far beyond its points."""
+        units = {"PGV": {"cm/s": 100.0}, "PGA": {"m/s²": STANDARD_GRAVITY, "cm/s²": 100.0 * STANDARD_GRAVITY}}
+        low, high = self.hazard.intensity[[0, -1]].tolist()
+        for unit, factor in units[self.curve.measure].items():
+            read = Hazard(self.hazard.intensity / factor, self.hazard.rate)
+            beyond = annual_frequency(self.curve, read).beyond_hazard
+            # The strongest recorded motions have less than 5 g, the fastest some 3 m/s.
+            if high / factor <= 10.0 and beyond <= 0.5:
+                return (
+                    f" Are the intensities of the hazard in {unit}? They were read in {self.curve.unit}, as {low:.4g} "
+                    f"to {high:.4g}; in {unit} they are {low / factor:.4g} to {high / factor:.4g} {self.curve.unit}."
+                )
+        return ""
 
     @property
     def relative_error(self) -> float:

@@ -1,7 +1,9 @@
 """A study of risk: records at equal intensities, their curve, the hazard, and the files to hand on."""
 
 import dataclasses
+import json
 import pathlib
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,7 +16,7 @@ from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust, assess, verdict
 from fpk_rocking.risk.curve import FEWEST_RECORDS, IntensityCurve, at_intensity
-from fpk_rocking.risk.export import check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
+from fpk_rocking.risk.export import NAMES, check_name, not_for_pelicun, to_csv, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import (
@@ -182,11 +184,13 @@ class Study:
         folder : str or pathlib.Path
             Created if missing. motions.csv is `motion_table`. NAME.xml is OpenQuake's NRML, NAME.csv and NAME.json are
             pelicun's; pelicun's files are left out where it could not take the curve: `not_for_pelicun` says why, and
-            so does risk.json.
+            so does risk.json. Files for other programs that an earlier call left there, which risk.json lists, are
+            removed.
         """
         from fpk_rocking.risk.report import risk_figure, write_risk_report
 
         out, curve = pathlib.Path(folder), self.risk.curve
+        _remove_exports(out)
         self.fragility.save(out / "result.npz")
         to_csv(out / "curve.csv", curve)
         table = self.motion_table
@@ -195,10 +199,23 @@ class Study:
         refused = self.not_for_pelicun
         if not refused:
             to_pelicun(out / f"{self.name}.csv", curve, self.name)
-        write_json(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv"})
+        exports = [f"{self.name}.{kind}" for kind in ("xml", *(() if refused else ("csv", "json")))]
+        write_json(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv", "exports": exports})
         write_text(out / "risk.txt", self.text() + "\n")
         risk_figure(out / "risk.png", self.risk, self.records)
         write_risk_report(out / "report.html", self)
+
+
+def _remove_exports(folder):
+    """Remove the files for other programs that an earlier study has left in a folder, by its risk.json."""
+    try:
+        left = json.loads((folder / "risk.json").read_text(encoding="utf-8"))["exports"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    for name in left if isinstance(left, list) else ():
+        stem, _, kind = str(name).partition(".")
+        if kind in {"xml", "csv", "json"} and re.fullmatch(NAMES, stem):
+            (folder / name).unlink(missing_ok=True)
 
 
 def study(

@@ -5,6 +5,7 @@ import ctypes
 import io
 import json
 import math
+import os
 import pathlib
 import signal
 import sys
@@ -243,7 +244,8 @@ def test_a_signal_that_a_callback_swallows_ends_the_command(sign, code, word, th
     monkeypatch.setattr("fpk_rocking.console._AGAIN_S", 0.02 if then == "computes" else 60.0)
     status, out, err = run("fpk", MAIN, "--json", "--out", tmp_path / "out")
     assert (status, bool(out)) == (code, then == "returns")
-    assert err == f"fpk-rocking: {word}; files written so far are whole\n"
+    files = f"whole files in {tmp_path / 'out'}: jpdf.pvd"
+    assert err.startswith(f"fpk-rocking: {word}; {files if then == 'returns' else 'no result was written'}")
     assert (tmp_path / "out").exists() == (then == "returns")
 
 
@@ -272,8 +274,14 @@ def test_interrupted_writing_leaves_whole_files(tmp_path, monkeypatch):
         return ""
 
     monkeypatch.setattr(vtk, "_field_data", interrupted)
-    status, _, _ = run("fpk", MAIN, "--cycles", 4, "--out", tmp_path)
-    assert status == 130
+    (tmp_path / "older").touch()
+    os.utime(tmp_path / "older", (1.0, 1.0))
+    status, _, err = run("fpk", MAIN, "--cycles", 4, "--out", tmp_path)
+    assert (status, err.split(": ")[1:]) == (
+        130,
+        [f"interrupted; whole files in {tmp_path}", "jpdf_0000.vtu, jpdf_0001.vtu, result.npz\n"],
+    )
+    (tmp_path / "older").unlink()
     assert {path.name for path in tmp_path.iterdir()} == {"result.npz", "jpdf_0000.vtu", "jpdf_0001.vtu"}
 
 

@@ -22,6 +22,7 @@ LIMITS = {
     "total_error": (0.01, 0.1),
     "error_estimate": (0.002, 0.1),
     "half_width": (0.002, 0.1),
+    "overturning_error": (0.4, math.inf),
     "escape_error": (0.002 * math.e, 0.1 * math.e),
     "relative_error": (0.2, 0.5),
     "bins_error_estimate": (0.03, math.inf),
@@ -252,7 +253,46 @@ def test_a_figure_has_the_digits_that_tell_it_from_its_limit(value, said):
     assert f" is {said}" in judged({"total_error": value}, tol=0.01).reasons[0]
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize("name", ["error_estimate", "half_width", "truncated", "escape_error"])
+=======
+@pytest.mark.parametrize(
+    ("over", "error", "verdict"),
+    [
+        (1.5e-5, 8e-5, "caution"),
+        (0.006, 0.003, "caution"),
+        (0.006, 0.0023, "ok"),
+        (0.0, 1e-3, "caution"),
+        (-1e-6, 1e-12, "ok"),
+    ],
+)
+def test_a_small_probability_of_overturning_is_judged_in_parts_of_itself(over, error, verdict):
+    """Of a density; what is below a millionth is held against a millionth."""
+
+    class Small(fakes.FakeEvolution):
+        survival = np.array([1.0, 1.0 - over])
+        overturned = np.array([[0.0, 0.0], [over, 0.0]])
+        lost = at_rest = np.zeros(2)
+
+    found = Small(WHITE, cycles=1, error_estimate=error, tol=1e-2)
+    assert found.trust.verdict == verdict
+    assert found.summary()["overturning_error"] == pytest.approx(error / max(over, 1e-6))
+    assert ("error of the last probability of overturning, in parts of it, is" in str(found.trust)) == (verdict != "ok")
+
+
+@pytest.mark.parametrize(("count", "verdict"), [(0, "caution"), (20, "caution"), (30, "ok")])
+def test_few_overturned_paths_are_no_probability(count, verdict):
+    """Of 10,000: the half width of Wilson's limits is .44 of the share of 20 of them, .36 of that of 30."""
+
+    class Few(fakes.FakeEnsemble):
+        survival = np.array([1.0, 1.0 - count / 10_000])
+        overturned = np.array([[0.0, 0.0], [count / 10_000, 0.0]])
+
+    assert Few(WHITE, cycles=1, realizations=10_000, method="white").trust.verdict == verdict
+
+
+@pytest.mark.parametrize("name", ["error_estimate", "half_width", "lost", "escape_error"])
+>>>>>>> b1eeb08 (A small probability is judged in parts of itself; a rate from beyond the hazard's points is of no use, and the unit that was meant is named; no old exports beside new ones)
 def test_the_limit_of_an_error_is_what_was_asked_for(name):
     """Caution begins at the tolerance, in a rate at e times it; without one at `UNASKED`; of no use is a tenth."""
     factor = math.e if name == "escape_error" else 1.0

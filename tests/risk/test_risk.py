@@ -10,6 +10,7 @@ import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli, studies
 from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.trust import CAUTION, UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
@@ -73,7 +74,7 @@ def test_a_curve_of_points_is_joined_by_lines_in_the_logarithm():
 
 def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     replicates = [(0.7 * math.exp(0.1 * z), 0.4) for z in np.linspace(-1.0, 1.0, 41)]
-    risk = annual_frequency(curve_of(replicates=replicates), Hazard.power_law(1e-3, 2.0))
+    risk = annual_frequency(curve_of(replicates=replicates), Hazard([0.5, 2.0], [4e-3, 2.5e-4]))
     assert risk.interval == pytest.approx([risk.rate * math.exp(0.2 * z) for z in (-0.95, 0.95)], rel=1e-9)
     assert risk.beyond_hazard > 0.2
     assert risk.sentences[0].startswith(
@@ -86,7 +87,7 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
         dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
     )
     assert "upper limits, which is wider than the limits of a fit" in points.sentences[0]
-    assert "the fragility, where the probability is 0 below, the last one above: " in points.sentences[2]
+    assert "the fragility, where the probability is 0 below, the last one above: " in points.sentences[1]
     assert [diagnostic.kind for diagnostic in risk.diagnostics][:1] == ["the hazard curve"]
     assert risk.relative_error == pytest.approx((risk.interval[1] - risk.interval[0]) / (2 * 1.96 * risk.rate))
     wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
@@ -94,6 +95,38 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     assert wide.beyond_curve < 0.05
     assert len(wide.sentences) == 1
     assert wide.rate == pytest.approx(risk.rate, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("measure", "factor", "unit", "own"),
+    [("PGV", 100.0, "cm/s", "m/s"), ("PGA", 9.80665, "m/s²", "g"), ("PGA", 980.665, "cm/s²", "g")],
+)
+def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_is_named(measure, factor, unit, own):
+    """The hazard of .003 to 6 of the right unit in a file of another one; then one that none explains."""
+    curve = dataclasses.replace(
+        curve_of(0.7 if factor < 10.0 else 0.3, 0.3, replicates=[(0.7, 0.3)] * 9), measure=measure
+    )
+    meant = Hazard(np.geomspace(0.02, 6.0, 20), np.geomspace(1e-1, 1e-6, 20))
+    assert annual_frequency(curve, meant).diagnostics == []
+    least = 0.02 if factor > 50.0 else 0.3
+    given = factor * np.geomspace(least, 6.0, 20)
+    ((severity, message, *_),) = annual_frequency(curve, Hazard(given, meant.rate)).diagnostics
+    assert severity == UNUSABLE
+    assert f"Are the intensities of the hazard in {unit}? They were read in {own}, as {given[0]:.4g} to" in message
+    assert message.endswith(f"in {unit} they are {least:.4g} to 6 {own}.")
+    far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).diagnostics[0]
+    assert (far.severity, far.message.endswith("goes on: give more of them.")) == (UNUSABLE, True)
+    share = annual_frequency(curve, Hazard([0.5, 6.0], [1e-2, 1e-5]))
+    assert 0.05 < share.beyond_hazard < 0.5
+    assert [one.severity for one in share.diagnostics] == [CAUTION]
+
+
+def test_a_power_law_holds_at_all_intensities():
+    """It says so by having no points that anything lies beyond, and by its law as a text."""
+    law = Hazard.power_law(2e-3, 2.5)
+    assert annual_frequency(curve_of(0.05, 0.3), law).beyond_hazard < 1e-6
+    assert law.law == "0.002 im^-2.5"
+    assert Hazard([0.1, 1.0, 3.0], [1e-2, 1e-3, 1e-4]).law == ""
 
 
 @pytest.mark.parametrize(
@@ -391,7 +424,20 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
     assert "In its place stand the points, joined by lines." in printed.out
     assert "fpk-rocking risk: rack.csv and rack.json for pelicun are not written: probability[-1]: got 0" in printed.err
     assert not (tmp_path / "out" / "rack.csv").exists()
+    # What another command left under either name goes with it, and nothing else does.
+    for name in ("rack.csv", "rack.json", "old.xml", "own.csv"):
+        (tmp_path / "out" / name).write_text("old")
+    values = json.loads((tmp_path / "out" / "risk.json").read_text())
+    assert (values["exports"], values["pelicun"][:15]) == (["rack.xml"], "probability[-1]")
+    exports = ["rack.csv", "rack.json", "old.xml", "../own.csv", "curve.csv", "risk.json", 3]
+    (tmp_path / "out" / "risk.json").write_text(json.dumps({"exports": exports}))
+    (tmp_path / "own.csv").write_text("mine")
+    assert cli.main([*arguments, "--synthetic", "1"]) == 0
+    left = {"result.npz", "risk.json", "risk.txt", "risk.png", "curve.csv", "report.html", "rack.xml", "own.csv", "motions.csv"}
+    assert {file.name for file in (tmp_path / "out").iterdir()} == left
+    assert (tmp_path / "own.csv").read_text() == "mine"
     refused = {
+        "name: got 'risk', accepted: up to 75 letters, digits, _ and -, and none of risk, curve, motions": ["--name", "risk"],
         "records: got 3, accepted: 1, or at least 5": ["--synthetic", "3"],
         "blocks: got 1, accepted: at least 5 for one motion": ["--uncertain", "size_factor=uniform:0.9:1.1"],
         "name: got 'a b', accepted: up to 75 letters": ["--name", "a b"],

@@ -220,10 +220,12 @@ class Record(TransientForcing):
         name, sentences = self.source or "the record", []
         # The strongest recorded accelerations are below 4.5 g, the fastest velocities about 3 m/s.
         if 5.0 * UNITS["g"] < drift.pga < math.inf and self.units != "cm/s2":
-            meant = 1e-2 * drift.pga / UNITS[self.units]
+            # Numbers up to 2 g in m/s² are more likely such than in cm/s², in which they would be .02 g at most.
+            number = drift.pga / UNITS[self.units]
+            unit = "m/s2" if number <= 2.0 * UNITS["g"] and self.units == "g" else "cm/s2"
             sentences.append(
                 f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g); was "
-                f"{meant:.4g} m/s² meant (cm/s²)?"
+                f"{number * UNITS[unit]:.4g} m/s² meant ({unit.replace('2', '²')})?"
             )
         elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
             sentences.append(
