@@ -253,9 +253,6 @@ def test_a_figure_has_the_digits_that_tell_it_from_its_limit(value, said):
     assert f" is {said}" in judged({"total_error": value}, tol=0.01).reasons[0]
 
 
-<<<<<<< HEAD
-@pytest.mark.parametrize("name", ["error_estimate", "half_width", "truncated", "escape_error"])
-=======
 @pytest.mark.parametrize(
     ("over", "error", "verdict"),
     [
@@ -272,7 +269,7 @@ def test_a_small_probability_of_overturning_is_judged_in_parts_of_itself(over, e
     class Small(fakes.FakeEvolution):
         survival = np.array([1.0, 1.0 - over])
         overturned = np.array([[0.0, 0.0], [over, 0.0]])
-        lost = at_rest = np.zeros(2)
+        truncated = at_rest = np.zeros(2)
 
     found = Small(WHITE, cycles=1, error_estimate=error, tol=1e-2)
     assert found.trust.verdict == verdict
@@ -291,8 +288,7 @@ def test_few_overturned_paths_are_no_probability(count, verdict):
     assert Few(WHITE, cycles=1, realizations=10_000, method="white").trust.verdict == verdict
 
 
-@pytest.mark.parametrize("name", ["error_estimate", "half_width", "lost", "escape_error"])
->>>>>>> b1eeb08 (A small probability is judged in parts of itself; a rate from beyond the hazard's points is of no use, and the unit that was meant is named; no old exports beside new ones)
+@pytest.mark.parametrize("name", ["error_estimate", "half_width", "truncated", "escape_error"])
 def test_the_limit_of_an_error_is_what_was_asked_for(name):
     """Caution begins at the tolerance, in a rate at e times it; without one at `UNASKED`; of no use is a tenth."""
     factor = math.e if name == "escape_error" else 1.0
