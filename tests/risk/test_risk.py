@@ -433,11 +433,24 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
     (tmp_path / "out" / "risk.json").write_text(json.dumps({"exports": exports}))
     (tmp_path / "own.csv").write_text("mine")
     assert cli.main([*arguments, "--synthetic", "1"]) == 0
-    left = {"result.npz", "risk.json", "risk.txt", "risk.png", "curve.csv", "report.html", "rack.xml", "own.csv", "motions.csv"}
+    left = {
+        "result.npz",
+        "risk.json",
+        "risk.txt",
+        "risk.png",
+        "curve.csv",
+        "report.html",
+        "rack.xml",
+        "own.csv",
+        "motions.csv",
+    }
     assert {file.name for file in (tmp_path / "out").iterdir()} == left
     assert (tmp_path / "own.csv").read_text() == "mine"
     refused = {
-        "name: got 'risk', accepted: up to 75 letters, digits, _ and -, and none of risk, curve, motions": ["--name", "risk"],
+        "name: got 'risk', accepted: up to 75 letters, digits, _ and -, and none of risk, curve, motions": [
+            "--name",
+            "risk",
+        ],
         "records: got 3, accepted: 1, or at least 5": ["--synthetic", "3"],
         "blocks: got 1, accepted: at least 5 for one motion": ["--uncertain", "size_factor=uniform:0.9:1.1"],
         "name: got 'a b', accepted: up to 75 letters": ["--name", "a b"],
