@@ -86,12 +86,14 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --uncertain NAME=DIST*  distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a
                         name of the scene file such as block.restitution, each in its own unit; NAME_factor is a
                         multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
-                        lognormal:MEDIAN:DISPERSION, as in size_factor=lognormal:1:0.05; may be repeated
+                        lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
+                        repeated
 --blocks N:int          with --uncertain: blocks drawn for each scene (default 20) or record (default 1; of one record
                         5 or more)
 --workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
 --store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
---records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise
+--records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise, and needs no
+                        forcing
 --synthetic N:int       in place of records: as many synthetic motions on firm ground
 --hazard FILE|K0:K!     file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard
                         K0 im^-K
@@ -100,6 +102,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
 --baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
                         high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
+--corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
 --name NAME             identifier of the block in the exported files (default rocking_block)
 """
 """Every argument of the command line: name, what stands for its value with the type, and help.
@@ -107,6 +110,9 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 Without what stands for a value it is a switch. After it, + means one value or more, * that the option may be repeated,
 ! that it is required.
 """
+
+_REPLACED = {"amplitude": 1.0, "frequency": 1.0}
+"""Table [forcing] of a scene whose forcing recorded motions replace."""
 
 
 def _arguments():
@@ -210,11 +216,11 @@ def _parser() -> argparse.ArgumentParser:
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     options = f"scenes --scales --pga {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
-    options += " --uncertain --blocks --workers --store --records --units --baseline"
+    options += " --uncertain --blocks --workers --store --records --units --baseline --corner-hz"
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scene --set --records --hazard --intensities --measure --units --realizations --keep-noise --synthetic"
-    options += " --baseline --uncertain --blocks --name --seed --out --json"
+    options += " --baseline --corner-hz --uncertain --blocks --workers --store --name --seed --out --json"
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser
@@ -355,9 +361,9 @@ def _shaken(options):
         raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
     if options.units and not options.records:
         raise ValueError(f"--units: got {options.units!r}, accepted: together with --records")
-    if not (options.records or options.baseline):
+    given = _passed(options, "units", "baseline", "corner_hz")
+    if not (options.records or given):
         return scenes
-    given = _passed(options, "units", "baseline")
     return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **given)]
 
 
@@ -383,7 +389,8 @@ def _risk(options):
             scale_noise=not options.keep_noise,
             uncertain=_uncertain(options),
             progress=progress,
-            **_passed(options, "blocks", "measure", "units", "baseline", "realizations", "seed", "name"),
+            **_passed(options, "blocks", "measure", "units", "baseline", "corner_hz", "realizations", "seed", "name"),
+            **_passed(options, "workers", "store"),
         )
     if options.out:
         result.write(options.out)
@@ -453,7 +460,11 @@ def _scene(options, path):
 
     if path.endswith(".npz"):
         raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
-    return load_scene(path, dict(map(_setting, options.set or ())))
+    changes = dict(map(_setting, options.set or ()))
+    if getattr(options, "records", None) or getattr(options, "synthetic", None):
+        # What the motions replace is not read: neither a file that is missing nor a table that is.
+        changes = {"forcing": _REPLACED} | {name: value for name, value in changes.items() if name[:7] != "forcing"}
+    return load_scene(path, changes)
 
 
 def _setting(text):

@@ -17,6 +17,7 @@ __all__ = [
     "baseline_remark",
     "cautions",
     "describe_replacement",
+    "drifting",
     "noise_text",
     "remarks",
     "scene_diagnostics",
@@ -173,8 +174,8 @@ def _line_of(drift):
     return f"an offset of {drift.offset / STANDARD_GRAVITY:.2g} g and a slope of {slope:.2g} g/s"
 
 
-def _drifting(forcing):
-    """Diagnostic of a record whose velocity is that of a drift of its baseline."""
+def drifting(forcing: Forcing) -> list[Diagnostic]:
+    """Diagnostic in a list of a record whose velocity is that of a drift of its baseline; else an empty list."""
     if not isinstance(forcing, Record) or not forcing.drifts:
         return []
     drift = forcing.drift
@@ -205,7 +206,7 @@ def scene_diagnostics(
     -------
     list of Diagnostic
     """
-    diagnostics = _slender(scene.block) + _drifting(scene.forcing)
+    diagnostics = _slender(scene.block) + drifting(scene.forcing)
     implausibilities = implausible(scene, *scales)
     diagnostics += [Diagnostic(CAUTION, " ".join(implausibilities), "implausible")] * bool(implausibilities)
     diagnostics += [Diagnostic(CAUTION, unresolved, "unresolved")] * bool(unresolved)

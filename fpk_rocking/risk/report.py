@@ -18,7 +18,7 @@ from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.picture import logarithmic
-from fpk_rocking.studies.scenes import intensities
+from fpk_rocking.studies.scenes import measured
 
 _MOST_DRAWN = 12
 _CITE = (
@@ -257,7 +257,7 @@ def draw_contributions(axes: Any, risk: Risk) -> None:
 def draw_motions(axes: Any, scenes: Sequence[Scene]) -> None:
     """Draw the acceleration of each motion against time, one above the other, all with the same unit."""
     motions = [(scene.forcing, scene.block.dimensions) for scene in scenes if scene.block.dimensions is not None]
-    peaks = [intensities(scene).pga / STANDARD_GRAVITY for scene in scenes if scene.block.dimensions is not None]
+    peaks = [measured(scene).pga / STANDARD_GRAVITY for scene in scenes if scene.block.dimensions is not None]
     step = 1.6 * max(peaks, default=1.0)
     for place, (motion, size) in enumerate(motions):
         span = motion.duration if np.isfinite(motion.duration) else 5.0 * motion.time_scale

@@ -5,6 +5,7 @@ import json
 import pathlib
 import re
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -227,12 +228,15 @@ def study(
     measure: str = "PGV",
     units: str | None = None,
     baseline: str | None = None,
+    corner_hz: float | None = None,
     realizations: int = 10_000,
     seed: int = 1,
     scale_noise: bool = True,
     uncertain: Mapping[str, Any] | None = None,
     blocks: int = 1,
     name: str = "rocking_block",
+    workers: int | Executor = 1,
+    store: File | None = None,
     progress: Progress | None = None,
 ) -> Study:
     """Compute the annual frequency at which a block overturns.
@@ -256,6 +260,8 @@ def study(
         Unit of the records where their files do not say it.
     baseline : {"none", "mean", "linear", "high-pass"}, optional
         Correction of the records' baselines, see `Record`; by default that of each `Record`, and none of files.
+    corner_hz : float, optional
+        Corner of the correction "high-pass", Hz.
     realizations : int
         Paths of a record at each intensity.
     seed : int
@@ -268,8 +274,8 @@ def study(
         Blocks that are drawn for each record, at least five for one record.
     name : str
         Identifier of the block in exported files.
-    progress : callable, optional
-        Called with the number of points done and of all.
+    workers, store, progress
+        As for `fpk_rocking.studies.sweep`, with a motion at an intensity for a scene.
 
     Returns
     -------
@@ -295,7 +301,7 @@ def study(
     checks.instance("scene", scene, Scene)
     check_name(name)
     exceeded = hazard if isinstance(hazard, Hazard) else Hazard.from_csv(hazard)
-    scenes = recorded_scenes(scene, records, units=units, baseline=baseline)
+    scenes = recorded_scenes(scene, records, units=units, baseline=baseline, corner_hz=corner_hz)
     if 1 < len(scenes) < FEWEST_RECORDS:
         raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
     if uncertain and len(scenes) == 1 and checks.count("blocks", blocks) < FEWEST_RECORDS:
@@ -309,6 +315,8 @@ def study(
         realizations=realizations,
         seed=seed,
         scale_noise=scale_noise,
+        workers=workers,
+        store=store,
         progress=progress,
     )
     curve = IntensityCurve.of(curves, measure, draws=draws)

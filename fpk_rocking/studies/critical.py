@@ -33,7 +33,7 @@ from fpk_rocking.results.times import result_times
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
-from fpk_rocking.studies.scenes import checked_scenes, intensities, intensity_of, measure_of, recorded_scenes
+from fpk_rocking.studies.scenes import checked_scenes, intensity_of, measure_of, measured, recorded_scenes
 from montecarlo.engines import engine_of, task_of
 from montecarlo.engines.scales import Outcomes, ScaledPaths
 from montecarlo.results.ensemble import EXACT_PATH
@@ -331,7 +331,7 @@ def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None =
     """
     if critical is not None:
         return critical.table()
-    measures = [intensities(scene).columns(1.0) for scene in scenes]
+    measures = [measured(scene).columns(1.0) for scene in scenes]
     columns = {name: np.array([one[name] for one in measures]) for name in ("pga_g", "pgv_m_per_s")}
     return {"motion": np.array(motion_names(scenes))} | columns
 

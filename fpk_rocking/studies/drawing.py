@@ -54,9 +54,9 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     uncertain : dict of str
         Distributions by the names of `fpk_rocking.studies.scenes.varied`, or such a name with "_factor" for a factor of
         the scene's own value: ``{"size_factor": "lognormal:1:0.05", "block.restitution_factor": "uniform:0.93:1"}``.
-        They are set in this order. A distribution is a text, "uniform:LOW:HIGH", "normal:MEAN:DEVIATION" or
-        "lognormal:MEDIAN:DISPERSION", or an object with a method ``ppf``, as those of `scipy.stats`. Without "_factor"
-        the scene's own value has to be within 4 normal deviations of its middle.
+        They are set in this order. A distribution is a text, "uniform:LOW:HIGH", "normal:MEAN:DEVIATION",
+        "lognormal:MEDIAN:DISPERSION" or "beta:A:B:LOW:HIGH", or an object with a method ``ppf``, as those of
+        `scipy.stats`. Without "_factor" the scene's own value has to be within 4 normal deviations of its middle.
     count : int
         Copies of each scene.
     seed : int
@@ -146,21 +146,26 @@ def _distribution(name, law):
 
     if hasattr(law, "ppf"):
         return law
-    accepted = "'uniform:LOW:HIGH', 'normal:MEAN:DEVIATION', 'lognormal:MEDIAN:DISPERSION' with numbers"
+    laws = "uniform:LOW:HIGH", "normal:MEAN:DEVIATION", "lognormal:MEDIAN:DISPERSION", "beta:A:B:LOW:HIGH"
+    accepted = f"{', '.join(map(repr, laws))} with numbers"
     refusal = checks.refusal(f"uncertain[{name!r}]", law, f"{accepted}, or a distribution of scipy.stats")
     if not isinstance(law, str):
         raise TypeError(refusal)
-    kind, *numbers = law.split(":")
+    kind, *texts = law.split(":")
     try:
-        first, second = map(float, numbers)
+        numbers = [float(text) for text in texts]
     except ValueError:
         raise ValueError(refusal) from None
-    fits = {"uniform": second > first, "normal": second > 0.0, "lognormal": first > 0.0 and second > 0.0}
-    if not (math.isfinite(first) and math.isfinite(second) and fits.get(kind, False)):
-        raise ValueError(refusal)
-    if kind == "uniform":
-        return stats.uniform(first, second - first)
-    return stats.norm(first, second) if kind == "normal" else stats.lognorm(second, scale=first)
+    match kind, numbers if all(map(math.isfinite, numbers)) else ():
+        case "uniform", [low, high] if low < high:
+            return stats.uniform(low, high - low)
+        case "normal", [mean, deviation] if deviation > 0.0:
+            return stats.norm(mean, deviation)
+        case "lognormal", [median, dispersion] if min(median, dispersion) > 0.0:
+            return stats.lognorm(dispersion, scale=median)
+        case "beta", [a, b, low, high] if min(a, b) > 0.0 and low < high:
+            return stats.beta(a, b, low, high - low)
+    raise ValueError(refusal)
 
 
 def synthetic_records(

@@ -18,7 +18,7 @@ from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, MotionOutcomes, motion_names, motion_table
 from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
-from fpk_rocking.studies.scenes import Intensities, intensities
+from fpk_rocking.studies.scenes import Intensities, measured
 from montecarlo.results.ensemble import EXACT_PATH
 
 
@@ -185,7 +185,7 @@ class Fragility(Saved, Result):
 
         Of a mixture those that its scenes have in common, and nan where they differ.
         """
-        measures = [intensities(scene) for scene in self.scenes]
+        measures = [measured(scene) for scene in self.scenes]
         return [Intensities(*map(_common, zip(*measures, strict=True)))] if self.mixture else measures
 
     @functools.cached_property

@@ -7,6 +7,7 @@ All of it is a change of the scene's numbers. A base acceleration a enters as a/
 import dataclasses
 import itertools
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from fpk_rocking.base.types import ArrayLike, File
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.physics.forcing.files import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
+from fpk_rocking.results.remarks import drifting
 from fpk_rocking.scene.parts import Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
@@ -286,7 +288,7 @@ class Intensities(NamedTuple):
 
 
 def intensities(scene: Scene) -> Intensities:
-    """Return the intensity measures of a scene's forcing.
+    """Return the intensity measures of a scene's forcing, with a warning where the velocity is that of a drift.
 
     The ground velocity of a periodic forcing has mean 0; that of a pulse or a record is 0 at τ = 0.
 
@@ -307,7 +309,15 @@ def intensities(scene: Scene) -> Intensities:
     >>> print(f"PGA {motion.pga:.2f} m/s², PGV {motion.pgv:.2f} m/s")
     PGA 2.94 m/s², PGV 0.31 m/s
     """
-    forcing, size = checks.instance("scene", scene, Scene).forcing, scene.block.dimensions
+    checks.instance("scene", scene, Scene)
+    for diagnostic in drifting(scene.forcing):
+        warnings.warn(diagnostic.message, stacklevel=2)
+    return measured(scene)
+
+
+def measured(scene: Scene) -> Intensities:
+    """Return the intensity measures of a scene's forcing without a warning, for results that have their verdict."""
+    forcing, size = scene.forcing, scene.block.dimensions
     acceleration, velocity = forcing.largest, forcing.largest_velocity
     if size is None:
         return Intensities(acceleration, velocity, math.nan, math.nan, velocity)
@@ -356,7 +366,7 @@ def intensity_of(scene: Scene, measure: str) -> float:
         The measure is unknown, the block has no dimensions, or the forcing is 0.
     """
     chosen = measure_of(measure)
-    peak = getattr(intensities(scene), chosen.field) / chosen.si
+    peak = getattr(measured(checks.instance("scene", scene, Scene)), chosen.field) / chosen.si
     if not peak > 0.0:
         why = "a scene of a block with dimensions and a forcing that is not 0"
         raise ValueError(checks.refusal("scene", scene, why))
@@ -364,7 +374,12 @@ def intensity_of(scene: Scene, measure: str) -> float:
 
 
 def recorded_scenes(
-    scene: Scene, records: Sequence[Forcing | File], *, units: str | None = None, baseline: str | None = None
+    scene: Scene,
+    records: Sequence[Forcing | File],
+    *,
+    units: str | None = None,
+    baseline: str | None = None,
+    corner_hz: float | None = None,
 ) -> list[Scene]:
     """Return a scene under each of several motions.
 
@@ -378,6 +393,8 @@ def recorded_scenes(
         Unit of the records where their files do not say it.
     baseline : {"none", "mean", "linear", "high-pass"}, optional
         Correction of all records, that of the scene included; by default each keeps its own.
+    corner_hz : float, optional
+        Corner of the correction "high-pass", Hz; by default each keeps its own.
 
     Returns
     -------
@@ -397,14 +414,19 @@ def recorded_scenes(
         raise ValueError(checks.refusal("units", units, accepted))
     motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in records]
     motions = motions or [scene.forcing]
-    if baseline is not None:
-        check_baseline("baseline", baseline)
+    asked: dict[str, Any] = {"baseline": baseline, "corner_hz": corner_hz}
+    changes = {name: value for name, value in asked.items() if value is not None}
+    if changes:
+        if baseline is not None:
+            check_baseline("baseline", baseline)
         if not any(isinstance(motion, Record) for motion in motions):
-            raise ValueError(checks.refusal("baseline", baseline, "nothing where there is no record"))
+            name, value = next(iter(changes.items()))
+            raise ValueError(checks.refusal(name, value, "nothing where there is no record"))
         motions = [
-            dataclasses.replace(motion, baseline=baseline) if isinstance(motion, Record) else motion
-            for motion in motions
+            dataclasses.replace(motion, **changes) if isinstance(motion, Record) else motion for motion in motions
         ]
+        if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
+            raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
     return [dataclasses.replace(scene, forcing=motion) for motion in motions]
 
 

@@ -27,6 +27,7 @@ ELSEWHERE = {"help", "version", "out", "report", "json", "checkpoint"}
 
 OF_RISK = {
     "baseline",
+    "corner_hz",
     "records",
     "synthetic",
     "units",

@@ -16,6 +16,7 @@ from fpk_rocking.studies import drawn, fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import intensities, intensity_of
+from fpk_rocking.studies.tasks import TASKS
 from montecarlo import histories, simulate
 
 SIZE = Dimensions(0.6, 2.0)
@@ -411,6 +412,61 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     for text in ("block.restitution", "=0.8", " =0.8"):
         assert cli.main([*arguments, "--set", text]) == 2
         assert f"--set: got {text!r}, accepted: KEY=VALUE" in capsys.readouterr().err
+
+
+def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tmp_path, capsys, monkeypatch):
+    """Interrupted at its fourth point: nothing is written but the store, and the same command computes the others."""
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    text = scene.to_toml()
+    kept = "\n".join(part for part in text.split("\n\n") if not part.startswith("[forcing]"))
+    assert "forcing" not in kept
+    missing = kept + '\n[forcing]\nkind = "record"\nfile = "x"\n'
+    words = ["--hazard", "1e-3:2", "--intensities", "0.4,0.8", "--realizations", "20", "--synthetic", "5"]
+    found = []
+    for number, one in enumerate((text, kept, missing)):
+        file = tmp_path / f"rack{number}.toml"
+        file.write_text(one)
+        assert cli.main(["risk", str(file), *words, "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["fragility"]["overturned"])
+    assert found[0] == found[1] == found[2]
+    arguments = ["risk", str(file), *words, "--store", str(tmp_path / "points"), "--out", str(tmp_path / "out")]
+    computed, task = [], TASKS["mc"]
+
+    def stopping(scene, **options):
+        computed.append(scene)
+        if len(computed) == 4:
+            raise KeyboardInterrupt
+        return task(scene, **options)
+
+    stopping.__module__, stopping.__qualname__ = task.__module__, task.__qualname__
+    monkeypatch.setitem(TASKS, "mc", stopping)
+    assert cli.main(arguments) == 130
+    left = f"fpk-rocking: interrupted; the same command goes on from {tmp_path / 'points'}\n"
+    assert capsys.readouterr().err.endswith(left)
+    assert not (tmp_path / "out").exists()
+    assert cli.main(arguments) == 0
+    assert len(computed) == 4 + 7
+    assert json.loads((tmp_path / "out" / "risk.json").read_text())["fragility"]["overturned"] == found[0]
+
+
+def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), NoNoise())
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.8", "--json"]
+    tables = {}
+    for corner in ("0.1", "2"):
+        more = ["--synthetic", "5", "--baseline", "high-pass", "--corner-hz", corner]
+        assert cli.main([*arguments, *more]) == 0
+        tables[corner] = json.loads(capsys.readouterr().out)["motions"]["pgv_m_per_s"]
+    own = [dataclasses.replace(one, baseline="high-pass", corner_hz=2.0) for one in synthetic_records(5)]
+    assert tables["2"] == pytest.approx([intensities(Scene(Block(0.9, SIZE), one, NoNoise())).pgv for one in own])
+    assert tables["2"] != tables["0.1"]
+    for more, said in (
+        (["--corner-hz", "2"], "corner_hz: got 2.0, accepted: nothing without the baseline 'high-pass'"),
+        (["--corner-hz", "-1", "--baseline", "high-pass"], "forcing.corner_hz: got -1.0"),
+    ):
+        assert cli.main([*arguments, "--synthetic", "5", *more]) == 2
+        assert said.replace("'", '"') in capsys.readouterr().err.replace("'", '"')
 
 
 def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anything_is_computed(tmp_path, capsys):

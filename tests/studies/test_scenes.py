@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from fpk_rocking.scene import (
     WhiteNoise,
 )
 from fpk_rocking.studies import grid, intensities, resized, scaled
-from fpk_rocking.studies.scenes import varied
+from fpk_rocking.studies.scenes import measured, varied
 
 NOISE = {"noise_rms_acceleration": 0.3, "noise_band_hz": (0.0, 5.0)}
 SAMPLES = np.random.default_rng(4).normal(size=60)
@@ -183,6 +184,20 @@ def test_intensities_of_several_harmonics():
     velocity = -np.sin(2.0 * time + 0.3) / 2.0 - 0.8 * np.sin(4.0 * time + 1.1) / 4.0
     found = intensities(forced(forcing))
     assert found.velocity == pytest.approx(np.abs(velocity).max(), rel=1e-9)
+
+
+def test_the_velocity_of_a_drift_is_warned_of():
+    """Once corrected, and where it does not drift, not; nor by the measures that results with a verdict take."""
+    drifting = Record(0.01, tuple(0.04 + math.sin(0.1 * k) for k in range(4001)), "m/s2", source="BAM.AT2")
+    scene = Scene.from_block(0.5, 1.8, record=drifting)
+    with pytest.warns(
+        UserWarning, match=r"BAM.AT2 drifts: its PGV of 1.\d+ m/s as recorded is that of a drifting integral"
+    ):
+        found = intensities(scene)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert measured(scene) == found
+        intensities(Scene.from_block(0.5, 1.8, record=dataclasses.replace(drifting, baseline="high-pass")))
 
 
 def test_intensities_with_units():
