@@ -25,8 +25,9 @@ class Level:
     ----------
     solution : object
         What the caller computed.
-    quantity : ndarray, shape (n,)
-        The wanted quantity, whose largest difference counts: survival at all times, or the logarithm of a rate.
+    quantity : ndarray
+        The wanted quantity, whose largest difference counts: survival, left and right at all times, or the logarithm of
+        a rate.
     bins : ndarray, shape (rows, bins)
         Binned densities, whose L1 difference counts.
     resolved : ndarray of bool, shape (rows,)

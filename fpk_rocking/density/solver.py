@@ -229,10 +229,8 @@ def _discretizations(scene, white, motion, resolutions):
     if scene.noise.kind == "filtered":
         # Noise of high frequencies moves a flight further than white noise of equal Melnikov variance.
         diffusion = max(equivalent_diffusion(scene.noise), scene.noise.variance * scene.noise.space.inward_variance)
-    bound = velocity_bound(white, diffusion)
-    if not scene.repeats:
-        # Blocks that are bound to overturn, but have not yet, may be faster.
-        bound = max(bound, 1.1 * motion.fastest)
+    # Blocks that are bound to overturn, but have not yet, may be faster than the bound.
+    bound = max(velocity_bound(white, diffusion), 1.1 * motion.fastest)
     planes, kind = [resolution.adapted(white, bound, motion) for resolution in resolutions], propagator_for(scene)
     first = len(RESOLUTIONS) - len(resolutions)
     return [kind.adapted(scene, plane, number) for number, plane in enumerate(planes, first)]
@@ -271,7 +269,7 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
 
 
 def _level_of(propagator, solution, edges, seconds=0.0):
-    """Return the `Level` of a solution: survival, and binned densities in which rest is one bin."""
+    """Return the `Level` of a solution: survival and both sides, and binned densities in which rest is one bin."""
     space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
     bins = space.bin_integrals(densities, *edges)
     if at_rest is not None:
@@ -290,7 +288,7 @@ def _level_of(propagator, solution, edges, seconds=0.0):
 
     return Level(
         solution=(propagator, solution),
-        quantity=solution.survival,
+        quantity=np.column_stack([solution.survival, solution.outflow[:, :2]]),
         bins=bins,
         resolved=solution.resolved,
         error=error,

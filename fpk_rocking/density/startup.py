@@ -86,12 +86,27 @@ class StartUp:
 
     def resolution(self, time, space):
         """Least conditional standard deviation of the density at a time over the size of a cell of a mesh."""
-        if not self._waiting:
+        if not (self._waiting or self._lifted_later):
             return self.spread(time).resolution(space)
-        patch, settings = self._before(time).patch, self.settings
-        sizes = [np.diff(lines).min() * settings.cells / (2.0 * settings.reach) for lines in patch.lines]
+        now, settings = self._before(time), self.settings
+        sizes = [np.diff(lines).min() * settings.cells / (2.0 * settings.reach) for lines in now.patch.lines]
         mean = self.flight(time).mean if self.dynamics.since_lift_off(time)[0] <= time else np.zeros(2)
+        if self._lifted_later:
+            masses = now.patch.masses(now.coefficients)
+            mean = [masses.sum(axis=1 - k) @ (0.5 * (line[1:] + line[:-1])) for k, line in enumerate(now.patch.lines)]
         return min(size / cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
+
+    def rattles_unresolved(self, time):
+        """Whether a block at rest is still to be lifted off by a forcing that does so within its period.
+
+        Until then it rattles in a layer that is far thinner than the spread of a flight, by which a mesh is judged.
+        """
+        return self._lifted_later and self.dynamics.since_lift_off(time)[0] > time
+
+    @property
+    def _lifted_later(self):
+        """Whether the forcing lifts a block that is at rest off later, and no other part of the solution lets it wait."""
+        return not self._waiting and self.starts_at_rest and self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):
         """Mass at a time that is within an angle and a velocity of the origin."""
@@ -229,10 +244,12 @@ def takeover_step(startup: StartUp, space: Space, edges, settled=None):
 
     It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
     barely resolved there: the patches would have to follow it through the event. Or it is the first at whose time
-    `settled` is true.
+    `settled` is true. None is before a block at rest is lifted off, see `StartUp.rattles_unresolved`.
     """
     before, last = None, len(edges) - 1
     for step in range(1, last):
+        if startup.rattles_unresolved(edges[step]):
+            continue
         resolution = startup.resolution(edges[step], space)
         if resolution >= TUNING.resolved or (settled and settled(edges[step])):
             return step
