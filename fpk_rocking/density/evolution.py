@@ -54,7 +54,7 @@ class Evolution(Saved, SurvivalResult):
         part of the density within |x| < .005 and |v| < .1, where blocks rattle. The mesh resolves only the
         probability of this region as a whole, and `bins_error_estimate` counts it as one bin.
     error_estimate : float
-        Estimate of the largest error of survival, from three solutions of the scene.
+        Estimate of the largest error of survival and of `overturned`, from three solutions of the scene.
     bins_error_estimate : float
         Estimate of the largest error of the binned density, L1 over bins a twentieth of the range of motion, from the
         last three solutions. It leaves out the rows of ``settings["unresolved"]``, see `unjudged`; 0 where these are

@@ -105,7 +105,7 @@ class StartUp:
 
     @property
     def _lifted_later(self):
-        """Whether the forcing lifts a block that is at rest off later, and no other part of the solution lets it wait."""
+        """Whether a block that begins at rest is lifted off later, without a time for which it is known to wait."""
         return not self._waiting and self.starts_at_rest and self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):

@@ -128,6 +128,26 @@ def test_block_at_rest_under_a_sine(amplitude, frequency, restitution, diffusion
     assert abs(evolution.survival[1] - standing) < 4.0 * error + evolution.error_estimate
 
 
+SIDES_AT_REST = {
+    "alpha .25, e .9": (Block(0.9, critical_angle=0.25), Harmonic(1.49, 1.54, 0.91), 0.0012, 0.5, 1, 0.66415),
+    "alpha 1.2, e .597": (Block(0.597, critical_angle=1.2), Harmonic(2.444, 2.035, 1.56), 0.0062, 0.261, 2, 0.53075),
+}
+"""Block, forcing, D, cut-off, cycles; P(overturned to the left) by 400,000 paths or more of the white-noise engine."""
+
+
+@pytest.mark.parametrize(
+    ("block", "forcing", "diffusion", "cutoff", "cycles", "left"),
+    [pytest.param(*row, id=name) for name, row in SIDES_AT_REST.items()],
+)
+def test_the_side_of_a_block_that_is_lifted_off_late(block, forcing, diffusion, cutoff, cycles, left):
+    """A mesh that took over while the block rattles decided the side by its cells; false alarm 5e-4 each."""
+    scene = Scene(block, forcing, WhiteNoise(diffusion), REST, Overturning(cutoff))
+    evolution = solve_fpk(scene, cycles=cycles, tol=1e-2)
+    error = math.sqrt(left * (1.0 - left) / 400_000)
+    assert evolution.error_estimate < 1e-2
+    assert abs(evolution.overturned[-1, 0] - left) < 3.5 * error + evolution.error_estimate
+
+
 @pytest.mark.parametrize(("amplitude", "cutoff"), [(13.0, 2.0), (3.0, 0.5)])
 def test_a_start_that_overturns_before_a_mesh_takes_over(amplitude, cutoff):
     scene = Scene(Block(0.17), Harmonic(amplitude, 1.0, 0.0), WhiteNoise(0.002), Start(-0.49, 0.0), Overturning(cutoff))
