@@ -115,7 +115,13 @@ def table_html(columns):
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
     head = "".join(f"<th>{html.escape(_column_label(name))}</th>" for name in texts)
-    rows = ("".join(f"<td>{html.escape(text)}</td>" for text in row) for row in zip(*texts.values(), strict=True))
+    left = [
+        " class='text'" * any(text[:1].isalpha() and text != "none" for text in column) for column in texts.values()
+    ]
+    rows = (
+        "".join(f"<td{look}>{html.escape(text)}</td>" for look, text in zip(left, row, strict=True))
+        for row in zip(*texts.values(), strict=True)
+    )
     return f"<div class='wide'><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table></div>"
 
 

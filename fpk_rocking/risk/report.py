@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.types import Array, File, not_none
 from fpk_rocking.output.report import json_html, left_out, table_html, write_page
+from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import noise_text
@@ -17,10 +18,10 @@ from fpk_rocking.results.style import picture_html
 from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.critical import motion_lines, motion_names
 from fpk_rocking.studies.picture import logarithmic
-from fpk_rocking.studies.scenes import measured
+from fpk_rocking.studies.scenes import intensity_of, measured
 
-_MOST_DRAWN = 12
 _CITE = (
     "fpk-rocking, version {version}: densities and ensembles of rocking blocks under noisy periodic excitation. The "
     "model is that of H. Lin and S. C. S. Yim, Nonlinear rocking motions. I: Chaos under noisy periodic excitations, "
@@ -50,25 +51,27 @@ def write_risk_report(path: File, study: Any) -> int:
     risk = study.risk
     curve, scenes = risk.curve, study.motions
     title = f"{study.name}: {risk.title}"
+    lines = motion_lines(study.motion_table, curve.measure)  # the table of the motions says the same
     words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
     parts = [
-        "".join(f"<p>{html.escape(text)}</p>" for text in risk.sentences),
+        *(f"<p>{html.escape(_untitled(text, risk))}</p>" for text in risk.sentences if text not in study.trust.reasons),
         study.trust.html,
         "<h2>Block</h2>",
         _block(study.scene, study.draws),
         "<h2>Motions</h2>",
         f"<p>{_motions_text(study)}</p>",
-        _picture(lambda _, axes: draw_motions(axes, scenes[:_MOST_DRAWN]), "Accelerations of the motions"),
-        f"<p>The first {_MOST_DRAWN} of {len(scenes)} motions.</p>" * (len(scenes) > _MOST_DRAWN),
+        _picture(lambda figure, axes: draw_motions(axes, study.recorded, figure), "Accelerations of the motions"),
         table_html(_motions(study)),
         f"<h2>P({html.escape(curve.name)})</h2>",
         _picture(lambda _, axes: draw_curve(axes, risk, study.records), "Probability against intensity"),
-        "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in risk.sentences),
+        "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in {*risk.sentences, *lines}),
         _sources(curve),
         table_html(_points(curve)),
         "<h2>Hazard and risk</h2>",
         _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard"),
-        table_html(
+        f"<p>Exceeded {risk.hazard.law} times a year (im in {curve.unit}).</p>"
+        if risk.hazard.law
+        else table_html(
             {
                 f"{curve.measure}, {curve.unit}": _digits(risk.hazard.intensity),
                 "exceeded, 1/year": _digits(risk.hazard.rate),
@@ -78,7 +81,7 @@ def write_risk_report(path: File, study: Any) -> int:
         f"<p>{html.escape(left_out(scenes, scatter=not _scatters(study.draws)))} {_LEFT}</p>",
         "<h2>How to cite</h2>",
         f"<p>{html.escape(_CITE.format(version=importlib.metadata.version('fpk-rocking')))}</p>",
-        f"<details><summary>Scene</summary><pre>{html.escape(_short(study.scene))}</pre></details>",
+        f"<details><summary>Scene but for its motions</summary><pre>{_without_forcing(study.scene)}</pre></details>",
         json_html("summary", study.summary()),
     ]
     return write_page(path, title, parts)
@@ -94,10 +97,16 @@ def _picture(panel, meaning):
     return picture_html(figure_of(panel), meaning, dots=150)
 
 
-def _short(scene):
-    """Return the text of a scene without the samples of its record."""
-    lines = scene.to_toml().splitlines()
-    return "\n".join(line for line in lines if not line.startswith("samples"))
+def _untitled(text, risk):
+    """Return a sentence of a risk without the headline that stands above it."""
+    rest = text.removeprefix(f"{risk.title}: ")
+    return rest[0].upper() + rest[1:]
+
+
+def _without_forcing(scene):
+    """Return the text of a scene in HTML without its forcing, which the motions of a study replace."""
+    parts = scene.to_toml().split("\n\n")
+    return html.escape("\n\n".join(part for part in parts if not part.startswith("[forcing")))
 
 
 def _block(scene, draws):
@@ -151,8 +160,9 @@ def _motions_text(study):
         if first.noise.kind != "none"
         else ""
     )
-    text += "" if first.noise.kind == "none" else f"{curves.realizations:,} paths of each motion at each intensity, "
-    return html.escape(f"{text}seed {curves.options['seed']}.")
+    text += f"{curves.realizations:,} paths of each motion at each intensity. " if first.noise.kind != "none" else ""
+    random = first.noise.kind != "none" or study.draws is not None
+    return html.escape(text + f"Seed {curves.options['seed']}." * random)
 
 
 def _noise(scene):
@@ -171,11 +181,20 @@ def _motions(study):
     table = dict(study.motion_table)
     lasting = [scene.block.dimensions.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
-    names |= {"peak_rotation": "peak |θ|/θ_cr", "critical_scale": "critical scale"}
+    names |= {"peak_rotation": "largest |θ|/α", "critical_scale": "critical scale"}
     names["critical_intensity"] = f"critical {study.risk.curve.measure}, {study.risk.curve.unit}"
-    head = {"motion": table["motion"], "duration, s": _digits(lasting)}
+    events = [getattr(scene.forcing, "event", "") for scene in study.recorded]
+    named = [", ".join(filter(None, pair)) for pair in zip(table["motion"].tolist(), events, strict=True)]
+    head = {"motion": np.array(named), "seconds": _digits(lasting)}
+    if "critical_scale" not in table:
+        measure, intensity = study.risk.curve.measure, study.risk.curve.intensity[[0, -1]]
+        ends = [intensity / intensity_of(scene, measure) for scene in study.recorded]
+        head["factors"] = np.array([f"{low:.3g} to {high:.3g}" for low, high in ends])
     kept = {text: table[name] for name, text in names.items() if name in table}
-    return head | {text: values if values.dtype.kind == "U" else _digits(values) for text, values in kept.items()}
+    return head | {
+        text: values if values.dtype.kind == "U" else np.where(np.isinf(values), "none", _digits(values))
+        for text, values in kept.items()
+    }
 
 
 def _sources(curve):
@@ -254,20 +273,35 @@ def draw_contributions(axes: Any, risk: Risk) -> None:
     other.grid(visible=False)
 
 
-def draw_motions(axes: Any, scenes: Sequence[Scene]) -> None:
-    """Draw the acceleration of each motion against time, one above the other, all with the same unit."""
-    motions = [(scene.forcing, scene.block.dimensions) for scene in scenes if scene.block.dimensions is not None]
-    peaks = [measured(scene).pga / STANDARD_GRAVITY for scene in scenes if scene.block.dimensions is not None]
-    step = 1.6 * max(peaks, default=1.0)
-    for place, (motion, size) in enumerate(motions):
+def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None:
+    """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak.
+
+    A figure gets a height by the number of motions.
+    """
+    motions = [scene for scene in scenes if scene.block.dimensions is not None]
+    if figure is not None:
+        figure.set_size_inches(7.0, 1.0 + 0.42 * len(motions))
+    for place, scene in enumerate(motions):
+        motion, size = scene.forcing, not_none(scene.block.dimensions)
         span = motion.duration if np.isfinite(motion.duration) else 5.0 * motion.time_scale
-        times = np.linspace(0.0, span, 2000)
-        unit = size.gravity * size.critical_angle / STANDARD_GRAVITY
-        force = unit * np.array([motion.value(time) for time in times])
-        axes.plot(size.seconds(times), force - step * place, color=style.COLOURS[0], linewidth=0.5)
-    axes.set(xlabel="time, s", yticks=[-step * place for place in range(len(motions))])
-    axes.set_yticklabels([str(place + 1) for place in range(len(motions))], fontsize=7)
-    axes.set(ylabel=f"motion; {step:.2g} g from line to line", ylim=(-step * (len(motions) - 0.4), 0.6 * step))
+        # The samples of a record themselves: another grid cuts peaks.
+        if isinstance(motion, Record):
+            times, force = motion.unit * np.arange(len(motion.samples)), motion.forces
+        else:
+            times = np.linspace(0.0, span, 2000)
+            force = np.array([motion.value(time) for time in times])
+        axes.plot(size.seconds(times), 0.5 * force / motion.largest - place, color=style.COLOURS[0], linewidth=0.5)
+    peaks = [measured(scene).pga / STANDARD_GRAVITY for scene in motions]
+    names = [f"{_shortened(name)}\n{peak:.3g} g" for name, peak in zip(motion_names(motions), peaks, strict=True)]
+    axes.set(xlabel="time, s", ylim=(0.4 - len(motions), 0.6))
+    axes.set_yticks([-place for place in range(len(motions))], names, fontsize=7)
+    axes.set_title("Each motion in parts of its own peak", fontsize=9)
+    axes.grid(visible=False, axis="y")
+
+
+def _shortened(name):
+    """Return a name with at most 32 letters: its begin and its end."""
+    return name if len(name) <= 32 else f"{name[:16]}…{name[-15:]}"
 
 
 def _name(risk):

@@ -1,5 +1,6 @@
 """Pulses and records as values: their formulas, particular solution, files, and what refuses them."""
 
+import dataclasses
 import json
 import math
 import pathlib
@@ -284,6 +285,19 @@ def esm(samples, **changed):
     header = {"EVENT_NAME": "X", "NDATA": len(samples), "SAMPLING_INTERVAL_S": 0.005, "UNITS": "cm/s^2"} | changed
     lines = [f"{name}: {value}" for name, value in header.items() if value is not None]
     return "\n".join(lines + [f"USER{k}: " for k in range(64 - len(lines))] + [str(one) for one in samples]) + "\n"
+
+
+def test_event_date_and_station_are_kept_as_far_as_a_file_says_them(tmp_path):
+    """Through a scene and back, beside what is compared; what no terminal shows is left out."""
+    peer, other = tmp_path / "a.AT2", tmp_path / "b.ASC"
+    peer.write_text("PEER\nImperial  Valley-02,\t5/19/1940, El Centro #9\nUNITS OF G\nNPTS= 3, DT= .1 SEC\n0. 1. 0.\n")
+    other.write_text(esm([0.5, 1.0], EVENT_DATE_YYYYMMDD=20160824, STATION_CODE="AMT"))
+    record = Record.from_file(peer)
+    assert record.event == "Imperial Valley-02, 5/19/1940, El Centro #9"
+    assert Record.from_file(other).event == "X, 20160824, AMT"
+    assert record == dataclasses.replace(record, event="")
+    scene = Scene.from_block(0.5, 1.8, record=record)
+    assert Scene.from_toml(scene.to_toml()).forcing.event == record.event
 
 
 def test_files_of_esm_are_read(tmp_path):

@@ -349,14 +349,21 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
         # As they are recorded, and not as they are scaled to an intensity.
         own = intensities(Scene(Block(0.9, SIZE), record(n), scenes[n].noise))
         pga, pgv = own.pga / 9.80665, own.pgv
-        assert f"<td>{file.name}</td><td>5.98</td><td>{pga:.4g}</td><td>{pgv:.4g}</td>" in page
+        factors = f"<td>{0.2 / pgv:.3g} to {3.0 / pgv:.3g}</td>"
+        assert f">{file.name}</td><td>5.98</td>{factors}<td>{pga:.4g}</td><td>{pgv:.4g}</td>" in page
         assert f"{file.name}: PGA {pga:.3g} g, PGV {pgv:.3g} m/s.\n" in printed.out
         assert (row["motion"], float(row["pga_g"])) == (file.name, pytest.approx(pga, rel=1e-9))
         assert values["motions"]["pgv_m_per_s"][n] == pytest.approx(pgv, rel=1e-9)
     rms = math.sqrt(scenes[0].noise.variance) * SIZE.critical_angle
     assert f"rms {rms:.3g} g, 0 to {8.0 / SIZE.frequency(1.0):.3g} Hz" in page
     told = [f"{value:.2e}".replace("e-0", "e-") for value in (risk.rate, *values["risk"]["interval"])]
-    assert "annual rate of overturning = {} (95 %: {} to {}): return period".format(*told) in page
+    assert "annual rate of overturning = {} (95 %: {} to {})".format(*told) in page
+    # The headline stands once, the forcing of the scene file, which the records replace, nowhere.
+    visible = page[page.index("<h1>") : page.index("<script")]
+    assert visible.count("annual rate of overturning") == 1
+    assert "<p>Return period " in visible
+    assert "[block.dimensions]" in visible
+    assert "[forcing]" not in visible
     for (low, high), share in zip(values["curve"]["interval"], values["curve"]["probability"], strict=True):
         assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
     assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()

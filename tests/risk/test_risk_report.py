@@ -1,5 +1,6 @@
 """What the report of a risk says of its motions and draws of its block, and its pictures: every line, bar and band."""
 
+import html
 import math
 import re
 import types
@@ -31,21 +32,30 @@ def risk_of(fit, replicates=()):
     return annual_frequency(curve, HAZARD)
 
 
-def test_motions_stand_one_above_the_other_in_g(axes):
-    """By the acceleration of the base in g: A tan α of a pulse of amplitude A."""
-    scenes = [Scene(Block(0.9, SIZE), Pulse("one-cosine", amplitude, 3.0), NoNoise()) for amplitude in (1.5, 4.0)]
-    report.draw_motions(axes, [Scene(Block(0.9), scenes[0].forcing, NoNoise()), *scenes])
+def test_motions_stand_one_above_the_other_in_parts_of_their_peaks(axes):
+    """All of them, by name and PGA, none beyond the picture; of a record each sample."""
+    pulses = [Scene(Block(0.9, SIZE), Pulse("one-cosine", amplitude, 3.0), NoNoise()) for amplitude in (1.5, 4.0)]
+    samples = (0.0, 0.1, -0.4, 0.2, 0.0)
+    record = Scene(Block(0.9, SIZE), Record(0.1, samples, "g", source=f"{'a' * 20}{'b' * 20}.AT2"), NoNoise())
+    scenes = [*pulses, *[record] * 13]
+    report.draw_motions(axes, [Scene(Block(0.9), pulses[0].forcing, NoNoise()), *scenes], axes.figure)
+    assert axes.get_yticks().tolist() == [-place for place in range(15)]
+    labels = [label.get_text() for label in axes.get_yticklabels()]
     unit = SIZE.critical_angle * SIZE.gravity / 9.80665
-    step = 1.6 * 4.0 * unit
-    assert axes.get_yticks() == pytest.approx([0.0, -step])
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["1", "2"]
-    assert axes.get_ylabel() == f"motion; {step:.2g} g from line to line"
-    assert axes.get_ylim() == pytest.approx((-1.6 * step, 0.6 * step))
+    assert [label.split("\n")[1] for label in labels[:3]] == [f"{1.5 * unit:.3g} g", f"{4.0 * unit:.3g} g", "0.4 g"]
+    assert labels[2].split("\n")[0] == f"{'a' * 16}…{'b' * 7}.AT2 (1)"
+    assert axes.figure.get_size_inches()[1] == pytest.approx(1.0 + 0.42 * 15)
     for place, (line, one) in enumerate(zip(axes.lines, scenes, strict=True)):
         seconds, height = line.get_data()
-        times = seconds * SIZE.frequency_parameter
+        times, low, high = seconds * SIZE.frequency_parameter, *axes.get_ylim()
         assert (times[0], times[-1]) == pytest.approx((0.0, one.forcing.duration))
-        assert height + step * place == pytest.approx([unit * one.forcing.value(time) for time in times], abs=1e-9)
+        assert low < height.min() < height.max() < high
+        assert np.abs(height + place).max() == pytest.approx(0.5, rel=1e-3)
+        if place < 2:
+            peak = abs(one.forcing.amplitude)
+            assert height + place == pytest.approx([0.5 * one.forcing.value(t) / peak for t in times], abs=1e-9)
+        else:
+            assert height + place == pytest.approx(0.5 * np.array(samples) / 0.4, abs=1e-12)
 
 
 def test_the_curve_has_its_points_its_records_and_its_band(axes):
@@ -97,7 +107,7 @@ def test_the_shares_of_the_frequency_stand_beside_the_hazard(axes):
 def text_of(*noises, scaled=False):
     motions = [Scene(Block(0.9, SIZE), Harmonic(1.0, 2.0), noise) for noise in noises]
     found = types.SimpleNamespace(noise_scaled=scaled, realizations=1200, options={"seed": 7})
-    return report._motions_text(types.SimpleNamespace(motions=motions, fragility=found))
+    return report._motions_text(types.SimpleNamespace(motions=motions, fragility=found, draws=None))
 
 
 def test_the_noise_that_is_named_is_that_of_the_first_motion():
@@ -106,11 +116,11 @@ def test_the_noise_that_is_named_is_that_of_the_first_motion():
     one, two, quiet = text_of(weak, scaled=True), text_of(strong, weak), text_of(NoNoise())
     assert one.startswith("1 motion, each scaled")
     assert f"rms {0.1 * rms:.3g} g" in one
-    assert "it is scaled with the motion. 1,200 paths of each motion at each intensity, seed 7." in one
+    assert "it is scaled with the motion. 1,200 paths of each motion at each intensity. Seed 7." in one
     assert two.startswith("2 motions, each scaled")
     assert f"rms {0.2 * rms:.3g} g" in two
     assert "it is not scaled with the motion" in two
-    assert quiet == "1 motion, each scaled to each intensity. seed 7."
+    assert quiet == "1 motion, each scaled to each intensity. "
 
 
 @pytest.mark.parametrize("size", [(0.6, 2.0), (2.0, 0.6), (1.0, 1.0)])
@@ -129,9 +139,10 @@ def test_the_sketch_has_the_proportions_and_the_figures_of_the_block(size):
         assert f">{figure}</text>" in drawn
 
 
-def test_the_scene_is_shown_without_the_samples_of_its_record():
+def test_the_scene_is_shown_without_its_forcing():
+    """Motions replace it; nothing else is left out, and what HTML would read is written for it."""
     scene = Scene(Block(0.9, SIZE), Record(interval=0.5, samples=(0.0, 1.0, 0.0), units="g"), NoNoise())
     lines = scene.to_toml().splitlines()
-    (samples,) = (line for line in lines if line.startswith("samples"))
-    assert report._short(scene).splitlines() == [line for line in lines if line != samples]
-    assert len(lines) > 5
+    begin, end = lines.index("[forcing]"), lines.index("[noise]")
+    assert report._without_forcing(scene).splitlines() == [html.escape(line) for line in [*lines[:begin], *lines[end:]]]
+    assert 5 < end - begin < len(lines) - 5

@@ -31,11 +31,15 @@ _SPELLINGS = {
 
 
 class FileRecord(NamedTuple):
-    """Contents of a file: the interval, seconds, the samples (n,), and their unit, empty where the file says none."""
+    """Contents of a file: the interval, seconds, the samples (n,), their unit, and event, date and station.
+
+    The last two are empty where the file does not say them.
+    """
 
     interval: float
     samples: Array
     units: str
+    event: str = ""
 
 
 def unit_of(text: str) -> str | None:
@@ -152,7 +156,12 @@ def _peer(text):
         # What is no number tells more than their count does; the last one may be cut.
         _numbers(words[:-1])
         raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
-    return FileRecord(float(interval), _numbers(words), units)
+    return FileRecord(float(interval), _numbers(words), units, _printable(lines[1]))
+
+
+def _printable(text):
+    """Return a line of a header without what a terminal or a page could not show."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:200]
 
 
 def _parted(words, count):
@@ -179,7 +188,8 @@ def _esm(text):
     if header["NDATA"] != str(len(words)):
         raise ValueError(f"got {len(words)} samples from line 65 on, accepted: the {header['NDATA']} of its line NDATA")
     _check_count(len(words))
-    return FileRecord(float(interval), _numbers(words), units)
+    said = (header.get(name, "") for name in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STATION_NAME"))
+    return FileRecord(float(interval), _numbers(words), units, _printable(", ".join(filter(None, said))))
 
 
 def _columns(text):

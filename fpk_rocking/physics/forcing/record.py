@@ -42,6 +42,8 @@ class Record(TransientForcing):
     corner_hz : float
         Corner of "high-pass", Hz: Butterworth's filter of order 2 forwards and backwards, so that the amplitude at f is
         multiplied by 1 / (1 + (corner / f)^4), over samples padded with 6 / corner seconds of zeros on either side.
+    event : str
+        Event, date and station as far as a file says them. It does not count when records are compared.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Record(TransientForcing):
     source: str = dataclasses.field(default="", compare=False)
     baseline: str = "none"
     corner_hz: float = CORNER_HZ
+    event: str = dataclasses.field(default="", compare=False)
 
     _size: ClassVar[Size | None] = None
     time_scale: ClassVar[float] = 2.0
@@ -72,6 +75,7 @@ class Record(TransientForcing):
         checks.keep(self, samples=_samples(self.samples), units=_unit(self.units))
         checks.keep_numbers(self, "forcing", "scale")
         checks.keep(self, source=checks.sentence("forcing.source", self.source))
+        checks.keep(self, event=checks.sentence("forcing.event", self.event))
         checks.keep(self, baseline=check_baseline("forcing.baseline", self.baseline))
         checks.keep_numbers(self, "forcing", "corner_hz", above=0.0)
         low, high = corners(self.interval)
@@ -137,7 +141,7 @@ class Record(TransientForcing):
                 f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
             )
         samples, unit = tuple(motion.samples.tolist()), wanted or motion.units
-        return cls(motion.interval, samples, unit, scale, file.name, baseline, corner_hz)
+        return cls(motion.interval, samples, unit, scale, file.name, baseline, corner_hz, motion.event)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
