@@ -27,7 +27,7 @@ from command import command
 from opengl import probe_rendering
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.base import ahead, files
+from fpk_rocking.base import files, precompilation
 from fpk_rocking.compare import compare
 from fpk_rocking.output import curves, densities, tables, vtk
 from fpk_rocking.output.progress import reporting
@@ -60,7 +60,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     """
     scene, last = load_scene("main"), max(cycles)
     for method in ("rk4", "white"):
-        ahead.expect(f"montecarlo.ahead:{method}")
+        precompilation.queue_for_helpers(f"montecarlo.precompilation:{method}")
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)

@@ -444,13 +444,15 @@ def _numbers(name, text):
 
 def _warmup(_):
     """Run the command ``warmup``: compile all kernels, and say how long that took."""
-    from fpk_rocking.base import ahead
+    from fpk_rocking.base import precompilation
 
     begin = time.monotonic()
-    sys.stderr.write(f"compiling machine code for this machine: about {ahead.ALL_S} s\n")
-    failed = ahead.warm(lambda text: sys.stderr.write(f"fpk-rocking warmup: {text}\n"))
+    sys.stderr.write(f"compiling machine code for this machine: about {precompilation.ALL_S} s\n")
+    failed = precompilation.compile_all(lambda text: sys.stderr.write(f"fpk-rocking warmup: {text}\n"))
     if failed:
-        raise OSError(f"{failed} of {len(ahead.TASKS)} parts were not compiled; they will be when they are first used")
+        raise OSError(
+            f"{failed} of {len(precompilation.TASKS)} parts were not compiled; they will be when they are first used"
+        )
     sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
 
 

@@ -15,6 +15,7 @@ import re
 import threading
 
 import numba
+from numba.extending import typeof_impl
 
 try:
     import fcntl
@@ -83,17 +84,57 @@ def kernel(function=None, *, file=None, **options):
     Returns
     -------
     callable
-        The compiled dispatcher. It releases the interpreter lock while it runs; division by zero gives inf or nan as in
+        The compiled function. It releases the interpreter lock while it runs; division by zero gives inf or nan as in
         numpy, never an exception.
     """
     if function is None:
         return functools.partial(kernel, file=file, **options)
-    # What is not set here numba takes from whichever kernel happens to call this one first in a process.
-    # No C function of it is asked for, and to make one takes a fifteenth of the time.
-    usual = {"error_model": "numpy", "fastmath": False, "nogil": True, "no_cfunc_wrapper": True}
-    compiled = numba.njit(**usual | options)(function)
-    compiled.compile = _compile_in_turn(compiled, pathlib.Path(file or function.__code__.co_filename).resolve())
-    return compiled
+    made = Kernel(function, pathlib.Path(file or function.__code__.co_filename).resolve(), options)
+    # What numba puts in line as text it has to see as its own; no other kernel calls machine code of it.
+    return made.for_python if options.get("inline") == "always" else made
+
+
+class Kernel:
+    """A function compiled twice, where both are needed: for Python, which keeps it on disk, and for other kernels.
+
+    Most kernels are called by others alone. Their machine code becomes a part of the caller's, so it is neither kept
+    on disk nor made callable from Python, which would take half as long again as compiling it.
+
+    Attributes
+    ----------
+    py_func : callable
+        The function.
+    """
+
+    def __init__(self, function, file, options):
+        functools.update_wrapper(self, function)
+        self.py_func, self._file = function, file
+        # What is not set here numba takes from whichever kernel happens to call this one first in a process.
+        # No C function of it is asked for, and to make one takes a fifteenth of the time.
+        usual = {"error_model": "numpy", "fastmath": False, "nogil": True, "no_cfunc_wrapper": True}
+        self._options = usual | options
+
+    def __call__(self, *arguments):
+        """Call the function from Python."""
+        return self.for_python(*arguments)
+
+    @functools.cached_property
+    def for_python(self):
+        """Numba's dispatcher for calls from Python."""
+        compiled = numba.njit(**self._options)(self.py_func)
+        compiled.compile = _compile_in_turn(compiled, self._file)
+        return compiled
+
+    @functools.cached_property
+    def for_kernels(self):
+        """Numba's dispatcher for calls from other kernels, which Python cannot call."""
+        return numba.njit(**self._options, no_cpython_wrapper=True)(self.py_func)
+
+
+@typeof_impl.register(Kernel)
+def _type_in_kernels(made, context):
+    """Return the numba type of a kernel in the text of another one."""
+    return typeof_impl(made.for_kernels, context)
 
 
 def _compile_in_turn(compiled, file):

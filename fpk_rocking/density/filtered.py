@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fpk_rocking.base import ahead
+from fpk_rocking.base import precompilation
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, filtered_discretization
@@ -69,7 +69,9 @@ class FilteredPropagator(CyclicPropagator):
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> FilteredDiscretization:
         """Mesh of the plane with the nodes and steps of the resolution of a number."""
-        ahead.before(ahead.of_block("fpk_rocking.density.ahead:filtered", scene))
+        precompilation.start_helpers(
+            precompilation.task_for_block("fpk_rocking.density.precompilation:filtered", scene)
+        )
         return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):

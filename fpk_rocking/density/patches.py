@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import patch_lines
 from fpk_rocking.density.space.space import Space
@@ -74,7 +75,8 @@ def moment_sums(values, points, flown, events, states, codes, least):
     `Characteristics`. The box (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
     """
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    box = np.array([np.inf, -np.inf, np.inf, -np.inf])
+    points = borrowed(points)
+    left, right, slow, fast = np.inf, -np.inf, np.inf, -np.inf
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             side, x, v = points_of_cell(i, j, points)
@@ -97,6 +99,6 @@ def moment_sums(values, points, flown, events, states, codes, least):
                         sxv += mass * xn * vn
                         svv += mass * vn * vn
                         if abs(mass) > least:
-                            box[0], box[1] = min(box[0], xn), max(box[1], xn)
-                            box[2], box[3] = min(box[2], vn), max(box[3], vn)
-    return total, sx, sv, sxx, sxv, svv, box
+                            left, right = min(left, xn), max(right, xn)
+                            slow, fast = min(slow, vn), max(fast, vn)
+    return total, sx, sv, sxx, sxv, svv, (left, right, slow, fast)

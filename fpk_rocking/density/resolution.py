@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import extended_lines, graded_lines
 from fpk_rocking.density.space.tuning import TUNING as MESH
@@ -124,12 +125,13 @@ def follow(states, sides, segment, block, noise):
 
     `sides` are ±1, or an `Exit` (-2, -3) for a path that has overturned and stays where it is.
     """
+    states, segment, noise = borrowed((states, segment, noise))
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
     for n in range(len(states)):
         if sides[n] <= Exit.OVERTURNED_LEFT:
             continue
         offsets = noise.offsets[n : n + 1]
-        own = Noise(noise.duration, noise.diffusion, noise.nodes[n : n + 1], offsets, abs(offsets[0, 0]))
+        own = borrowed(Noise(noise.duration, noise.diffusion, noise.nodes[n : n + 1], offsets, abs(offsets[0, 0])))
         trace_point(states[n, 0], states[n, 1], sides[n], segment, block, own, scratch, states[n : n + 1], codes)
         sides[n] = codes[0]
 

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from fpk_rocking.base import ahead, checks
+from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
 from fpk_rocking.density.filtered import FilteredPropagator
@@ -102,7 +102,10 @@ def solve_fpk(
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
     solved = _with_noise_replaced(scene, noise_replacement)
     white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
-    ahead.before(ahead.of_block("fpk_rocking.density.ahead:solve", scene), "fpk_rocking.density.ahead:flight")
+    precompilation.start_helpers(
+        precompilation.task_for_block("fpk_rocking.density.precompilation:solve", scene),
+        "fpk_rocking.density.precompilation:flight",
+    )
 
     motion = explore(white, times)
     meshes = _discretizations(solved, white, motion, resolutions_for(tol, before=SOLUTIONS - 1))

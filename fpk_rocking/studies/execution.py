@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base import ahead, checks
+from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.types import File, Progress
 from fpk_rocking.console import line
 from fpk_rocking.scene.scene import Scene
@@ -101,7 +101,7 @@ def run_jobs(
             progress(len(rows), len(jobs))
         if left and workers != 1:
             for kernels in kernels_of(task, [job.scene for job in left], options):
-                ahead.ready(kernels)
+                precompilation.ensure_compiled(kernels)
         with contextlib.closing(_rows_from(workers, task, left, options)) as computed:
             for row in computed:
                 rows[row["cell"]] = row

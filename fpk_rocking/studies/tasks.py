@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base import ahead, checks
+from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
@@ -45,14 +45,16 @@ TASKS = {"mc": mc, "fpk": fpk}
 
 
 def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[str]:
-    """Return the names in `base.ahead` of the kernels that a task of `TASKS` calls for some scenes."""
+    """Return the names in `base.precompilation` of the kernels that a task of `TASKS` calls for some scenes."""
     names: set[str] = set()
     for scene in scenes:
         if task is mc:
             names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
             kernels = ["solve"] + ["filtered"] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
-            names.update(ahead.of_block(f"fpk_rocking.density.ahead:{name}", scene) for name in kernels)
+            names.update(
+                precompilation.task_for_block(f"fpk_rocking.density.precompilation:{name}", scene) for name in kernels
+            )
     return sorted(names)
 
 
@@ -159,7 +161,7 @@ def checked(
 def expect_check(scene: Scene) -> None:
     """Announce that the density of a scene will be checked: the kernels of that are compiled beside the solver's."""
     if scene.noise.kind == "band":
-        ahead.expect(task_of(engine_of(scene), scene))
+        precompilation.queue_for_helpers(task_of(engine_of(scene), scene))
 
 
 def _check_size(scene, realizations, seed):

@@ -6,7 +6,7 @@ noise or none (`band_noise`), `white` (with `barrier_steps` and `bounce`), and `
 module lists them and chooses one for a scene. `walkers` and `levels` are the kernels of `montecarlo.splitting`.
 """
 
-from fpk_rocking.base import ahead, checks
+from fpk_rocking.base import checks, precompilation
 from montecarlo.engines import exact, filtered, rk4, white
 
 ENGINES = exact.SLENDER, exact.ENVELOPED, exact.EXACT_BLOCK, rk4.ENGINE, white.ENGINE, filtered.ENGINE
@@ -41,5 +41,5 @@ def engine_of(scene, method=None):
 
 
 def task_of(engine, scene):
-    """Return the task of `fpk_rocking.base.ahead` that compiles an engine for a scene."""
-    return ahead.of_block(f"montecarlo.ahead:{engine.task}", scene)
+    """Return the task of `fpk_rocking.base.precompilation` that compiles an engine for a scene."""
+    return precompilation.task_for_block(f"montecarlo.precompilation:{engine.task}", scene)

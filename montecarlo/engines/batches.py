@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base import ahead, checks
+from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.threads import map_threads, thread_count
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.times import result_times
@@ -99,7 +99,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         Each of its own arrays.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
-    ahead.before(task_of(engine, run.scene))
+    precompilation.start_helpers(task_of(engine, run.scene))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     if parameters is None:
         outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]

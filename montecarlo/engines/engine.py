@@ -49,7 +49,7 @@ class Engine:
     method : str
         Name by which a user asks for it.
     task : str
-        Function of `montecarlo.ahead` that compiles it.
+        Function of `montecarlo.precompilation` that compiles it.
     file : str
         Source file of its functions.
     takes : callable
@@ -73,12 +73,13 @@ class Engine:
     step_with_events : callable
         ``(state, end, side, number, j, share, cycle, parameters, workspace, impacts)``: carries a state through a share
         of an interval, through impacts, rest, lift-off and overturning; `end` is what `try_step` has returned. Returns
-        state, side, and time of overturning, inf for none. With the impacts None the first two numbers of the state
-        that it returns are angle and velocity.
+        state, side, and time of overturning, inf for none.
+    step_within : callable, optional
+        As `step_with_events`, for a share below 1 and to a state that begins with angle and velocity; by default that.
     state_at_end : callable
         ``(state, side, number, j, parameters, workspace)``: angle and velocity at the end of an interval.
     simulate_path : callable, optional
-        ``(stream, cycle, parameters, workspace, angle, velocity, impacts)``: as `_simulate_path`.
+        ``(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept)``: as `_simulate_path`.
     renews : bool
         Whether a run that begins at another cycle has noise of its own, and not the same function of time.
     """
@@ -94,6 +95,7 @@ class Engine:
     try_step: Callable[..., Any] | None = None
     build_force: Callable[..., Any] | None = None
     step_with_events: Callable[..., Any] | None = None
+    step_within: Callable[..., Any] | None = None
     state_at_end: Callable[..., Any] = angle_and_velocity
     simulate_path: Callable[..., Any] | None = None
     renews: bool = False
@@ -102,7 +104,8 @@ class Engine:
     def simulate(self):
         """The kernel `_simulate` of this engine."""
         # In line with what allocates the workspace, the compiler knows that its arrays do not overlap.
-        path = self.simulate_path or self._compiled(_simulate_path, vars(self), inline="always")
+        functions = vars(self) | {"step_within": self.step_within or self.step_with_events}
+        path = self.simulate_path or self._compiled(_simulate_path, functions, inline="always")
         return self._compiled(_simulate, {**vars(self), "simulate_path": path})
 
     def _compiled(self, function, functions, **options):
@@ -141,20 +144,25 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
     """
     # A count of references would cost more than the steps.
     keys, parameters, angle, velocity, impacts = borrowed((keys, parameters, angle, velocity, impacts))
-    owned = engine.workspace_of(parameters)
+    owned, count = engine.workspace_of(parameters), np.zeros(1, np.int64)
     workspace = borrowed(owned)
+    unkept = ImpactRecord(borrowed(count), impacts.time[0, :0], impacts.velocity[0, :0])
     for r in range(angle.shape[0]):
         own_stream = open_stream(keys, first + r)
         stream = borrowed(own_stream)
         record = ImpactRecord(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
         overturn_time[r], overturn_side[r] = engine.simulate_path(
-            stream, cycle, parameters, workspace, angle[r], velocity[r], record
+            stream, cycle, parameters, workspace, angle[r], velocity[r], record, unkept
         )
-        own((owned, own_stream))
+        own((owned, count, own_stream))
 
 
-def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts):
-    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning."""
+def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):
+    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning.
+
+    `impacts` records its impacts, and `unkept`, a record without room, those on the way to a state within an interval:
+    a record of another type would have all functions of the engine compiled twice.
+    """
     intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)
     if abs(x) >= parameters.block.cutoff:
@@ -169,8 +177,8 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
             engine.build_force(number, j, parameters, workspace)
             while wanted < number + 1:
                 share = wanted - number
-                within, _, time = engine.step_with_events(
-                    state, end, side, number, j, share, cycle, parameters, workspace, None
+                within, _, time = engine.step_within(
+                    state, end, side, number, j, share, cycle, parameters, workspace, unkept
                 )
                 angle[row], velocity[row] = (within[0], within[1]) if time == math.inf else (math.nan, math.nan)
                 row += 1

@@ -15,8 +15,9 @@ a bound of the acceleration cannot exclude an event are looked at more closely. 
 
 import math
 
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.lanes import load, store
+from fpk_rocking.base.simd import load, store
 from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.equation import dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events
@@ -116,19 +117,21 @@ def _build_particular(number, j, parameters, workspace):
 
 
 @kernel(inline="always")
-def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
-    """Carry a block through an interval; with the impacts None through a share of it, to angle and velocity."""
-    block = parameters.block
-    if impacts is None:
-        time = (share - 0.5) * parameters.grid.spacing
-        x, v = state_in_interval(workspace.interval, state[0], state[1], side, time, block)
-        return (x, v, 0.0), side, math.inf
+def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
+    """Carry a block through an interval."""
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
     grow, decay, u, side, time = cross_interval(
-        workspace.interval, node, state[0], state[1], state[2], end[2], side, block, impacts, middle
+        workspace.interval, node, state[0], state[1], state[2], end[2], side, parameters.block, impacts, middle
     )
     return (grow, decay, u), side, time
+
+
+@kernel(inline="always")
+def _step_within_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
+    """Carry a block through a share of an interval, to angle and velocity, nan if it has overturned."""
+    time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
+    return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
 
 
 @kernel(forceinline=True)
@@ -256,7 +259,7 @@ def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameter
     particular_from_rest(force, particular)
     for n in range(TERMS):
         particular[n] += parameters.forced[j, n]
-    segment = segment_from_particular(particular, force, half)
+    segment = borrowed(segment_from_particular(particular, force, half))
     return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
 
 
@@ -318,6 +321,7 @@ SLENDER = Engine(
     try_step=_try_closed,
     build_force=_build_particular,
     step_with_events=_step_closed,
+    step_within=_step_within_closed,
     state_at_end=_end_closed,
     **_COMMON,
 )

@@ -21,9 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.basis import bernstein_basis
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.lanes import load
+from fpk_rocking.base.simd import load
 from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.collocation import NODES, PLACES
 from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
@@ -221,7 +222,7 @@ _write_particular = dispatch_on_block(_respond_slender, _respond_exact)
 @kernel(forceinline=True)
 def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, block):
     """Carry a slender block through a time under the force in `workspace`; return as `advance`."""
-    segment = segment_from_particular(workspace.particular, workspace.force, span)
+    segment = borrowed(segment_from_particular(workspace.particular, workspace.force, span))
     return advance_through_events(x, v, side, segment, start, end, block, impacts, origin)
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import Body, acceleration, block_of_scene, dispatch_on_block
@@ -202,7 +203,7 @@ def _step_with_events(state, end, side, number, j, share, cycle, parameters, wor
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block
     origin = (cycle + number // n) * (n * h) + (j - k) * h
-    segment = segment_from_particular(workspace.particular, workspace.scratch, h)
+    segment = borrowed(segment_from_particular(workspace.particular, workspace.scratch, h))
     x, v, side, time = advance_through_events(x, v, side, segment, 0.0, h * share, block, impacts, origin + k * h)
     return (x, v), side, (origin + (k * h + time) if abs(x) >= parameters.block.cutoff else math.inf)
 

@@ -238,7 +238,7 @@ def _workspace_of(parameters):  # noqa: ARG001
 
 
 @kernel(forceinline=True)
-def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts):  # noqa: ARG001
+def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):  # noqa: ARG001
     """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning.
 
     A path cannot be looked at within a step, as that would take random numbers: its steps end at the output times.

@@ -13,12 +13,12 @@ import types
 
 import pytest
 
-from fpk_rocking.base import ahead, jit
-from fpk_rocking.density import ahead as density_tasks
+from fpk_rocking.base import jit, precompilation
+from fpk_rocking.density import precompilation as density_tasks
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
 from fpk_rocking.studies.tasks import TASKS, kernels_of
-from montecarlo import ahead as engine_tasks
+from montecarlo import precompilation as engine_tasks
 from montecarlo.engines import ENGINES, engine_of, exact, filtered, rk4, task_of, white
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -44,9 +44,9 @@ def noted(self, signature):
 
 Dispatcher.compile = noted
 from fpk_rocking import cli
-from fpk_rocking.base import ahead
+from fpk_rocking.base import precompilation
 
-ahead.perform(sys.argv[1])
+precompilation.run_task(sys.argv[1])
 assert touched, "the task is at work with no kernel"
 touched.clear()
 cli.main(sys.argv[2:])
@@ -109,7 +109,7 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-WHITE = "montecarlo.ahead:white"
+WHITE, FLIGHT = "montecarlo.precompilation:white", "fpk_rocking.density.precompilation:flight"
 
 
 def test_every_engine_and_every_call_has_its_task():
@@ -118,9 +118,13 @@ def test_every_engine_and_every_call_has_its_task():
     named |= {task_of(engine, scenes[1]) for engine in (rk4.ENGINE, white.ENGINE, filtered.ENGINE)}
     named.update(kernels_of(TASKS["fpk"], scenes, {"noise_replacement": "filtered"}))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
-        named.update(re.findall(r'ahead\.(?:before|of_block)\("([\w.:]+)"', path.read_text(encoding="utf-8")))
-    assert named <= set(ahead.TASKS)
-    for task in ahead.TASKS:
+        named.update(
+            re.findall(
+                r'precompilation\.(?:start_helpers|task_for_block)\("([\w.:]+)"', path.read_text(encoding="utf-8")
+            )
+        )
+    assert named <= set(precompilation.TASKS)
+    for task in precompilation.TASKS:
         module, name = task.split(":")
         assert callable(getattr(importlib.import_module(module), name))
 
@@ -130,7 +134,7 @@ def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
     monkeypatch.setattr(
         engine_tasks, "simulate", lambda scene, method, **_: seen.append(task_of(engine_of(scene, method), scene))
     )
-    tasks = [task for task in ahead.TASKS if task.startswith("montecarlo.ahead:")]
+    tasks = [task for task in precompilation.TASKS if task.startswith("montecarlo.precompilation:")]
     for task in tasks:
         getattr(engine_tasks, task.rpartition(":")[2])()
     assert seen == tasks
@@ -139,11 +143,11 @@ def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
 @pytest.mark.parametrize(
     ("task", "asked"),
     [
-        ("fpk_rocking.density.ahead:solve", ["fpk", "--no-check", "--cycles", "4"]),
-        ("fpk_rocking.density.ahead:solve_exact", ["fpk", "--no-check", "--cycles", "4"]),
+        ("fpk_rocking.density.precompilation:solve", ["fpk", "--no-check", "--cycles", "4"]),
+        ("fpk_rocking.density.precompilation:solve_exact", ["fpk", "--no-check", "--cycles", "4"]),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
-        ("montecarlo.ahead:exact", ["mc", "--method", "exact", "--cycles", "2"]),
-        ("montecarlo.ahead:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
+        ("montecarlo.precompilation:exact", ["mc", "--method", "exact", "--cycles", "2"]),
+        ("montecarlo.precompilation:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
     ],
 )
 def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
@@ -158,7 +162,7 @@ def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
 @pytest.mark.slow
 def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     """Else a helper works in vain: what it has compiled must be what the solver calls."""
-    code = "from fpk_rocking.base import ahead; ahead.perform('fpk_rocking.density.ahead:flight')"
+    code = f"from fpk_rocking.base import precompilation as p; p.run_task('{FLIGHT}')"
     run([sys.executable, "-c", code], tmp_path)
     done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
     compiled = done.stderr.rpartition("compiled ")[2]
@@ -192,12 +196,12 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
     The first of them says that it compiles; one more, later, has nothing to say.
     """
     code = """
-from fpk_rocking.base import ahead
+from fpk_rocking.base import precompilation
 from fpk_rocking.physics.motion.equation import Body
 from fpk_rocking.physics.motion.impact import chatter_time
-ahead.TASKS["fpk_rocking.physics.motion.impact:chatter_time"] = 7
-ahead.before("fpk_rocking.physics.motion.impact:chatter_time")
-print(chatter_time(0.25, 0.0, Body(0.0, 1.5)), sum(chatter_time.stats.cache_misses.values()))
+precompilation.TASKS["fpk_rocking.physics.motion.impact:chatter_time"] = 7
+precompilation.start_helpers("fpk_rocking.physics.motion.impact:chatter_time")
+print(chatter_time(0.25, 0.0, Body(0.0, 1.5)), sum(chatter_time.for_python.stats.cache_misses.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     where = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -213,7 +217,7 @@ print(chatter_time(0.25, 0.0, Body(0.0, 1.5)), sum(chatter_time.stats.cache_miss
 def test_two_cold_commands_side_by_side_on_one_cache_answer(scene, tmp_path):
     """The first of them says that it compiles; a third, later, has nothing to say."""
     asked = [*CLI, "mc", scene, "--method", "white", "--cycles", "1", "--realizations", "9", "--json"]
-    says = f"compiling machine code for this machine, once: about {ahead.TASKS[WHITE]} s\n"
+    says = f"compiling machine code for this machine, once: about {precompilation.TASKS[WHITE]} s\n"
     for k in range(20):
         environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(k))}
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -246,7 +250,7 @@ def test_an_interrupted_warmup_ends_at_once_with_its_helpers(tmp_path):
 def test_warmup_runs_all_tasks_and_says_which_failed(monkeypatch, capsys):
     from fpk_rocking import cli
 
-    monkeypatch.setattr(ahead, "TASKS", {"json:dumps": 1, "fpk_rocking.base.checks:nothing": 1})
+    monkeypatch.setattr(precompilation, "TASKS", {"json:dumps": 1, "fpk_rocking.base.checks:nothing": 1})
     assert cli.main(["warmup"]) == 2
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("compiling machine code for this machine: about")
@@ -271,15 +275,15 @@ def test_a_kernel_that_another_calls_can_be_called_from_python_too():
 @pytest.mark.parametrize(("processors", "started"), [(1, []), (2, [("b", "c")]), (3, [("b",), ("c",)])])
 def test_helpers_take_on_what_a_call_will_need_and_what_is_not_done(monkeypatch, capsys, processors, started):
     seen = []
-    monkeypatch.setattr(ahead, "_helpers", [])
-    monkeypatch.setattr(ahead, "_expected", [])
-    monkeypatch.setattr(ahead, "TASKS", {"a": 3})
-    monkeypatch.setattr(ahead, "_done", lambda task: task == "d")
-    monkeypatch.setattr(ahead, "_note", lambda task: None)  # noqa: ARG005
-    monkeypatch.setattr(ahead, "processors", lambda: processors)
-    monkeypatch.setattr(ahead, "start", lambda *tasks: seen.append(tasks))
-    ahead.expect("c")
-    ahead.expect("d")
-    ahead.before("a", "b")
+    monkeypatch.setattr(precompilation, "_helpers", [])
+    monkeypatch.setattr(precompilation, "_queued", [])
+    monkeypatch.setattr(precompilation, "TASKS", {"a": 3})
+    monkeypatch.setattr(precompilation, "_is_compiled", lambda task: task == "d")
+    monkeypatch.setattr(precompilation, "_mark_compiled", lambda task: None)  # noqa: ARG005
+    monkeypatch.setattr(precompilation, "processors", lambda: processors)
+    monkeypatch.setattr(precompilation, "start_process", lambda *tasks: seen.append(tasks))
+    precompilation.queue_for_helpers("c")
+    precompilation.queue_for_helpers("d")
+    precompilation.start_helpers("a", "b")
     assert seen == started
     assert capsys.readouterr().err == "compiling machine code for this machine, once: about 3 s\n"

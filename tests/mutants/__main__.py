@@ -57,9 +57,9 @@ def noticed(mutant, compiled, tests):
     given = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
     os.environ["FPK_ROCKING_MUTANT"] = json.dumps(given)
     sitecustomize.put(**given)
-    from fpk_rocking.base import ahead
+    from fpk_rocking.base import precompilation
 
-    ahead._helpers.append(None)  # no processes that compile ahead what no test here may need
+    precompilation._helpers.append(None)  # no processes that compile ahead what no test here may need
     status = run(dict.fromkeys(file for file, *_ in tests), judge, "-x") if tests else 0
     return judge.by or (f"status {status}" if status else "")
 

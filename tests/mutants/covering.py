@@ -66,8 +66,6 @@ def _give_up(*_):
 
 def _called(code, scope, kernels, compiled):
     """Kernels that a code names: of its own module, of one that it names, of either block, or, in Python, of any."""
-    from numba.core.dispatcher import Dispatcher
-
     for name in code.co_names:
         value = scope.get(name)
         found = [value] if name in scope else kernels.get(name, ())
@@ -75,13 +73,19 @@ def _called(code, scope, kernels, compiled):
             found = map(vars(value).get, code.co_names)
         elif isinstance(value, types.FunctionType):
             found = [cell.cell_contents for cell in value.__closure__ or ()]
-        yield from (one for one in found if isinstance(one, Dispatcher) and (compiled or one.overloads))
+        yield from (one for one in found if _is_kernel(one) and (compiled or getattr(one, "for_python", one).overloads))
+
+
+def _is_kernel(value):
+    from numba.core.dispatcher import Dispatcher
+
+    from fpk_rocking.base.jit import Kernel
+
+    return isinstance(value, Dispatcher | Kernel)
 
 
 def _watched(file):
     """Run a test file; return its tests that pass, and the functions of the packages that are kernels."""
-    from numba.core.dispatcher import Dispatcher
-
     watch = _Watch()
     signal.signal(signal.SIGALRM, _give_up)
     run([file], watch)
@@ -89,7 +93,7 @@ def _watched(file):
     scopes, kernels = {one.__file__: vars(one) for one in modules}, {}
     for scope in scopes.values():
         for name, value in scope.items():
-            if isinstance(value, Dispatcher):
+            if _is_kernel(value):
                 kernels.setdefault(name, set()).add(value)
 
     def reached(codes, compiled=False):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import study_tasks
 
-from fpk_rocking.base import ahead
+from fpk_rocking.base import precompilation
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import progress as progress_lines
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
@@ -83,12 +83,12 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
         begun.append((workers, tuple(told)))
         yield from (run_job(task, job, options) for job in jobs)
 
-    monkeypatch.setattr(ahead, "ready", told.append)
+    monkeypatch.setattr(precompilation, "ensure_compiled", told.append)
     monkeypatch.setattr(execution, "_rows_from", rows_from)
     white = SCENE.varied(noise=WhiteNoise(0.01))
     for workers in (1, 2):
         assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
-    assert begun == [(1, ()), (2, ("montecarlo.ahead:exact", "montecarlo.ahead:white"))]
+    assert begun == [(1, ()), (2, ("montecarlo.precompilation:exact", "montecarlo.precompilation:white"))]
 
 
 def test_kernels_are_those_of_the_engines_that_will_run():

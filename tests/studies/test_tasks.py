@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Record, Scene
-from fpk_rocking.base import ahead
+from fpk_rocking.base import precompilation
 from fpk_rocking.studies import slenderness_cost, tasks
 
 CYCLIC = Scene(Block(0.5), Harmonic(1.0, 2.0), BandNoise(0.04, (0.0, 9.0), 10))
@@ -24,7 +24,7 @@ def test_there_are_fewer_paths_in_a_record():
 
 def test_paths_are_expected_where_noise_is_replaced(monkeypatch):
     expected = []
-    monkeypatch.setattr(ahead, "expect", expected.append)
+    monkeypatch.setattr(precompilation, "queue_for_helpers", expected.append)
     tasks.expect_check(CYCLIC.white_equivalent())
     assert expected == []
     tasks.expect_check(CYCLIC)

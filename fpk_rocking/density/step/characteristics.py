@@ -193,8 +193,10 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
     part = force_factor(0.5 * side * (x + end), block) / unit
     for n in range(len(offsets)):
         add_path_correction(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
-        path = segment_from_particular(scratch[0], scratch[1], duration)
-        xn, vn, sn, _ = advance_through_events(x / unit, v / unit, side, path, 0.0, duration, near)
+        path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
+        xn, vn, sn, _ = advance_through_events(
+            x / unit, v / unit, side, path, 0.0, duration, near, None, 0.0, MOTION.chatter_time
+        )
         _write_end(n, xn, vn, sn, side, near.cutoff, ends, flags)
         ends[n, 0] *= unit
         ends[n, 1] *= unit

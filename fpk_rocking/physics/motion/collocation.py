@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import scratch
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.lanes import WIDTH, load, spread, store, total
+from fpk_rocking.base.simd import WIDTH, load, spread, store, total
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import (
     Event,
@@ -323,7 +323,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
     v, side = velocity_after_impact(side * speed, block.restitution), -side
     # Chatter takes a longer time than the number |v|: it can only end within `slow` where |v| is at most `slow`.
     if abs(v) <= slow:
-        side, delay = rest_or_flight(abs(v), side, segment_from_force(force, half), time, block, slow)
+        side, delay = rest_or_flight(abs(v), side, borrowed(segment_from_force(force, half)), time, block, slow)
         if side == 0:
             return 0.0, 0.0, side, time + delay
     return 0.0, v, side, time
@@ -357,7 +357,7 @@ def advance_from_flight(
     angle, quotient = work[0], work[1]
     while start < end:
         if side == 0:
-            start, side = lift_off_time(segment_from_force(force, half), start, end, block)
+            start, side = lift_off_time(borrowed(segment_from_force(force, half)), start, end, block)
             x, v = 0.0, 0.0
             continue
         u, w, span = side * x, side * v, until - start
@@ -383,7 +383,9 @@ def advance_from_flight(
         x, v, side, start = _land(side, landing, force, half, start + time, block, impacts, origin, slow)
     if start >= end:
         return x, v, side, end
-    return advance_through_events(x, v, side, segment_from_force(force, half), start, end, block, impacts, origin, slow)
+    return advance_through_events(
+        x, v, side, borrowed(segment_from_force(force, half)), start, end, block, impacts, origin, slow
+    )
 
 
 @kernel

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS
@@ -65,7 +66,7 @@ def _fold(interval, grow, decay, sign):
 @kernel
 def _through_events(particular, force, half, x, v, side, begin, end, block, impacts, origin):
     """Carry a block from one time in the interval to another; returns as `advance_through_events`."""
-    segment = segment_from_particular(particular, force, half)
+    segment = borrowed(segment_from_particular(particular, force, half))
     return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
 
 
@@ -142,12 +143,12 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
 
 
 @kernel(forceinline=True)
-def state_in_interval(interval, grow, decay, side, time, block):
+def state_in_interval(interval, grow, decay, side, time, block, impacts):
     """Angle and velocity at a time in the interval, nan if overturned; arguments as for `cross_interval`."""
     x, v = state_at_begin(interval.particular, interval.half, grow, decay, side)
     begin = -interval.half
     x, v, _, _ = _through_events(
-        interval.particular, interval.force, interval.half, x, v, side, begin, time, block, None, 0.0
+        interval.particular, interval.force, interval.half, x, v, side, begin, time, block, impacts, 0.0
     )
     if abs(x) >= block.cutoff:
         return math.nan, math.nan

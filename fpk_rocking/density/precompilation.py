@@ -1,4 +1,4 @@
-"""Least runs that need the kernels of the density solver; see `fpk_rocking.base.ahead`."""
+"""Least runs that need the kernels of the density solver; see `fpk_rocking.base.precompilation`."""
 
 import numpy as np
 

@@ -13,21 +13,21 @@ import subprocess
 import sys
 
 TASKS = {
-    "fpk_rocking.density.ahead:flight": 15,
-    "fpk_rocking.density.ahead:solve": 15,
-    "fpk_rocking.density.ahead:solve_exact": 20,
-    "fpk_rocking.density.ahead:filtered": 3,
-    "fpk_rocking.density.ahead:filtered_exact": 3,
-    "montecarlo.ahead:exact": 7,
-    "montecarlo.ahead:enveloped": 7,
-    "montecarlo.ahead:nonlinear_exact": 11,
-    "montecarlo.ahead:rk4": 7,
-    "montecarlo.ahead:rk4_exact": 9,
-    "montecarlo.ahead:white": 6,
-    "montecarlo.ahead:white_exact": 8,
-    "montecarlo.ahead:filtered": 6,
-    "montecarlo.ahead:filtered_exact": 9,
-    "fpk_rocking.horizon.ahead:operator": 12,
+    "fpk_rocking.density.precompilation:flight": 15,
+    "fpk_rocking.density.precompilation:solve": 15,
+    "fpk_rocking.density.precompilation:solve_exact": 20,
+    "fpk_rocking.density.precompilation:filtered": 3,
+    "fpk_rocking.density.precompilation:filtered_exact": 3,
+    "montecarlo.precompilation:exact": 7,
+    "montecarlo.precompilation:enveloped": 7,
+    "montecarlo.precompilation:nonlinear_exact": 11,
+    "montecarlo.precompilation:rk4": 7,
+    "montecarlo.precompilation:rk4_exact": 9,
+    "montecarlo.precompilation:white": 6,
+    "montecarlo.precompilation:white_exact": 8,
+    "montecarlo.precompilation:filtered": 6,
+    "montecarlo.precompilation:filtered_exact": 9,
+    "fpk_rocking.horizon.precompilation:operator": 12,
 }
 """Tasks, and the seconds that a first run which needs them takes longer, about; on two cores of 2024."""
 
@@ -39,37 +39,37 @@ import importlib, os, signal, sys, threading
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()
 sys.path[:] = {path!r}
-from fpk_rocking.base import ahead
+from fpk_rocking.base import precompilation
 for task in {tasks!r}:
-    ahead.perform(task)
+    precompilation.run_task(task)
 os._exit(0)
 """
 
 _helpers = []
-_expected = []
+_queued = []
 
 
-def of_block(task, scene):
+def task_for_block(task, scene):
     """Return the task that compiles for a scene: kernels are made for slender and for exact blocks apart."""
     return f"{task}_exact" if scene.block.critical_angle > 0.0 else task
 
 
-def perform(task):
-    """Run a task, given as "module:function", in this process, and mark it on the disk as done."""
+def run_task(task):
+    """Run a task, given as "module:function", in this process, and mark it on the disk as compiled."""
     import importlib
 
     module, name = task.split(":")
     _helpers.append(None)  # a helper starts no others
     getattr(importlib.import_module(module), name)()
-    _note(task)
+    _mark_compiled(task)
 
 
-def expect(task):
-    """Add a task to those that helper processes of the next `before` compile, after the tasks passed to that."""
-    _expected.append(task)
+def queue_for_helpers(task):
+    """Add a task to those that helper processes of the next `start_helpers` compile, after the tasks passed to that."""
+    _queued.append(task)
 
 
-def before(task, *helping):
+def start_helpers(task, *helping):
     """Start helper processes for a call that compiles for the first time, and report it on standard error.
 
     Only the first time in a process and, where that ran to its end, on a machine.
@@ -81,30 +81,30 @@ def before(task, *helping):
     *helping : str
         Tasks that helpers take on meanwhile, where there is more than one processor; first those that are needed first.
     """
-    if _helpers or multiprocessing.parent_process() is not None or _done(task):
+    if _helpers or multiprocessing.parent_process() is not None or _is_compiled(task):
         return
     sys.stderr.write(f"compiling machine code for this machine, once: about {TASKS[task]} s\n")
-    helping = [name for name in (*helping, *_expected) if not _done(name)]
+    helping = [name for name in (*helping, *_queued) if not _is_compiled(name)]
     count = min(len(helping), processors() - 1)
-    _helpers.extend([start(*helping[k::count]) for k in range(count)] or [None])
-    _note(task)
+    _helpers.extend([start_process(*helping[k::count]) for k in range(count)] or [None])
+    _mark_compiled(task)
 
 
-def ready(task):
+def ensure_compiled(task):
     """Run a task in this process unless its machine code is on the disk: before workers start that need it."""
-    if not _done(task):
-        before(task)
-        perform(task)
+    if not _is_compiled(task):
+        start_helpers(task)
+        run_task(task)
 
 
-def start(*tasks):
+def start_process(*tasks):
     """Start a process that runs tasks one after the other; it ends when its standard input is closed."""
     code = _RUN.format(path=sys.path, tasks=tasks)
     silent = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return subprocess.Popen([sys.executable, "-c", code], **silent)  # noqa: S603  (this interpreter, our own text)
 
 
-def warm(report):
+def compile_all(report):
     """Run all tasks, as many at once as there are processors.
 
     Parameters
@@ -122,7 +122,7 @@ def warm(report):
         while todo or running:
             while todo and len(running) < processors():
                 task = todo.pop(0)
-                running[task] = start(task)
+                running[task] = start_process(task)
             task = next((name for name, run in running.items() if run.poll() is not None), None)
             if task is None:
                 try:
@@ -144,8 +144,8 @@ def processors():
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _place(task):
-    """Path of the file whose presence marks a task as done, for this source code, this numba and this processor."""
+def _mark_file(task):
+    """Path of the file whose presence marks a task as compiled, for this source code, this numba and this processor."""
     import numba
     from llvmlite import binding
 
@@ -157,17 +157,17 @@ def _place(task):
     return folder / f"{name}-{numba.__version__}-{binding.get_host_cpu_name()}.done"
 
 
-def _done(task):
+def _is_compiled(task):
     """Whether the machine code of a task is on the disk."""
     try:
-        return _place(task).exists()
+        return _mark_file(task).exists()
     except OSError:
         return False
 
 
-def _note(task):
-    """Mark a task as done, where the disk can be written to."""
+def _mark_compiled(task):
+    """Mark a task as compiled, where the disk can be written to."""
     with contextlib.suppress(OSError):
-        place = _place(task)
+        place = _mark_file(task)
         place.parent.mkdir(parents=True, exist_ok=True)
         place.touch()

@@ -1,4 +1,4 @@
-"""A least run that needs the kernels of the one-cycle operator; see `fpk_rocking.base.ahead`."""
+"""A least run that needs the kernels of the one-cycle operator; see `fpk_rocking.base.precompilation`."""
 
 from fpk_rocking.horizon.operator import CycleOperator
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise

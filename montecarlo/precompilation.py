@@ -1,4 +1,4 @@
-"""Least runs that need the kernels of each engine; see `fpk_rocking.base.ahead`."""
+"""Least runs that need the kernels of each engine; see `fpk_rocking.base.precompilation`."""
 
 import dataclasses
 import functools
