@@ -10,6 +10,9 @@ from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic, models, register_model
 from numba.np import arrayobj
 
+_intrinsic: Callable[..., Callable[..., Any]] = intrinsic
+"""Without the typing context, which a caller does not pass."""
+
 
 def scratch(rows: int, columns: int) -> Callable[[], Any]:
     """Return a function that makes an array (rows, columns), not initialized, on the stack of the kernel that calls it.
@@ -88,7 +91,7 @@ def _disowned(context, builder, kind, value):
     return value
 
 
-@intrinsic
+@_intrinsic
 def borrowed(typing, value):  # noqa: ARG001
     """Return an array or a named tuple with arrays, or a tuple of such, without ownership of the memory.
 
@@ -108,7 +111,7 @@ def borrowed(typing, value):  # noqa: ARG001
     return result(value), generate
 
 
-@intrinsic
+@_intrinsic
 def own(typing, value):  # noqa: ARG001
     """Keep an array, or a tuple with arrays, that a kernel made, up to this call: what is borrowed from it lasts."""
     return types.void(value), lambda context, *_: context.get_dummy_value()

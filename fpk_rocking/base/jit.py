@@ -97,8 +97,8 @@ def kernel(function=None, *, file=None, **options):
 class Kernel:
     """A function compiled twice, where both are needed: for Python, which keeps it on disk, and for other kernels.
 
-    Most kernels are called by others alone. Their machine code becomes a part of the caller's, so it is neither kept
-    on disk nor made callable from Python, which would take half as long again as compiling it.
+    Most kernels are called by others alone. Their machine code becomes a part of the caller's. So it is neither kept on
+    disk nor made callable from Python, which took more than a quarter of the time of a first answer.
 
     Attributes
     ----------

@@ -311,11 +311,11 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
                 _write_end(n, xn, far_v + dv + late_v, -side, -side, cutoff, ends, flags)
                 continue
         add_path_correction(segment.particular, time, early_x / before, early_v / before, scratch[0])
-        path = segment_from_particular(scratch[0], scratch[1], time)
+        path = borrowed(segment_from_particular(scratch[0], scratch[1], time))
         xn, vn, sn, end = _advance(x, v, side, path, time, MOTION.chatter_time, block)
         if end == time:
             add_path_correction(late, rest, late_x / after, late_v / after, scratch[3])
-            path = segment_from_particular(scratch[3], scratch[1], rest)
+            path = borrowed(segment_from_particular(scratch[3], scratch[1], rest))
             xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, MOTION.chatter_time, block)
         _write_end(n, xn, vn, sn, side, cutoff, ends, flags)
 
