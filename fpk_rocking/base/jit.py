@@ -114,9 +114,9 @@ class Kernel:
         usual = {"error_model": "numpy", "fastmath": False, "nogil": True, "no_cfunc_wrapper": True}
         self._options = usual | options
 
-    def __call__(self, *arguments):
+    def __call__(self, *arguments, **named):
         """Call the function from Python."""
-        return self.for_python(*arguments)
+        return self.for_python(*arguments, **named)
 
     @functools.cached_property
     def for_python(self):
