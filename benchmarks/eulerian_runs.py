@@ -12,7 +12,7 @@ from fpk_rocking import load_scene
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 
 SCENE = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()

@@ -12,8 +12,6 @@ class Tuning(NamedTuple):
     exact_fewest: int = 12  # intervals in the forcing's shortest period at least; flights need no more
     exact_longest: float = 0.2  # longest interval: the polynomials of a flight are right to 1e-14 over it
     envelope_order: int = 8  # coefficients of an envelope that is not linear, in an interval: right to 1e-12
-    # The engine "rk4".
-    rk4_chunk: int = 20  # steps for which noise is made at once; an overturned block costs no more than that in vain
     # The engine "white".
     white_fewest: int = 16  # intervals in the forcing's shortest period at least
     white_longest: float = 0.075  # longest interval
@@ -44,8 +42,6 @@ class Tuning(NamedTuple):
     foresight: float = 7.0  # time for which the score follows the motion without noise
     score_angles: int = 96  # nodes of the table of the score in the angle; a rough score costs accuracy, not bias
     score_velocities: int = 192  # and in the velocity
-    score_segment: float = 0.8  # longest segment of that motion: its polynomials are good to 1e-6
-    score_slowest: float = 1e-3  # impacts that are slower end it: the block comes to rest
     splitting_states: int = 2**26  # most records of the walkers, and most numbers of the repeats: 2.5 GiB
     splitting_intervals: int = 2000  # most in a cycle: the score then takes some 280 MB
 

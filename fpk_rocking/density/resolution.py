@@ -15,7 +15,6 @@ import numpy as np
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import extended_lines, graded_lines
-from fpk_rocking.density.space.tuning import TUNING as MESH
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point
 from fpk_rocking.density.step.step import Dynamics, Quadrature
@@ -233,7 +232,7 @@ class Resolution:
     steps: int
     patches: PatchSettings
 
-    def adapted(self, scene, bound, motion, beyond=0.0, growth=MESH.tail):
+    def adapted(self, scene, bound, motion, beyond=0.0, growth=TUNING.tail_growth):
         """Adapt the resolution to a scene.
 
         Parameters
@@ -256,7 +255,7 @@ class Resolution:
         cutoff, far = scene.overturning.angle, max(motion.angle, TUNING.rest_angle)
         fast = min(max(motion.velocity, TUNING.rest_velocity), bound)
         # Where the block comes to rest x goes with v²: the lines of the angle are graded like that.
-        far, grading = (far, 2.0) if far < TUNING.far_motion * cutoff else (cutoff, MESH.angle_grading)
+        far, grading = (far, 2.0) if far < TUNING.far_motion * cutoff else (cutoff, TUNING.angle_grading)
         period = cycle_of(scene)
         time = min(period, TUNING.main_period) / TUNING.main_period
         noise = scene.noise.diffusion / TUNING.main_diffusion
@@ -266,7 +265,7 @@ class Resolution:
             for cells, spread in zip((self.angle_cells, self.velocity_cells), spreads, strict=True)
         )
         angle = graded_lines(far, angle_cells, grading)
-        velocity = graded_lines(fast, velocity_cells, MESH.velocity_grading)
+        velocity = graded_lines(fast, velocity_cells, TUNING.velocity_grading)
         growths = [
             1.0 + (growth - 1.0) * min(TUNING.tail_cells / cells, 1.0) for cells in (angle_cells, velocity_cells)
         ]

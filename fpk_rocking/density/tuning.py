@@ -1,14 +1,13 @@
 """The numbers of the density solver that are tuned: what each does, its unit, and how it came about.
 
 Where nothing else is said a number has no unit, and was chosen by trial on the scenes of tests and benchmarks.
-Numbers of the step itself are in `space/tuning.py`.
 """
 
 from typing import NamedTuple
 
 
 class Tuning(NamedTuple):
-    """Tuned numbers of solver, start-up, propagators and one-cycle operator."""
+    """Tuned numbers of mesh, step, solver, start-up, propagators and one-cycle operator; kernels read them too."""
 
     # Regions that count as rest, and what is compared in bins.
     rest_angle: float = 0.005
@@ -96,7 +95,7 @@ class Tuning(NamedTuple):
     far_motion: float = 0.6
     """A motion that usually goes this part of the way to the cut-off has a mesh that is not made for less."""
     tail_cells: float = 32.0
-    """With up to so many cells an axis for the motion, others grow by `tail` of `space/tuning.py`; else by less."""
+    """With up to so many cells an axis for the motion, others grow by `tail_growth`; else by less."""
     moving_step: float = 2.33 / 16
     """Longest step, in τ, at 16 steps a cycle, where impacts are fast: that of the main scene."""
     resting_step: float = 0.07
@@ -109,6 +108,42 @@ class Tuning(NamedTuple):
     """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed²."""
     steps_per_harmonic: float = 6.0
     """Least steps in a period of the forcing's highest harmonic: it is a polynomial to 1e-13 in each."""
+
+    # Mesh.
+    angle_grading: float = 1.5
+    """Exponent of `graded_lines` in the angle: cells are small where impacts are slow."""
+    velocity_grading: float = 1.3
+    """The same in the velocity."""
+    cell_growth: float = 1.15
+    """Size of a cell over that of the one before, beyond the velocity that blocks from rest reach."""
+    tail_growth: float = 1.3
+    """The same beyond the usual motion of a block; 1.6 is unstable in one practical block of 24."""
+    deviations: float = 8.0
+    """Standard deviations of the noise that a velocity bound leaves room for: a Gaussian has 6e-16 beyond."""
+    start_margin: float = 1.2
+    """Velocity bound over the speed of the start, at least."""
+    search_entries: int = 2**16
+    """Most entries of a table that finds the cell of a point; more than the finest mesh has."""
+
+    # Time step.
+    least_intensity: float = 1e-3
+    """Least g² of a diffusion D g²: no mesh resolves a density without noise."""
+    chatter: float = 0.03
+    """Part of a step within which chatter has to end to be summed in closed form, where noise is two kicks of the
+    velocity."""
+    linear_impact: float = 2.0
+    """Speed of an impact over sqrt(2 D h) above which noise is carried by the saltation matrix."""
+    smooth_impact: float = 5.0
+    """The same above which it is also carried by the expansion about the path without noise: survival is then within
+    1.7e-5 of that by whole paths."""
+    narrow_nodes: int = 3
+    """Gauss-Hermite nodes of a diffusion far narrower than a cell: moments up to the fifth are exact."""
+    narrow_part: float = 0.25
+    """Part of the velocity's variance that `narrow_nodes` may stand for."""
+    chunks: int = 8
+    """Parts of a mesh, each with a buffer of its own: as many threads at most. Results depend on it by rounding."""
+    spare: float = 2.0
+    """Space for the paths of later cells, over what is needed now: memory that is not written to costs nothing."""
 
     # Start-up on moving patches; steps are in units of `PatchSettings.growth` where that is said.
     patch_nodes: tuple[int, int] = (5, 2)

@@ -16,7 +16,6 @@ from fpk_rocking.density.refinement import SOLUTIONS, Level, bins_tolerance, ref
 from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import reflected
-from fpk_rocking.density.space.tuning import TUNING as MESH
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon.modes import Powers, leading_modes
 from fpk_rocking.physics.motion.block import largest_correction
@@ -48,7 +47,7 @@ class MeshOperator:
 
     def __init__(self, white, resolution, motion, bound, beyond=0.0):
         self._white, self._inputs = white, (resolution, motion, bound)
-        discretization = resolution.adapted(white, bound, motion, beyond, MESH.growth)
+        discretization = resolution.adapted(white, bound, motion, beyond, TUNING.cell_growth)
         self.propagator = PeriodicPropagator(white, discretization, negligible=0.0)
         self.space, self.periods = self.propagator.space, self.propagator.periods_per_cycle
         self._root = np.sqrt(self.space.areas)[:, :, None, None]
@@ -255,7 +254,7 @@ def refine_operator(white, tol):
 
     def fits(level, resolution):
         """Whether the operator at a finer resolution than that of a level takes little enough memory."""
-        finer = resolution.adapted(white, bound, motion, beyond, MESH.growth)
+        finer = resolution.adapted(white, bound, motion, beyond, TUNING.cell_growth)
         return level.memory * finer.memory / level.solution.propagator.discretization.memory <= TUNING.finer_operator
 
     def is_done(refined):
@@ -342,7 +341,7 @@ def bound_for_all_phases(white):
     swing, cutoff, noise = (
         white.forcing.swing,
         white.overturning.angle,
-        MESH.deviations * math.sqrt(white.noise.diffusion),
+        TUNING.deviations * math.sqrt(white.noise.diffusion),
     )
     exact = largest_correction(white.forcing.largest, white.block.critical_angle)
     escape = max(1.0, cutoff - 1.0) + swing + exact + noise

@@ -23,7 +23,6 @@ from fpk_rocking.physics.noise import band
 from montecarlo.engines.band_noise import Band, band_of_scene, draw_start_and_noise
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import start_parameters
-from montecarlo.tuning import TUNING
 
 
 class Parameters(NamedTuple):
@@ -84,7 +83,7 @@ def _envelope_values(envelope, grid):
 def workspace_of(parameters):
     """Return the `Workspace` of a thread."""
     n = parameters.grid.count
-    chunks = (n + TUNING.rk4_chunk - 1) // TUNING.rk4_chunk
+    chunks = (n + 19) // 20  # of 20 steps at most: noise that is made for an overturned block is in vain
     length = (n + chunks - 1) // chunks
     return Workspace(
         band.allocate_realization(parameters.band.harmonics, length),

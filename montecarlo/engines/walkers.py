@@ -74,8 +74,8 @@ def score_table(scene, intervals):
 
 def _noiseless_forcing(scene, intervals, span):
     """Return the `NoiselessForcing` of a scene, whose cycle has so many intervals of a duration `span`."""
-    # Segments as long as their polynomials are good.
-    stride = max(1, int(min(TUNING.score_segment, scene.forcing.longest_piece) / span))
+    # Segments as long as their polynomials are good to 1e-6.
+    stride = max(1, int(min(0.8, scene.forcing.longest_piece) / span))
     duration = stride * span
     particular, force = scene.forcing.pieces(np.arange(intervals) * span), np.empty((intervals, TERMS))
     low, high, curvature = np.empty((3, intervals))
@@ -97,7 +97,8 @@ def _follow(u, w, side, j, forcing):
         t = 0.0
         while t < forcing.duration and best <= 0.0:
             kind, t, x, v = next_event(x, v, side, segment, t, forcing.duration, forcing.block)
-            if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < TUNING.score_slowest):
+            # A slower impact counts as the last one, before rest.
+            if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < 1e-3):
                 return best
             if kind == Event.IMPACT:
                 v, side = velocity_after_impact(v, forcing.block.restitution), -side

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.block import largest_correction
 
 
@@ -28,7 +28,7 @@ def graded_lines(half_width, cells, exponent):
     return np.concatenate([-half[:0:-1], half])
 
 
-def extended_lines(lines, half_width, growth=TUNING.growth):
+def extended_lines(lines, half_width, growth=TUNING.cell_growth):
     """Symmetric mesh lines continued to a wider interval by cells that grow, each by the factor `growth` or so.
 
     Parameters

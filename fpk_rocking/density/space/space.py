@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.basis import find_cells, gauss_legendre, legendre_basis, locate
-from fpk_rocking.density.space.tuning import TUNING
+from fpk_rocking.density.tuning import TUNING
 
 
 class CellSearch(NamedTuple):

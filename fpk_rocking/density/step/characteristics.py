@@ -25,8 +25,8 @@ import numpy as np
 from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
-from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step import Exit
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import (
@@ -38,6 +38,7 @@ from fpk_rocking.physics.motion.equation import (
     lift_off_level,
 )
 from fpk_rocking.physics.motion.events import (
+    CHATTER_TIME,
     Event,
     advance_through_events,
     folded_angle_bounds,
@@ -47,7 +48,6 @@ from fpk_rocking.physics.motion.events import (
 from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
 from fpk_rocking.physics.motion.impact import covariance_through_impact, displacement_through_impact, linearize_impact
 from fpk_rocking.physics.motion.segment import move_origin, segment_from_particular, value_and_slope
-from fpk_rocking.physics.tuning import TUNING as MOTION
 
 
 class GaussPoints(NamedTuple):
@@ -312,11 +312,11 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
                 continue
         add_path_correction(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], time))
-        xn, vn, sn, end = _advance(x, v, side, path, time, MOTION.chatter_time, block)
+        xn, vn, sn, end = _advance(x, v, side, path, time, CHATTER_TIME, block)
         if end == time:
             add_path_correction(late, rest, late_x / after, late_v / after, scratch[3])
             path = borrowed(segment_from_particular(scratch[3], scratch[1], rest))
-            xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, MOTION.chatter_time, block)
+            xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, CHATTER_TIME, block)
         _write_end(n, xn, vn, sn, side, cutoff, ends, flags)
 
 

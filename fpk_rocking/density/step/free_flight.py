@@ -22,7 +22,6 @@ from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_ga
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step.remap import (
     adjoint_clamp_to_end,
     adjoint_mass_past_end,
@@ -40,6 +39,7 @@ from fpk_rocking.density.step.remap import (
     union,
 )
 from fpk_rocking.density.step.targets import FASTMATH
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact, gravity_correction
 from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
 

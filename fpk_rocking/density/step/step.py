@@ -17,11 +17,11 @@ from fpk_rocking.base.basis import find_cells, gauss_hermite_product, gauss_lege
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step.characteristics import GaussPoints, Noise, event_cells, principal_axes, trace_cells
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.scatter import AffinePaths, Chunks, SourceCells, gather, scatter, sum_buffers
 from fpk_rocking.density.step.targets import Targets
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
 from fpk_rocking.physics.motion.block import gravity_at_contact

@@ -13,8 +13,8 @@ from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.simd import WIDTH, load, store, total
 from fpk_rocking.base.threads import run_in_parts
-from fpk_rocking.density.space.tuning import TUNING
 from fpk_rocking.density.step import Exit
+from fpk_rocking.density.tuning import TUNING
 
 FASTMATH = {"contract", "reassoc", "nsz"}
 """Rounding that the compiler may change in sums of products; nan and inf stay what they are."""

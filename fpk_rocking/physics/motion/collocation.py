@@ -22,6 +22,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.simd import WIDTH, load, spread, store, total
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.events import (
+    CHATTER_TIME,
     Event,
     advance_through_events,
     lift_off_time,
@@ -144,8 +145,9 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
     five = (-turn / 12.0) * three
     if own:
         one, two = one - near, two - 1.0
-    lack, pull, last, ratio = base - near, one, 0.0, TUNING.collocation_first_gain
-    for _ in range(TUNING.collocation_rounds):
+    # Each round gains about three digits; the square of what the first is sure to gain is 1e-4.
+    lack, pull, last, ratio = base - near, one, 0.0, 1e-4
+    for _ in range(12):
         off = lack + factor * lanes_times_table(table, pull)
         away = off * off
         new = (one + off * two) + away * ((three + off * four) + away * five)
@@ -248,20 +250,20 @@ def _without_begin(angle, quotient):
 
 @kernel(forceinline=True)
 def _leaves(u, w, angle, last, fall, block):
-    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for rounding."""
+    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9."""
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
     bend, jerk, others, sign = 2.0 * angle[2] - 6.0 * angle[3], 6.0 * angle[3], 0.0, 1.0
     for k in range(4, NODES + 2):
         term = k * (k - 1) * angle[k]
         bend, others, sign = bend + sign * term, others + (k - 2) * abs(term), -sign
-    return bend > -TUNING.hop_rounding and jerk > others
+    return bend > -1e-9 and jerk > others
 
 
 @kernel(forceinline=True)
 def _hop(u, w, side, force, start, until, block):
     """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
-    if u != 0.0 or not 0.0 < w <= TUNING.hop_speed:
+    if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
     (f, slope), alpha = value_and_slope(force, start), block.critical_angle
     cosine, sine = math.cos(alpha), math.sin(alpha)
@@ -310,7 +312,7 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
     rest, speed, bend, found = fly_collocated(u, w, push, time, block, near)
     late = -rest / speed
-    if not (found and abs(late) < TUNING.root_distance):
+    if not (found and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
         return 0.0, 0.0
     return time + late, speed + late * total(bend * load(_POINTS, 5))
 
@@ -331,7 +333,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
 
 @kernel
 def advance_from_flight(
-    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=TUNING.chatter_time
+    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=CHATTER_TIME
 ):
     """Carry an exact block through a part of an interval: as `events.advance_through_events`, with the same accuracy.
 
@@ -372,7 +374,7 @@ def advance_from_flight(
                 x, v, start, until = side * last, side * speed, until, end
                 continue
             if not found or event == Event.UNKNOWN:
-                if span < TUNING.collocation_shortest * half:
+                if span < 0.02 * half:  # no bound decides: the search for events does
                     break
                 until = start + 0.4 * span
                 continue
@@ -389,7 +391,7 @@ def advance_from_flight(
 
 
 @kernel
-def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=TUNING.chatter_time):
+def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`."""
     nothing = load(_POINTS, 0)
     return advance_from_flight(

@@ -17,7 +17,11 @@ from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_le
 from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
 from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
-from fpk_rocking.physics.tuning import TUNING
+
+SPEED_FLOOR = 1e-9
+"""Slower than this at zero angle, a block that the force presses down is in contact rather than in flight."""
+CHATTER_TIME = 1e-6
+"""Chatter that ends within it is summed in closed form; a segment that ends meanwhile sees it over already."""
 
 
 class Event(enum.IntEnum):
@@ -74,24 +78,25 @@ def next_event(x, v, side, segment, start, end, block):
     -------
     event, time, x, v : Event, float, float, float
         NONE, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
-        (0 for a block in contact, slower than `speed_floor`).
+        (0 for a block in contact, slower than `SPEED_FLOOR`).
     """
     cutoff, work = block.cutoff, _series()
+    touch = 2e-15  # distance that counts as contact: ten times the rounding of an angle
     t, u, w = start, side * x, side * v
     while t < end:
         flight = start_flight(side * u, side * w, side, segment, t, end, work, block)
         while t < flight.end:
-            if u >= cutoff - TUNING.touch and w > 0.0:
+            if u >= cutoff - touch and w > 0.0:
                 return Event.OVERTURNING, t, side * cutoff, side * w
             stay = least_closing_time(max(cutoff - u, 0.0), -w, flight.rise)
-            if w < 0.0 and u <= TUNING.touch:
+            if w < 0.0 and u <= touch:
                 return Event.IMPACT, t, 0.0, side * w
             fly = least_closing_time(max(u, 0.0), w, flight.fall)
             if w >= 0.0 and fly < flight.end - t:
                 rising = outward_time(flight, u, side, segment, t, work, block)
                 if rising >= 0.0:
                     fly += rising
-                elif u <= TUNING.touch and w < TUNING.speed_floor:
+                elif u <= touch and w < SPEED_FLOOR:
                     return Event.IMPACT, t, 0.0, 0.0
             t_next = t + min(fly, stay)
             if not t_next > t:
@@ -137,11 +142,11 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 def lift_off_time(segment, start, end, block):
     """First time in [start, end] at which a block at rest lifts off, and the side it goes to (0: none).
 
-    |f| must pass its level by more than a margin above the rounding of f: the block then surely leaves, and whoever
-    asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot dwindle
-    to nothing.
+    |f| must pass its level by more than a margin, a thousand times the rounding of f: the block then surely leaves, and
+    whoever asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot
+    dwindle to nothing.
     """
-    margin = TUNING.force_margin * max(1.0, -segment.force_low, segment.force_high)
+    margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
     level = lift_off_level(block)
     level, target = level + margin, level + 2.0 * margin
     t = start
@@ -156,11 +161,11 @@ def lift_off_time(segment, start, end, block):
 
 
 @kernel
-def rest_or_flight(speed, side, segment, time, block, slow=TUNING.chatter_time):
+def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
     `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `slow`
-    under a force that changes by less than a hundredth of its distance to lift-off. Speeds below `speed_floor` are
+    under a force that changes by less than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are
     dropped.
     """
     force, slope = value_and_slope(segment.force, time)
@@ -169,11 +174,11 @@ def rest_or_flight(speed, side, segment, time, block, slow=TUNING.chatter_time):
         delay = chatter_time(speed, side * force, block)
         if delay <= slow and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
-    return (side if speed >= TUNING.speed_floor else 0), 0.0
+    return (side if speed >= SPEED_FLOOR else 0), 0.0
 
 
 @kernel(forceinline=True)  # see next_event
-def advance_through_events(x, v, side, segment, start, end, block, impacts=None, origin=0.0, slow=TUNING.chatter_time):
+def advance_through_events(x, v, side, segment, start, end, block, impacts=None, origin=0.0, slow=CHATTER_TIME):
     """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
 
     Parameters

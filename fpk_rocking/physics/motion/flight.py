@@ -21,7 +21,6 @@ from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS, particular
 from fpk_rocking.physics.motion.equation import dispatch_on_block, slender_acceleration, slender_acceleration_bounds
 from fpk_rocking.physics.motion.segment import least_closing_time, move_origin, value_and_slope
-from fpk_rocking.physics.tuning import TUNING
 
 # Arguments that one of two forms does not use are there for the other.
 # ruff: noqa: ARG001
@@ -136,14 +135,14 @@ def _expand(u, w, side, force, t, span, block, work):
         angle[k + 2] = (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
         power *= span
         term = abs(angle[k + 2]) * power
-        if before + term < TUNING.series_end * size:
+        if before + term < 1e-18 * size:  # those that follow are far below rounding
             angle[k + 3 :] = 0.0
             return span
         before = term
     last = max(abs(angle[TERMS - 1]), 1e-300)
     before = max(abs(angle[TERMS - 2]), 1e-300)
-    reach = (TUNING.series_rounding * size / last) ** (1.0 / (TERMS - 1))
-    return min(reach, (TUNING.series_rounding * size / before) ** (1.0 / (TERMS - 2)))
+    rounding = 1e-16 * size  # which the last of all terms may reach
+    return min((rounding / last) ** (1.0 / (TERMS - 1)), (rounding / before) ** (1.0 / (TERMS - 2)))
 
 
 @kernel

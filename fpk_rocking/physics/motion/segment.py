@@ -12,7 +12,6 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.tuning import TUNING
 
 
 class Segment(NamedTuple):
@@ -141,7 +140,8 @@ def downward_root(q, half):
     root = math.sqrt(square)
     t = 2.0 * q[0] / (root - q[1])
     t += t * t * t * (q[3] + t * (q[4] + t * q[5])) / (root - t * t * (3.0 * q[3] + t * (4.0 * q[4] + t * 5.0 * q[5])))
-    for _ in range(TUNING.root_rounds):
+    least = 1e-7  # the last change of the time: the iteration converges cubically, in three rounds of these eight
+    for _ in range(8):
         if not -half <= t <= half:
             break
         value, slope = value_and_slope(q, t)
@@ -152,7 +152,7 @@ def downward_root(q, half):
         shift = -value / slope
         shift *= 1.0 + 0.5 * shift * bend / slope
         t += shift
-        if abs(shift) < TUNING.root_change and abs(shift * bend) < -TUNING.root_change * slope:
+        if abs(shift) < least and abs(shift * bend) < -least * slope:
             jerk = 6.0 * q[3] + t * (24.0 * q[4] + t * 60.0 * q[5])
             return t, slope + shift * (bend + 0.5 * shift * jerk)
     return 0.0, 0.0

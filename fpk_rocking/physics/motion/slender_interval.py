@@ -26,7 +26,6 @@ from fpk_rocking.physics.motion.segment import (
     downward_root,
     segment_from_particular,
 )
-from fpk_rocking.physics.tuning import TUNING
 
 
 class Interval(NamedTuple):
@@ -114,7 +113,8 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
         time, slope = downward_root(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
         speed, square = -velocity_after_impact(slope, block.restitution), (time + half) ** 2
-        if speed > TUNING.interval_least_speed and u >= rise * square and u + 0.25 * fall * square < cutoff:
+        # Slower impacts go to the search for events, which decides about chatter.
+        if speed > 1e-4 and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
             record_impact(impacts, origin + time, v)
             shift, shrink = 0.5 * velocity_jump(v, block.restitution), math.exp(-time)
