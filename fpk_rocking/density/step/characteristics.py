@@ -195,7 +195,7 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
         add_path_correction(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
         xn, vn, sn, _ = advance_through_events(
-            x / unit, v / unit, side, path, 0.0, duration, near, None, 0.0, MOTION.chatter_time
+            x / unit, v / unit, side, path, 0.0, duration, near, None, 0.0, CHATTER_TIME
         )
         _write_end(n, xn, vn, sn, side, near.cutoff, ends, flags)
         ends[n, 0] *= unit
