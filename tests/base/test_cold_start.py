@@ -243,7 +243,7 @@ def test_an_interrupted_warmup_ends_at_once_with_its_helpers(tmp_path):
     begin = time.monotonic()
     out, err = warmup.communicate(timeout=60)
     assert (warmup.returncode, out) == (130, "")
-    assert err.splitlines()[-1] == "fpk-rocking: interrupted; files written so far are whole"
+    assert err.splitlines()[-1] == "fpk-rocking: interrupted; no result was written"
     assert time.monotonic() - begin < 5.0
 
 

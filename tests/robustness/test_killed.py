@@ -129,7 +129,7 @@ def test_a_stopped_engine_ends_plainly_and_leaves_no_files(command, sign, word, 
     instant = time.monotonic() + instants.uniform(0.0, 4.0)
     status, printed, said = stopped(run, sign, lambda: time.monotonic() > instant)
     assert (status, printed) == (code, "")
-    assert said.splitlines()[-1] == f"fpk-rocking: {word}; files written so far are whole"
+    assert said.splitlines()[-1] == f"fpk-rocking: {word}; no result was written"
     assert "Traceback" not in said
     assert {file.name for file in tmp_path.iterdir()} == {"scene.toml", "own"}
 
@@ -148,4 +148,4 @@ def test_an_interruption_of_code_that_is_run_from_text_has_its_exit_status(tmp_p
     path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     command = [sys.executable, "-m", "stopped"]
     run = subprocess.run(command, env=os.environ | path, capture_output=True, text=True, check=False, timeout=60)
-    assert (run.returncode, run.stderr) == (130, "fpk-rocking: interrupted; files written so far are whole\n")
+    assert (run.returncode, run.stderr) == (130, "fpk-rocking: interrupted; no result was written\n")
