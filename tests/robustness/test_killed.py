@@ -105,8 +105,7 @@ def test_a_stopped_tally_ends_plainly_and_goes_on(tmp_path):
     run = start(*asked, "--realizations", 2**31 - 1, "--out", out)
     status, printed, said = stopped(run, signal.SIGTERM, path.exists)
     assert (status, printed) == (143, "")
-    resume = "; the same command goes on from the checkpoint"
-    assert said.splitlines()[-1] == f"fpk-rocking: terminated; files written so far are whole{resume}"
+    assert said.splitlines()[-1] == f"fpk-rocking: terminated; the same command goes on from {path}"
     assert [file.name for file in tmp_path.iterdir() if file.is_dir() or file.name.startswith(".")] == []
     done = Tally.load(path).realizations
     again = [*COMMAND, *map(str, asked), "--realizations", str(done + 500)]
