@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import pathlib
 import re
 from collections.abc import Mapping, Sequence
@@ -30,9 +31,14 @@ from fpk_rocking.studies.critical import (
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws, drawn
+from fpk_rocking.studies.execution import seed_of
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import recorded_scenes
+
+MOVED, CLOSEST, MOST_INTENSITIES = 0.02, 0.02, 64
+"""With noise intensities are added until the rate moves by less than this part, no closer in the logarithm than this to
+others, up to so many, or twice those asked for."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,6 +60,10 @@ class Study:
         The block as passed to `study` under each motion, at the motion's own scale.
     critical : CriticalIntensities or None
         Of these scenes; None with noise.
+    added : int
+        Number of intensities that were added to those asked for, where the rate comes from; 0 without noise.
+    moved : float
+        Part of the rate by which the last of them moved it.
 
     Examples
     --------
@@ -65,7 +75,7 @@ class Study:
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
     >>> found = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
     >>> print(found.records.shape, found.trust.verdict)
-    (5, 3) caution
+    (5, 13) caution
     """
 
     fragility: Fragility
@@ -75,6 +85,8 @@ class Study:
     draws: Draws | None = None
     recorded: Sequence[Scene] = ()
     critical: CriticalIntensities | None = None
+    added: int = 0
+    moved: float = 0.0
 
     @property
     def motion_table(self) -> dict[str, Array]:
@@ -102,6 +114,12 @@ class Study:
         """Verdict on the rate: its relative standard error, and what speaks against scenes, engine, hazard, records."""
         model = model_diagnostics(self.fragility) + self.risk.diagnostics + self._of_records()
         model += [] if self.critical is None else factor_diagnostics(self.critical.factor)
+        if MOVED < self.moved < math.inf:
+            sentence = (
+                f"The rate still moved by {100.0 * self.moved:.2g} % with the last of {self.added} intensities that "
+                "were added to those asked for: give more realizations, or more intensities where the rate comes from."
+            )
+            model.append(Diagnostic(CAUTION, sentence, "intensities"))
         return verdict([*model, *assess({"relative_error": self.risk.relative_error})])
 
     def _of_records(self):
@@ -144,6 +162,9 @@ class Study:
             misfit = f"largest misfit of a probability {fit.misfit:.2g}"
             misfit += f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", the fit is accepted"
             lines.append(f"{text}; {misfit}.")
+        if self.added and self.moved <= MOVED:
+            moved = f"the last of them moved the rate by {100.0 * self.moved:.2g} %"
+            lines.append(f"{self.added} intensities were added where the rate comes from; {moved}.")
         lines += filter(None, dict.fromkeys(scene.noise.remark for scene in self.motions))
         lines += filter(None, [baseline_remark(scene.forcing for scene in self.motions)])
         return "\n".join([*lines, *self._ordered(), *motion_lines(self.motion_table, curve.measure)])
@@ -168,6 +189,8 @@ class Study:
             "ranking": [ranking._asdict() for ranking in ranked(self.fragility)],
             "draws": None if self.draws is None else {"origin": self.draws.origin, "values": self.draws.values},
             "motions": self.motion_table,
+            "added_intensities": self.added,
+            "rate_moved": self.moved,
             "fragility": self.fragility.summary(),
         }
         return plain(values)
@@ -253,7 +276,8 @@ def study(
     hazard : Hazard, str or pathlib.Path
         In the unit of the measure; or a file that `Hazard.from_csv` reads.
     intensities : array_like
-        Intensities, ascending, in g or m/s.
+        Intensities, ascending, in g or m/s. With noise others are added where the rate comes from, until they move it
+        by less than 2 %; without noise the rate does not depend on them, and the largest ends the search.
     measure : str
         "PGV" (in m/s) or "PGA" (in g).
     units : str, optional
@@ -295,8 +319,8 @@ def study(
     ...                         noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
     >>> found = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
-    >>> print(found.risk.curve.probability.round(2), f"{found.risk.rate:.0e} per year")
-    [0.   0.16 0.92] 2e-03 per year
+    >>> print(f"{found.risk.rate:.0e} per year, {found.added} intensities added")
+    2e-03 per year, 10 intensities added
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
@@ -309,19 +333,102 @@ def study(
     at_one = [at_intensity(shaken, measure, noise=scale_noise) for shaken in scenes]
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
-    curves = fragility(
-        at_one if len(at_one) > 1 else at_one[0],
-        scale=np.asarray(intensities, float),
-        realizations=realizations,
-        seed=seed,
-        scale_noise=scale_noise,
-        workers=workers,
-        store=store,
-        progress=progress,
+    asked = np.sort(np.asarray(intensities, float))
+    curves, added, moved = _refined(
+        lambda scale, number: fragility(
+            at_one if len(at_one) > 1 else at_one[0],
+            scale=scale,
+            realizations=realizations,
+            # Independent of the samples of earlier rounds, in a file of their own.
+            seed=seed_of(seed, 2**32 + number) if number else seed,
+            scale_noise=scale_noise,
+            workers=workers,
+            store=_store_of(store, number),
+            progress=progress,
+        ),
+        lambda curves: annual_frequency(IntensityCurve.of(curves, measure, draws=draws, samples=1), exceeded),
+        asked,
     )
     curve = IntensityCurve.of(curves, measure, draws=draws)
     critical = _critical(scenes, measure, curves, draws)
-    return Study(curves, annual_frequency(curve, exceeded), name, scene, draws, scenes, critical)
+    risk = annual_frequency(curve, exceeded)
+    return Study(curves, risk, name, scene, draws, scenes, critical, added, moved)
+
+
+def _store_of(store, number):
+    """Return the file that keeps the rows of a round: beside that of the first one each has its own."""
+    if store is None or not number:
+        return store
+    path = checks.path("store", store)
+    return path.with_name(f"{path.stem}-{number + 1}{path.suffix}")
+
+
+def _refined(sample, risk_of, asked):
+    """Add intensities where the rate comes from, until a round of them moves it by less than `MOVED`.
+
+    Parameters
+    ----------
+    sample : callable
+        `Fragility` of intensities (n,) and the number of the round.
+    risk_of : callable
+        `Risk` of a `Fragility`.
+    asked : ndarray, shape (n,)
+        Intensities to begin with, ascending.
+
+    Returns
+    -------
+    curves : Fragility
+    added : int
+        Number of intensities that were added; 0 without noise, where the rate does not depend on them.
+    moved : float
+        Part of the rate by which the last round moved it; inf where the rate is 0.
+    """
+    curves, rounds = sample(asked, 0), 0
+    if curves.motions is not None:
+        return curves, 0, 0.0
+    risk, moved = risk_of(curves), math.inf
+    while risk.rate > 0.0 and moved > MOVED and curves.scale.size < max(MOST_INTENSITIES, 2 * asked.size):
+        more, rounds = _more_intensities(risk), rounds + 1
+        if not more.size:
+            return curves, curves.scale.size - asked.size, 0.0
+        curves, before = _joined(curves, sample(more, rounds)), risk.rate
+        risk = risk_of(curves)
+        moved = abs(risk.rate / before - 1.0)
+    return curves, curves.scale.size - asked.size, moved
+
+
+def _more_intensities(risk):
+    """Intensities (n,) that part the intervals of a curve in which the rate is least known, four fifths of it in all.
+
+    By how much: half the rise of the probability over an interval, times the rate at which it is met. Below the lowest
+    point the probability may be that of it or 0. Intervals narrower than `CLOSEST` are not parted.
+    """
+    y, shares = np.log(risk.curve.intensity), np.maximum.accumulate(risk.curve.probability)
+    step = max(float(np.diff(y).max(initial=0.0)), CLOSEST)
+    y, shares = np.append(y[0] - 2.0 * step, y), np.append(0.0, shares)
+    doubt = -0.5 * np.diff(shares) * np.diff(risk.hazard(np.exp(y)))
+    doubt[np.diff(y) < 2.0 * CLOSEST] = 0.0
+    order = np.argsort(-doubt, kind="stable")
+    chosen = order[: np.searchsorted(np.cumsum(doubt[order]), 0.8 * doubt.sum()) + 1]
+    chosen = chosen[doubt[chosen] > 1e-3 * risk.rate]
+    return np.sort(np.exp(0.5 * (y[1:] + y[:-1])[chosen]))
+
+
+def _joined(first, second):
+    """Return the `Fragility` of the scales of two, of the same scenes."""
+    scale = np.concatenate([first.scale, second.scale])
+    order = np.argsort(scale)
+    place = np.argsort(order)
+    reasons = {
+        ",".join([*key.split(",")[:2], str(place[int(key.split(",")[2]) + begin])]): reason
+        for one, begin in ((first, 0), (second, first.scale.size))
+        for key, reason in one.reasons.items()
+    }
+    parts = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)], axis=-1)[..., order]
+        for name in ("scale", "probability", "error_estimate")
+    }
+    return dataclasses.replace(first, **parts, reasons=reasons, wall_s=first.wall_s + second.wall_s)
 
 
 def _critical(scenes, measure, curves, draws):

@@ -330,7 +330,10 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     values = json.loads((tmp_path / "out" / "risk.json").read_text())
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), scene.noise)) for n in range(6)]
     found = fragility(scenes, scale=np.geomspace(0.2, 3.0, 7), realizations=200)
-    assert values["fragility"]["overturned"] == found.overturned.tolist()
+    places = np.searchsorted(values["fragility"]["scale"], found.scale * (1.0 - 1e-9))
+    assert np.array(values["fragility"]["overturned"])[:, places].tolist() == found.overturned.tolist()
+    assert len(values["fragility"]["scale"]) == 7 + values["added_intensities"]
+    found = Fragility.load(tmp_path / "out" / "result.npz")
     risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
     assert values["risk"]["rate"] == pytest.approx(risk.rate, rel=1e-12)
     page = (tmp_path / "out" / "report.html").read_text()
@@ -452,7 +455,10 @@ def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tm
     assert capsys.readouterr().err.endswith(left)
     assert not (tmp_path / "out").exists()
     assert cli.main(arguments) == 0
-    assert len(computed) == 4 + 7
+    added = 5 * json.loads((tmp_path / "out" / "risk.json").read_text())["added_intensities"]
+    assert len(computed) == 4 + 7 + added
+    assert cli.main(arguments) == 0
+    assert len(computed) == 4 + 7 + added
     assert json.loads((tmp_path / "out" / "risk.json").read_text())["fragility"]["overturned"] == found[0]
 
 
@@ -570,3 +576,41 @@ def test_without_noise_each_motion_is_told_by_name(tmp_path):
         assert line.startswith(f"{motion.source}: PGA ")
         assert line.endswith(f"critical at PGV {factor * own:.4g} m/s, {factor:.3g} times its own strength.")
         assert f"<td>{factor:.4g}</td>" in page
+
+
+def shaken(count, realizations=60):
+    block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    motions = synthetic_records(6, duration=4.0, rms=1.5)
+    return study(block, motions, Hazard.power_law(1e-4, 2.5), np.geomspace(0.3, 3.0, count), realizations=realizations)
+
+
+def test_with_noise_intensities_are_added_where_the_rate_comes_from():
+    few, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
+    scale = few.fragility.scale
+    assert np.isin(np.round(asked, 12), np.round(scale, 12)).all()
+    assert few.added == scale.size - 4 > 2
+    assert (np.diff(scale) > 0.0).all()
+    assert few.moved <= 0.02
+    assert f"{few.added} intensities were added" in few.text()
+    # A curve that is as dense everywhere has this rate but for the scatter of its samples; as asked for, another.
+    dense = np.geomspace(0.1, 3.0, 30)
+    paths = few.fragility
+    others = fragility(list(paths.scenes), scale=dense, realizations=60, seed=7)
+    wanted = annual_frequency(IntensityCurve.of(others, "PGV"), few.risk.hazard).rate
+    coarse = fragility(list(paths.scenes), scale=asked, realizations=60, seed=7)
+    assert few.risk.rate == pytest.approx(wanted, rel=0.08)
+    assert annual_frequency(IntensityCurve.of(coarse, "PGV"), few.risk.hazard).rate != pytest.approx(wanted, rel=0.16)
+
+
+def test_intensities_asked_for_keep_their_samples():
+    found, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
+    alone = fragility(list(found.fragility.scenes), scale=asked, realizations=60, seed=1)
+    places = np.searchsorted(found.fragility.scale, asked * (1.0 - 1e-9))
+    assert np.array_equal(found.fragility.overturned[:, places], alone.overturned)
+
+
+def test_a_rate_that_still_moves_is_a_caution():
+    restless = dataclasses.replace(shaken(4), moved=0.07)
+    (reason,) = [text for text in restless.trust.reasons if "still moved" in text]
+    assert "by 7 % with the last of" in reason
+    assert restless.trust.verdict == "caution"
