@@ -276,7 +276,13 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     many, still = len(result.place) > 1, result.deterministic
     motions = motion_lines(result.motion_table, "scale") if result.axis == "scene" else ()
     sized = all(np.isfinite(measure.pga) or np.isfinite(measure.pgv) for measure in result.intensities)
-    names = [result.axis] * many + ["scale"] + (["PGA, g", "PGV, m/s"] if sized else ["p PGV / (g tan θ_cr)"])
+    places = result.dataset().coordinates[result.axis]
+    named = any(isinstance(place, str) for place in places)
+    names = (
+        ["motion" if named else result.axis] * many
+        + ["scale"]
+        + (["PGA, g", "PGV, m/s"] if sized else ["p PGV / (g tan θ_cr)"])
+    )
     for name in result.names_with_degrees:
         names += [name] + ["95 %" if result.realizations else "± estimate"] * (not still.all())
     limits = result.interval()
@@ -286,7 +292,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
         for n, scale in enumerate(result.scale):
             measures = result.intensities[m].columns(scale)
             strengths = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]
-            cells = [f"{place:g}"] * many + [f"{scale:.4g}"]
+            cells = [place if named else f"{place:g}"] * many + [f"{scale:.4g}"]
             cells += [f"{value:.3f}" if np.isfinite(value) else "-" for value in strengths]
             for which in range(len(result.names)):
                 value, (low, high) = result.probability[m, which, n], limits[m, which, n]
@@ -302,6 +308,6 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     notes = [p_value] * tested
     what = "PGA, PGV: peak acceleration and velocity" if sized else "p PGV / (g tan θ_cr): peak velocity"
     notes.append(f"{what} of the shaking without noise{'' if sized else ', nondimensional'}.")
-    table = text_table(names, *(rows(*place) for place in enumerate(result.place)))
+    table = text_table(names, *(rows(*place) for place in enumerate(places)))
     seconds = f"{result.wall_s:.1f} s."
     return title, table, verdict_first(result.trust, *fits, *motions, *notes, seconds, *result.remarks)

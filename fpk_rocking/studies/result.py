@@ -333,7 +333,8 @@ class Fragility(Saved, Result):
         degrees = [math.degrees(scene.block.critical_angle) or math.nan for scene in self.scenes]
         if self.mixture:
             angles, degrees = [_common(angles)], [_common(degrees)]
-        place = range(len(self.place)) if self.axis == "scene" and not self.mixture else self.place
+        place: Any = range(len(self.place)) if self.axis == "scene" and not self.mixture else self.place
+        place = motion_names(self.scenes) if self._of_motions and not self.mixture else place
         levels = np.array([[angle, *self.level] for angle in angles])
         fitted = [
             [np.full(len(self.scale), math.nan) if fit.reason else fit(self.scale) for fit in fits]

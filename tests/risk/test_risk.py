@@ -462,6 +462,30 @@ def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tm
     assert json.loads((tmp_path / "out" / "risk.json").read_text())["fragility"]["overturned"] == found[0]
 
 
+def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, capsys):
+    """In the terminal, in the CSV and in the JSON, each with its own probabilities."""
+    (tmp_path / "rack.toml").write_text(Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20)).to_toml())
+    names = ["first.txt", "second.txt"]
+    for n, name in enumerate(names):
+        text = "\n".join(f"{0.02 * k:.2f} {(1 + 2 * n) * a!r}" for k, a in enumerate(record(n).samples))
+        (tmp_path / name).write_text(text)
+    files = [str(tmp_path / name) for name in names]
+    words = ["fragility", str(tmp_path / "rack.toml"), "--records", *files, "--units", "m/s2", "--scales", "0.5,1,2"]
+    assert cli.main([*words, "--realizations", "50", "--out", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    found = Fragility.load(tmp_path / "out" / "result.npz")
+    assert found.overturned[0].tolist() != found.overturned[1].tolist()
+    frame = found.table()
+    assert frame["scene"].tolist() == [name for name in names for _ in range(3)]
+    header, *rows = (tmp_path / "out" / "fragility.csv").read_text().splitlines()
+    at = header.split(",").index("probability")
+    assert [(row.split(",")[0], float(row.split(",")[at])) for row in rows] == [
+        (name, share) for name, shares in zip(names, found.overturned.tolist(), strict=True) for share in shares
+    ]
+    for name in names:
+        assert sum(line.split()[:1] == [name] for line in out.splitlines()) == 3
+
+
 def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):
     scene = Scene(Block(0.9, SIZE), record(0), NoNoise())
     (tmp_path / "rack.toml").write_text(scene.to_toml())

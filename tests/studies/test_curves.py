@@ -140,7 +140,7 @@ def test_outcomes_have_no_bars_and_hidden_curves_are_told(tmp_path, outcomes):
     assert list(table.columns[-1].cells)[3:] == ["exact"] * 3
     title, table, sentences = fragility_table(outcomes)
     assert title == "Fragility by exact, one path a point"
-    assert [column.header for column in table.columns] == ["scene", "scale", "PGA, g", "PGV, m/s", "overturned"]
+    assert [column.header for column in table.columns] == ["motion", "scale", "PGA, g", "PGV, m/s", "overturned"]
     assert not any(sentence.startswith("p:") for sentence in sentences)
     curves_figure(tmp_path / "curves.png", [outcomes], "Outcomes")
 
