@@ -301,12 +301,15 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
     return total
 
 
-def _panels(angles, turns, amplitude, loss, sigma):
-    """Sum of the means over panels: angles (panels, n) in the middle, and turns (n,) from there to an end."""
+def _panels(phases, half_turns, amplitudes, loss, sigma):
+    """Sum over panels of the mean in each of E[(σ y + d - M)⁺], M being `loss`, as in `mean_excess`.
+
+    The n harmonics of d have phases (panels, n) at the middles, half turns (n,) from there to an end, and amplitudes.
+    """
     nodes, weights = gauss_legendre(24, -1.0, 1.0)
-    height = np.full((len(angles), nodes.size), -loss)
-    for n, size in enumerate(amplitude):
-        height += size * np.cos(angles[:, n, None] + turns[n] * nodes)
+    height = np.full((len(phases), nodes.size), -loss)
+    for n, size in enumerate(amplitudes):
+        height += size * np.cos(phases[:, n, None] + half_turns[n] * nodes)
     excess = np.maximum(height, 0.0) + sigma * kink_rounding(np.abs(height) / sigma)
     return 0.5 * float(np.sum(excess @ weights))
 

@@ -172,7 +172,7 @@ def path(name, value):
 
 
 def report(value):
-    """Return a `progress` that can be called, or None."""
+    """Return the parameter `progress` as it is, None or a callable that takes (done, total); else raise TypeError."""
     if value is not None and not callable(value):
         raise TypeError(refusal("progress", value, "None, or a callable that takes (done, total)"))
     return value

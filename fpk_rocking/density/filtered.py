@@ -75,7 +75,10 @@ class FilteredPropagator(CyclicPropagator):
         return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):
-        """Mark as active the cells that a coarser propagator has active at its next nodes about the same time."""
+        """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then.
+
+        Those of its noise nodes below and above count, in the steps about the begin of the step.
+        """
         places = np.searchsorted(coarse.nodes.values, self.nodes.values)[: self.active.shape[1]]
         for k, begin in enumerate(self.step_begins[:-1]):
             cells = coarse.active_about(begin, self.space)

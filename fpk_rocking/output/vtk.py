@@ -123,10 +123,10 @@ def _mesh_of_density(law):
     return _mesh_of_lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
 
 
-def _mesh_of_histogram(ensemble, cycle):
-    """Mesh of the bins of a sample."""
-    edges = joint_edges(ensemble.scene)
-    probability = np.asarray(ensemble.bin_probabilities(cycle, *edges))
+def _mesh_of_histogram(sample, row):
+    """Mesh of the bins `joint_edges` of a sample at a row: density at points and cells, probability in cells."""
+    edges = joint_edges(sample.scene)
+    probability = np.asarray(sample.bin_probabilities(row, *edges))
     lines = [np.stack([values[:-1], values[1:]], axis=-1) for values in edges]
     heights = probability / np.multiply.outer(*map(np.diff, edges))
     values = np.broadcast_to(heights[:, :, None, None], (*heights.shape, 2, 2))
@@ -195,7 +195,7 @@ def _field_values(result, cycle) -> dict[str, float]:
 
 
 def _write_mesh(file, mesh, fields):
-    """Write a mesh with field data as a .vtu file, whole or not at all."""
+    """Write a mesh of meshio, and numbers by name as its field data, as a .vtu file, whole or not at all."""
     with replaced_atomically(file) as temporary:
         mesh.write(temporary, file_format="vtu")
         # meshio reads field data of a .vtu file but does not write it.

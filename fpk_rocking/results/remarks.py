@@ -169,7 +169,7 @@ def _correction(record):
 
 
 def _line_of(drift):
-    """Return offset and slope of a record as a text."""
+    """Return the line of least squares of a `Drift`, its offset and slope, as a text in g and g/s."""
     slope = drift.slope / STANDARD_GRAVITY
     return f"an offset of {drift.offset / STANDARD_GRAVITY:.2g} g and a slope of {slope:.2g} g/s"
 

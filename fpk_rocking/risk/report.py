@@ -18,9 +18,8 @@ from fpk_rocking.results.style import picture_html
 from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
-from fpk_rocking.studies.critical import motion_lines, motion_names
 from fpk_rocking.studies.picture import logarithmic
-from fpk_rocking.studies.scenes import intensity_of, measured
+from fpk_rocking.studies.scenes import intensity_of, measured, motion_lines, motion_names
 
 _CITE = (
     "fpk-rocking, version {version}: densities and ensembles of rocking blocks under noisy periodic excitation. The "

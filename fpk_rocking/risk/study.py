@@ -25,7 +25,6 @@ from fpk_rocking.studies.critical import (
     CriticalIntensities,
     critical_intensities,
     factor_diagnostics,
-    motion_lines,
     motion_table,
 )
 from fpk_rocking.studies.curves import fragility
@@ -34,7 +33,7 @@ from fpk_rocking.studies.drawing import Draws, drawn
 from fpk_rocking.studies.execution import seed_of
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import recorded_scenes
+from fpk_rocking.studies.scenes import motion_lines, recorded_scenes
 
 MOVED, CLOSEST, MOST_INTENSITIES = 0.02, 0.02, 64
 """With noise intensities are added until the rate moves by less than this part, no closer in the logarithm than this to

@@ -181,7 +181,7 @@ _READERS = {
 
 
 def _literal(value):
-    """Return a value as TOML text."""
+    """Return a str, a bool, an int, a float, or a tuple of such, nested or not, as TOML text."""
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     if isinstance(value, bool):

@@ -15,7 +15,7 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -33,7 +33,14 @@ from fpk_rocking.results.times import result_times
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
-from fpk_rocking.studies.scenes import checked_scenes, intensity_of, measure_of, measured, recorded_scenes
+from fpk_rocking.studies.scenes import (
+    checked_scenes,
+    intensity_of,
+    measure_of,
+    measured,
+    motion_names,
+    recorded_scenes,
+)
 from montecarlo.engines import engine_of, task_of
 from montecarlo.engines.scales import Outcomes, ScaledPaths
 from montecarlo.results.ensemble import EXACT_PATH
@@ -334,34 +341,6 @@ def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None =
     measures = [measured(scene).columns(1.0) for scene in scenes]
     columns = {name: np.array([one[name] for one in measures]) for name in ("pga_g", "pgv_m_per_s")}
     return {"motion": np.array(motion_names(scenes))} | columns
-
-
-def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
-    """Return a line of text for each motion of a `motion_table`."""
-    unit = "" if measure == "scale" else f" {measure_of(measure).unit}"
-    lines = []
-    for place, name in enumerate(table["motion"]):
-        row = {column: values[place] for column, values in table.items()}
-        peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
-        texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]
-        if "critical_scale" in row:
-            turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"
-            texts.append(turned if row["overturn_side"] else f"peak rotation {row['peak_rotation']:.3g} θ_cr")
-            at = f"{measure} {row['critical_intensity']:.4g}{unit}, " * (measure != "scale")
-            critical = f"critical at {at}{row['critical_scale']:.3g} times its own strength"
-            texts.append(critical if math.isfinite(row["critical_scale"]) else "stands up to the highest intensity")
-        lines.append(f"{name}: {', '.join(texts) or 'no size, no units'}.")
-    return lines
-
-
-def motion_names(scenes: Sequence[Scene]) -> list[str]:
-    """Return the name of the motion of each scene: the source of a record, else what the forcing is; all differ."""
-    names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
-    count = dict.fromkeys(names, 0)
-    for place, name in enumerate(names):
-        count[name] += 1
-        names[place] = name if names.count(name) == 1 and count[name] == 1 else f"{name} ({count[name]})"
-    return names
 
 
 def seconds_of(scenes: Sequence[Scene], times: Array) -> Array:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, File
+from fpk_rocking.base.types import Array, ArrayLike, File
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.physics.forcing.files import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
@@ -437,3 +437,31 @@ def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
     if not scenes:
         raise ValueError(checks.refusal(name, scenes, accepted))
     return tuple(checks.instance(f"{name}[{number}]", scene, Scene) for number, scene in enumerate(scenes))
+
+
+def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
+    """Return a line of text for each motion of a `motion_table`."""
+    unit = "" if measure == "scale" else f" {measure_of(measure).unit}"
+    lines = []
+    for place, name in enumerate(table["motion"]):
+        row = {column: values[place] for column, values in table.items()}
+        peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
+        texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]
+        if "critical_scale" in row:
+            turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"
+            texts.append(turned if row["overturn_side"] else f"peak rotation {row['peak_rotation']:.3g} θ_cr")
+            at = f"{measure} {row['critical_intensity']:.4g}{unit}, " * (measure != "scale")
+            critical = f"critical at {at}{row['critical_scale']:.3g} times its own strength"
+            texts.append(critical if math.isfinite(row["critical_scale"]) else "stands up to the highest intensity")
+        lines.append(f"{name}: {', '.join(texts) or 'no size, no units'}.")
+    return lines
+
+
+def motion_names(scenes: Sequence[Scene]) -> list[str]:
+    """Return the name of the motion of each scene: the source of a record, else what the forcing is; all differ."""
+    names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
+    count = dict.fromkeys(names, 0)
+    for place, name in enumerate(names):
+        count[name] += 1
+        names[place] = name if names.count(name) == 1 and count[name] == 1 else f"{name} ({count[name]})"
+    return names

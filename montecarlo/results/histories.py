@@ -113,7 +113,10 @@ class Histories(Saved, Result):
         )
 
     def dataset(self) -> Dataset:
-        """States of all realizations, below each other in the table, their overturnings and their impacts."""
+        """Arrays of the result by name; a row of the table is the state of a realization at a time.
+
+        The impacts are arrays of their own, beside the table.
+        """
         return Dataset(
             {
                 "angle": (("realization", "time"), self.angle),

@@ -16,7 +16,8 @@ from fpk_rocking.studies import (
     scaled,
     synthetic_records,
 )
-from fpk_rocking.studies.critical import factor_diagnostics, first_scale, motion_names, overturns
+from fpk_rocking.studies.critical import factor_diagnostics, first_scale, overturns
+from fpk_rocking.studies.scenes import motion_names
 from montecarlo import simulate
 
 BLOCK = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")

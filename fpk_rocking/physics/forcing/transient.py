@@ -110,7 +110,7 @@ class TransientForcing(Forcing):
         return spacing, np.stack([-0.5 * (left + right), 0.5 * (left - right)], axis=-1)
 
     def particular(self, time: float) -> tuple[float, float]:
-        """Particular solution P and its derivative at a time; kept, as the steps on both sides of it ask for them."""
+        """Return P and P' at a time, of the bounded solution of P'' = P + f; values are kept."""
         if time not in self._particulars:
             ((value, slope, *_),) = self.pieces([time])
             self._particulars[time] = float(value), float(slope)

@@ -147,7 +147,10 @@ def _expand(u, w, side, force, t, span, block, work):
 
 @kernel
 def _start_exact(x, v, side, segment, start, end, work, block):
-    """Return the `ExactFlight` that is at (x, v) at `start`; write its series to `work`, of the shape `SERIES`."""
+    """Return the `ExactFlight` from (x, v) at `start`, which ends at `end`, or earlier where its series ceases to hold.
+
+    The series is written to `work`, of the shape `SERIES`; `start` and `end` count from the segment's start.
+    """
     reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
     spread, snap, power = 0.0, 0.0, 1.0

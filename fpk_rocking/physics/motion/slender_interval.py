@@ -63,9 +63,12 @@ def _fold(interval, grow, decay, sign):
 
 
 @kernel
-def _through_events(particular, force, half, x, v, side, begin, end, block, impacts, origin):
-    """Carry a block from one time in the interval to another; returns as `advance_through_events`."""
-    segment = borrowed(segment_from_particular(particular, force, half))
+def _through_events(particular, scratch, half, x, v, side, begin, end, block, impacts, origin):
+    """As `advance_through_events`, from `begin` to `end`; times, up to `half` in size, count from the middle.
+
+    `particular` (TERMS,) is P there, `scratch` (TERMS,) is written to, `origin` is the time of the middle.
+    """
+    segment = borrowed(segment_from_particular(particular, scratch, half))
     return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
 
 
