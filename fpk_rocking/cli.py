@@ -78,6 +78,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --scales LIST           factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
 --pga LIST              in place of --scales: peak accelerations in g of the shaking without noise; the column scale is
                         then the PGA
+--pgv LIST              likewise: peak velocities in m/s
 --engine NAME           exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the
                         noise)
 --levels LIST           also compute the probability of reaching the angles A,B,C, in units of the critical angle
@@ -214,7 +215,7 @@ def _parser() -> argparse.ArgumentParser:
     files = "summary.json, survival.png and, of a scene, density.npz and ensemble.npz"
     command("compare", _compare, does, printed, f"inputs {rows} {_DENSITY} {_SAMPLE}", files)
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
-    options = f"scenes --scales --pga {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
+    options = f"scenes --scales --pga --pgv {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
     options += " --uncertain --blocks --workers --store --records --units --baseline --corner-hz"
     command("fragility", _fragility, does, "", options, files)
@@ -302,7 +303,6 @@ def _fragility(options):
     """Run the command ``fragility``: compute, print and save fragility curves."""
     from fpk_rocking.base.files import plain, write_json
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.risk.curve import at_intensity
     from fpk_rocking.studies import dispersions, drawn, fragility
     from fpk_rocking.studies.picture import curves_figure, fragility_table, surface_figure
 
@@ -312,10 +312,7 @@ def _fragility(options):
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: _numbers("--over", values)}
-    if (options.scales is None) == (options.pga is None):
-        raise ValueError(f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga in its place")
-    if options.pga is not None:
-        scenes = [at_intensity(scene, "PGA", noise=not options.keep_noise) for scene in scenes]
+    scenes, scales = _at_scales(options, scenes)
     uncertain, draws = _uncertain(options), None
     if uncertain:
         if over is not None:
@@ -325,7 +322,7 @@ def _fragility(options):
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
-            scale=_numbers("--scales", options.scales) if options.pga is None else _numbers("--pga", options.pga),
+            scale=scales,
             **_rows(options, scenes[0]),
             levels=_numbers("--levels", options.levels) if options.levels else (),
             over=over,
@@ -333,10 +330,14 @@ def _fragility(options):
             progress=progress,
             **_passed(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
-    values, beta = result.summary(), ()
+    shown, values, beta = result, result.summary(), ()
+    if draws is None and options.records and len(scenes) > 1:
+        # The files keep the rows of each motion; what is looked at is the curve over all of them.
+        shown = result.pooled
+        values |= {"pooled": shown.summary()}
     if draws is not None:
         sources = dispersions(result.scale, result.overturned, draws.values)
-        result = result.pooled
+        shown = result = result.pooled
         values = result.summary() | {"dispersion_of": plain(sources)}
         texts = ", ".join(f"{value:.3g} by {name}" for name, value in sources.items())
         beta = [f"Dispersion of the capacity, the scale that a block withstands: {texts}."]
@@ -345,11 +346,26 @@ def _fragility(options):
         result.to_csv(options.out / "fragility.csv")
         write_json(options.out / "summary.json", values)
         if over is None:
-            curves_figure(options.out / "fragility.png", [result], which=None)
+            curves_figure(options.out / "fragility.png", [shown], which=None)
         else:
             surface_figure(options.out / "fragility.png", result)
-    title, table, sentences = fragility_table(result)
-    _print(options, result, values, lambda: (title, table, (*sentences, *beta)))
+    title, table, sentences = fragility_table(shown)
+    _print(options, shown, values, lambda: (title, table, (*sentences, *beta)))
+
+
+def _at_scales(options, scenes):
+    """Return scenes as they are at scale 1, an intensity of 1 with --pga or --pgv, and the scales."""
+    from fpk_rocking.risk.curve import at_intensity
+
+    lists = _passed(options, "scales", "pga", "pgv")
+    if len(lists) != 1:
+        raise ValueError(
+            f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga or --pgv in its place"
+        )
+    ((measure, numbers),) = lists.items()
+    if measure != "scales":
+        scenes = [at_intensity(scene, measure.upper(), noise=not options.keep_noise) for scene in scenes]
+    return scenes, _numbers(f"--{measure}", numbers)
 
 
 def _shaken(options):

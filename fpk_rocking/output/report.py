@@ -65,7 +65,7 @@ def write_report(path, result, values, sentences=(), films=(), scenes=()):
         table_html(result.table()),
         *(f"<p>{html.escape(sentence)}</p>" for sentence in sentences if sentence != str(result.trust)),
         "<h2>Scene</h2>" * bool(scenes),
-        *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(scene.to_toml() for scene in scenes)),
+        *(f"<pre>{html.escape(text)}</pre>" for text in dict.fromkeys(map(_without_samples, scenes))),
         f"<p>{left_out(scenes)}</p>",
         f"<p class='small'>fpk-rocking {html.escape(importlib.metadata.version('fpk-rocking'))}. {_units(scenes)}</p>",
         json_html("summary", values),
@@ -88,6 +88,13 @@ def write_page(path, title, parts):
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
     return len(page.encode())
+
+
+def _without_samples(scene):
+    """Return the text of a scene with the number of samples of a record in place of these."""
+    lines = scene.to_toml().splitlines()
+    short = (f"# {line.count(',') + 1:,} samples" if line.startswith("samples = ") else line for line in lines)
+    return "\n".join(short)
 
 
 def _units(scenes):

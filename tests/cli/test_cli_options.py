@@ -71,7 +71,7 @@ def test_no_option_is_left_out():
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
-    others = {"times", "tally", "noise_replacement", "scales", "pga", "workers", "no_check", "rtol", "limit"}
+    others = {"times", "tally", "noise_replacement", "scales", "pga", "pgv", "workers", "no_check", "rtol", "limit"}
     assert known - ELSEWHERE - OF_RISK == tried | others
 
 

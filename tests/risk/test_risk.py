@@ -483,7 +483,23 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
         (name, share) for name, shares in zip(names, found.overturned.tolist(), strict=True) for share in shares
     ]
     for name in names:
-        assert sum(line.split()[:1] == [name] for line in out.splitlines()) == 3
+        assert f"{name}: PGA " in out
+    # What is looked at is the curve over both; 3 rows in the terminal and in the report.
+    values = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert values["pooled"]["overturned"] == [found.overturned.mean(axis=0).tolist()]
+    for share in values["pooled"]["overturned"][0]:
+        assert f"{share:.4f}" in out
+    words[words.index("--scales")] = "--pgv"
+    assert cli.main([*words, "--realizations", "50", "--report", str(tmp_path / "r.html"), "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["scale"] == [0.5, 1.0, 2.0]
+    assert [motion["pgv"] for motion in values["intensities"]] == pytest.approx([1.0, 1.0])
+    page = (tmp_path / "r.html").read_text()
+    rows = page[page.index("<h2>Numbers") : page.index("<h2>Scene")].count("<tr>") - 1
+    assert rows == 3
+    assert "samples = [" not in page[: page.index("<script")]
+    assert cli.main([*words, "--scales", "1"]) == 2
+    assert "--scales: got '1', accepted: a list of factors, or --pga or --pgv" in capsys.readouterr().err
 
 
 def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):
