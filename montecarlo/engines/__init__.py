@@ -14,12 +14,12 @@ ENGINES = exact.SLENDER, exact.ENVELOPED, exact.EXACT_BLOCK, rk4.ENGINE, white.E
 
 
 def engines_for(scene, method=None):
-    """Return the engines that take a scene, of one method or of any, the default first."""
+    """Return the list of `Engine` that take a scene, of one method (by its name) or of any, the default first."""
     return [engine for engine in ENGINES if engine.takes(scene) and method in (None, engine.method)]
 
 
 def engine_of(scene, method=None):
-    """Return the `Engine` that simulates a scene by a method, or by the first that fits.
+    """Return the `Engine` that simulates a scene by a method (its name), or by the first that fits for None.
 
     Raises
     ------
@@ -41,5 +41,5 @@ def engine_of(scene, method=None):
 
 
 def task_of(engine, scene):
-    """Return the task of `fpk_rocking.base.precompilation` that compiles an engine for a scene."""
+    """Return the task of `fpk_rocking.base.precompilation` that compiles an `Engine` for a scene, as a text."""
     return precompilation.task_for_block(f"montecarlo.precompilation:{engine.task}", scene)

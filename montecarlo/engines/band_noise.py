@@ -41,7 +41,10 @@ class Band(NamedTuple):
 
 
 def band_of_scene(scene, period):
-    """Return the `Band` of a scene for a table period; without noise it has no harmonics."""
+    """Return the `Band` of a scene, in turns per table period of duration `period`, nondimensional.
+
+    Without noise it has no harmonics.
+    """
     if scene.noise.kind != "band":
         return Band(0.0, 0.0, 0.0, 0)
     low, high = (frequency * period / (2.0 * math.pi) for frequency in scene.noise.band)
@@ -51,10 +54,10 @@ def band_of_scene(scene, period):
 
 @kernel(inline="always")
 def draw_start_and_noise(stream, start, band, harmonics):
-    """Draw the start and the harmonics of one realization, in this order; return angle and velocity at τ = 0.
+    """Draw the start and the harmonics of one realization, in this order; return angle and velocity.
 
-    `start` (5,): from `start_parameters`; `band`: a `Band`. Of the harmonics `ratios`, `phases` and `weights` are
-    written.
+    Those are at τ = 0. `stream`: random numbers; `start` (5,): from `start_parameters`; `band`: a `Band`. Of the
+    `band.Realization` `harmonics`, `ratios`, `phases` and `weights` are written.
     """
     angle, velocity = draw_start(stream, start)
     uniform_pairs(stream, harmonics.ratios, harmonics.phases, band.harmonics)
@@ -79,7 +82,10 @@ def allocate_samples(harmonics):
 
 @kernel
 def divide_by_window(harmonics, parameters):
-    """Turn the harmonics of the noise into those of its interpolant; `compensation` and `ratio_scale` are read."""
+    """Turn the weights of the harmonics, in place, from those of the noise into those of its interpolant.
+
+    `harmonics`: a `band.Realization`; of `Parameters`, `compensation` and `ratio_scale` are read.
+    """
     for n in range(harmonics.ratios.size):
         harmonics.weights[n] *= evaluate_compensation(
             parameters.compensation, harmonics.ratios[n] * parameters.ratio_scale
@@ -88,7 +94,7 @@ def divide_by_window(harmonics, parameters):
 
 @kernel(inline="always")
 def write_first_samples(samples, cycle, parameters):
-    """Write the samples for the first CHUNK intervals from a cycle on."""
+    """Write to `Samples` those of the noise for the first CHUNK intervals from a `cycle` on."""
     harmonics, spacing = samples.harmonics, parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing)
     band.write_sample_rotations(harmonics, HALF, spacing)
     band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
@@ -100,7 +106,10 @@ def write_first_samples(samples, cycle, parameters):
 
 @kernel(forceinline=True)
 def write_next_samples(samples, number, cycle, parameters):
-    """Write the samples for CHUNK intervals from a number on, if the last ones are used up; return whether so."""
+    """Write to `Samples` those for CHUNK intervals from a number on, if the last ones are used up.
+
+    Returns whether so. `number` counts intervals from the begin of the run at `cycle`.
+    """
     used_up = number % CHUNK == 0 and number > 0
     if used_up:
         _write_further(samples.harmonics, samples.values, number, cycle, parameters.grid.count)
@@ -109,7 +118,11 @@ def write_next_samples(samples, number, cycle, parameters):
 
 @kernel
 def _write_further(harmonics, values, number, cycle, intervals):
-    """Move the centre of the harmonics on by a chunk, or put it there anew now and then, and write its samples."""
+    """Move the centre of the harmonics on by a chunk, or set it anew now and then; write the chunk's samples.
+
+    `number` counts intervals from the begin of the run at `cycle`, which has `intervals` of them. `values` (WIDTH - 1 +
+    CHUNK,) are written.
+    """
     if number // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
         centre = number + WIDTH // 2 + HALF
         band.set_centre(harmonics, cycle + centre // intervals, centre % intervals / intervals)
@@ -120,7 +133,10 @@ def _write_further(harmonics, values, number, cycle, intervals):
 
 @kernel(fastmath={"contract"})
 def _write_chunk(harmonics, values):
-    """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1."""
+    """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1 before them.
+
+    `harmonics`: a `band.Realization`; `values`: (WIDTH - 1 + CHUNK,).
+    """
     for k in range(WIDTH - 1):
         values[k] = values[k + CHUNK]
     values[WIDTH - 1 :] = 0.0
@@ -130,9 +146,10 @@ def _write_chunk(harmonics, values):
 # Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
 @kernel(fastmath={"contract"}, forceinline=True)
 def interpolate(out, base, s, g, k):
-    """Write `base` plus the samples `g` from number k on times the columns of `s` (WIDTH, n): the noise in an interval.
+    """Write to `out` (n,) `base` (n,) plus the noise in an interval, from the samples g number k, k + 1, ...
 
-    With the polynomials of the interpolant that is the noise as a polynomial, with their values its values.
+    These are multiplied by the columns of s (WIDTH, n). With the polynomials of the interpolant the result is the noise
+    as a polynomial, with their values its values.
     """
     a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
     k += 8
@@ -158,7 +175,10 @@ class EnvelopePieces(NamedTuple):
 
 
 def envelope_pieces(envelope, middles, half):
-    """Return the `EnvelopePieces` of an envelope, or of none, for intervals with these middles (m,) and half length."""
+    """Return the `EnvelopePieces` of an `envelope`, or of None, for intervals with these middles (m,).
+
+    `half`: half their duration, nondimensional.
+    """
     if envelope is None:
         count = len(middles)
         return EnvelopePieces(np.arange(count + 1), np.full(count, half), np.ones((count, 1)))
@@ -181,7 +201,7 @@ def envelope_pieces(envelope, middles, half):
 
 
 def largest_envelope(envelope, grid):
-    """Return the largest value of an envelope in each interval (m,) of a `TimeGrid`; 1 without an envelope."""
+    """Return the largest value of an `envelope` in each interval (m,) of a `TimeGrid`; 1 for None."""
     if envelope is None:
         return np.ones(grid.count)
     edges = grid.spacing * np.arange(grid.count + 1)
@@ -259,7 +279,10 @@ class Collocation(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
-    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`."""
+    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`.
+
+    `times` (rows,) are since the begin of the table period, by default its end alone. `steps_per_cycle` is not used.
+    """
     forcing, envelope, exact = scene.forcing, scene.noise.envelope, scene.block.critical_angle > 0.0
     longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
     if scene.noise.kind == "band":
@@ -296,7 +319,7 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
 
 
 def scaled_parameters(parameters, factor):
-    """Return the `Parameters` of a scene without noise as those of its forcing times a factor, above 0.
+    """Return the `Parameters` of a scene without noise with its forcing times a `factor` above 0.
 
     The tables of the forcing are linear in it. To make them anew costs several times as much as a path.
     """
@@ -312,15 +335,22 @@ def scaled_parameters(parameters, factor):
 
 
 def _closed_form(particular, polynomials, half):
-    """Return `ClosedForm` from P of the forcing and the polynomials of the interpolant."""
+    """Return `ClosedForm` from P of the forcing and the polynomials of the interpolant (WIDTH, TERMS).
+
+    `particular`: (m, TERMS), in the time since the interval's middle; `half`: half an interval's duration.
+    """
     return ClosedForm(np.stack(particular_at(particular, half), axis=-1), np.stack(particular_at(polynomials, half)))
 
 
 def _response(particular, polynomials, order, half):
-    """Return `Response` from P of the forcing and the polynomials of the interpolant."""
+    """Return `Response` from P of the forcing and the polynomials of the interpolant (WIDTH, TERMS).
+
+    `particular`: (m, TERMS), in the time since the interval's middle; `order`: terms of the envelope's polynomial;
+    `half`: half an interval's duration.
+    """
 
     def over_an_interval(particular):
-        """Angle and velocity (2, n) that flights over an interval gain from particular solutions (n, TERMS)."""
+        """Angle and velocity (2, n) that flights over an interval gain from P of n forces (n, TERMS)."""
         return np.stack(
             forced_response(*particular_at(particular, -half), *particular_at(particular, half), 2.0 * half)
         )
@@ -331,7 +361,11 @@ def _response(particular, polynomials, order, half):
 
 
 def _collocation(force, envelope, polynomials, middles, spacing):
-    """Return `Collocation` from the forcing and the polynomials of the interpolant."""
+    """Return `Collocation` from the forcing (m, TERMS) and the polynomials of the interpolant (WIDTH, TERMS).
+
+    `force` is in the time since the intervals' `middles` (m,), which are since τ = 0, `spacing` apart; `envelope`: or
+    None.
+    """
     times = 0.5 * spacing * (2.0 * PLACES - 1.0)
     powers = times ** np.arange(TERMS)[:, None]
     strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
@@ -339,7 +373,10 @@ def _collocation(force, envelope, polynomials, middles, spacing):
 
 
 def _eventless_angles(low, high, spacing, block):
-    """Return `least`, `most` and `stays` of `Parameters` from bounds (m,) of the force."""
+    """Return `least`, `most` and `stays` of `Parameters` from bounds `low`, `high` (m,) of the force.
+
+    `spacing`: duration of an interval; `block`: `Body`.
+    """
     below, above = np.empty((2, low.size, 2))
     _write_clearances(low, high, spacing, block, below, above)
     return below, block.cutoff - above, np.maximum(high, -low) < lift_off(block.critical_angle or 0.0)
@@ -347,7 +384,10 @@ def _eventless_angles(low, high, spacing, block):
 
 @kernel
 def _write_clearances(low, high, spacing, block, below, above):
-    """Write how far flights may leave their chord (m, 2), from bounds (m,) of the force, on both sides."""
+    """Write to `below`, `above` (m, 2) how far flights may leave their chord, indexed [interval, side].
+
+    `low`, `high` (m,) are bounds of the force; `spacing`: duration of an interval.
+    """
     for j in range(low.size):
         for k in range(2):
             below[j, k], above[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, block)
@@ -370,7 +410,7 @@ class Workspace(NamedTuple):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread."""
+    """Return the `Workspace` of a thread, for the number of harmonics and the intervals of these `Parameters`."""
     samples, rows = allocate_samples(parameters.band.harmonics), np.empty((4, TERMS))
     half = 0.5 * parameters.grid.spacing
     exponentials, bend = parameters.exponentials, parameters.bend

@@ -17,10 +17,11 @@ from montecarlo.tuning import TUNING
 
 @kernel
 def safe_step(gap, slope, bend, reach, limit, shortest):
-    """Longest step, up to `limit`, in which a gap stays open.
+    """Longest step h, up to `limit`, in which a gap between folded angle and barrier stays open; nondimensional.
 
-    It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0. With bend <= 0 that is concave in h, so Newton's
-    iteration comes down on the root from above; it stops once nine tenths of `reach` are kept, or below `shortest`.
+    It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. With
+    bend <= 0 that is concave in h, so Newton's iteration comes down on the root from above; it stops once nine tenths
+    of `reach` are kept, or below `shortest`.
     """
     h = limit
     root = math.sqrt(h)
@@ -46,10 +47,10 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, origin):
     """Return u, w, side and the time of a draw (u, w) at `end` that lies beyond x = 0, or was meant to end there.
 
-    They are those right after the impact, if there is one. The impact lies on the parabola through the drawn state.
-    Where that has none within the step, the motion since the impact is the drawn one scaled by the restitution. The
-    impact is recorded, unless `impacts` is None. `latest` is the latest time for it: `end`, or that of a step that was
-    to end with it.
+    They are those right after the impact, if there is one. It lies on the parabola through the drawn state; where that
+    has none within the step from `start`, the motion since the impact is the drawn one scaled by the restitution. Times
+    count from the begin of the `Segment`, at `origin` since τ = 0; `latest` is the latest for an impact: `end`, or that
+    of a step that was to end with it. `impacts` records it, unless None.
     """
     restitution = parameters.block.restitution
     pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
@@ -70,9 +71,10 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
 
 @kernel(inline="always")
 def nystrom_step(u, w, side, begin, middle, end, h, block):
-    """Folded angle and velocity after a step of Nyström's method of order 4, from three values of the force.
+    """Folded angle and velocity after a step h of Nyström's method of order 4, and cos φ halfway.
 
-    And the factor of the noise halfway: cos φ. The method is that for forces which do not depend on the velocity.
+    (u, w) is before it; `begin`, `middle`, `end` are the force at these times, nondimensional. cos φ is the factor of
+    the noise. The method is that for forces which do not depend on the velocity.
     """
     first = acceleration(u, side, begin, block)
     halfway = u + 0.5 * h * (w + 0.25 * h * first)
@@ -84,14 +86,20 @@ def nystrom_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _slender_mean(x, v, side, segment, start, end, block):
-    """Angle and velocity of a slender block at the end of a step without noise, and the factor of the noise in it."""
+    """Angle and velocity of a slender block at `end` of a step without noise, and the noise's factor in it: 1.
+
+    (x, v) is at `start`; both times count from the begin of the `Segment`.
+    """
     x, v = slender_flight_end(x, v, side, segment, start, end, block)
     return x, v, 1.0
 
 
 @kernel(inline="always")
 def _exact_mean(x, v, side, segment, start, end, block):
-    """Angle and velocity of an exact block at the end of a step without noise, and the factor of the noise in it."""
+    """Angle and velocity of an exact block at `end` of a step without noise, and the noise's factor cos φ in it.
+
+    (x, v) is at `start`; both times count from the begin of the `Segment`.
+    """
     begin, middle = value_and_slope(segment.force, start)[0], value_and_slope(segment.force, 0.5 * (start + end))[0]
     last = value_and_slope(segment.force, end)[0]
     u, w, strength = nystrom_step(side * x, side * v, side, begin, middle, last, end - start, block)
@@ -103,9 +111,10 @@ _mean = dispatch_on_block(_slender_mean, _exact_mean)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, impacts, origin):
-    """Take one step near a barrier in interval j, up to a time; return u, w, side and the time reached.
+    """Take one step near a barrier in interval j, from `start` up to `limit`; return u, w, side, time reached.
 
-    u >= cutoff means overturned.
+    u >= cutoff means overturned. Times count from the begin of the interval, whose `Segment` is the forcing's and which
+    is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None.
     """
     block, left, diffusion, reach = parameters.block, limit - start, parameters.diffusion[j], parameters.reach[j]
     cutoff = block.cutoff

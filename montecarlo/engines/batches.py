@@ -50,7 +50,11 @@ class Batch(NamedTuple):
 
 
 def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
-    """Return the `Run` of parameters, those of `montecarlo.simulate`; raise TypeError or ValueError for a wrong one."""
+    """Return the `Run` of parameters that are those of `montecarlo.simulate`.
+
+    `realizations` may be None for a deterministic scene. Raises TypeError or ValueError for a wrong one, `progress`
+    too, which is not part of a run.
+    """
     checks.instance("scene", scene, Scene)
     limits.check(scene)
     checks.report(progress)
@@ -65,7 +69,10 @@ def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, prog
 
 
 def refuse_large(run, per_cycle=1, instead=""):
-    """Refuse a run whose states, `per_cycle` in a cycle, do not fit into 4 GiB; `instead` is what takes more."""
+    """Raise ValueError for a `Run` whose states, `per_cycle` in a cycle, do not fit into 4 GiB.
+
+    `instead`: what the message says takes more, as a text.
+    """
     if run.realizations * (run.rows * per_cycle + 1) > TUNING.most_states:
         rows = "times" if run.scene.period is None else "cycles"
         rows += "" if per_cycle == 1 else f" x {per_cycle}"
@@ -124,7 +131,10 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
 
 
 def _fill(batch, simulate):
-    """Simulate the realizations of a batch, in parts that the threads take in turn."""
+    """Simulate the realizations of a `Batch`, in parts that the threads take in turn.
+
+    `simulate`: function of a `Batch` that fills it.
+    """
     count = len(batch.angle)
     size = -(-count // (4 * thread_count()))
     parts = [_part(batch, begin, begin + size) for begin in range(0, count, size)]
@@ -132,25 +142,32 @@ def _fill(batch, simulate):
 
 
 def _part(batch, begin, end):
-    """Return realizations from one place of a `Batch` to another, as views."""
+    """Return realizations `begin` to `end`, as places in a `Batch`, as a `Batch` of views."""
     impacts = ImpactRecord(*(array[begin:end] for array in batch.impacts))
     return Batch(batch.first + begin, *(array[begin:end] for array in batch[1:-1]), impacts)
 
 
 def _repeated(batch, first, count):
-    """Return realizations `first`, ... of a deterministic scene, `count` of them, from a batch of one."""
+    """Return `count` realizations of a deterministic scene, numbered from `first` on, from a `Batch` of one."""
     states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:-1], batch.impacts))
     return Batch(first, *states, ImpactRecord(*impacts))
 
 
 def _drop_overturning_after(batch, end):
-    """Delete the overturning of a batch that an engine met after the last time, in the interval in which that is."""
+    """Delete from a `Batch` the overturning that an engine met after time `end`, the last one.
+
+    An engine goes on to the end of the interval in which that time is.
+    """
     later = batch.overturn_time > end
     batch.overturn_time[later], batch.overturn_side[later] = math.nan, 0
 
 
 def _refuse_missing_states(batch, run, times):
-    """Raise where a state is missing or is no number: every one up to overturning, and none after it, has to be one."""
+    """Raise FloatingPointError where a state of a `Batch` is missing or is no number.
+
+    Every one up to overturning, and none after it, has to be one. `times` (rows * samples + 1,) are those of the states
+    of the `Run`.
+    """
     standing, last = batch.overturn_side == 0, len(times) - 1.0
     ends = np.where(standing, last, np.interp(batch.overturn_time, times, np.arange(len(times))))
     counts = np.count_nonzero(np.isfinite(batch.angle) & np.isfinite(batch.velocity), axis=1)
@@ -166,7 +183,10 @@ def _refuse_missing_states(batch, run, times):
 
 
 def _empty_batch(first, count, rows, capacity):
-    """Return a `Batch` to be filled: `count` realizations from `first` on, with space for `capacity` impacts each."""
+    """Return a `Batch` to be filled: `count` realizations numbered from `first` on, with `rows` states each.
+
+    Each has space for `capacity` impacts.
+    """
     angle, velocity = np.full((2, count, rows), math.nan)
     time, speed = np.full((2, count, capacity), math.nan)
     hits = ImpactRecord(np.zeros(count, np.int64), time, speed)

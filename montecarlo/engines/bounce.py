@@ -29,7 +29,7 @@ def _mean_negative_part(ratio):
 
 @kernel
 def _draw_beyond(stream, ratio):
-    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor."""
+    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0."""
     while True:
         if ratio < 1.0:
             y = math.sqrt(-2.0 * math.log(1.0 - uniform(stream)))
@@ -102,8 +102,10 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     """Draw the bounce of a block that leaves x = 0 in interval j at w > 0; return w and side after it, and its time.
 
     The side is 0 where the bounce is not low enough, could last beyond `until`, or meets a pull that changes too much
-    for a linear one. The linear pull is that with the impulse and the first moment of the forcing, a cubic through its
-    values and slopes at the begin and at the middle of the flight, less the mean of the angle.
+    for a linear one. `time` is that of the impact that it leaves; like `until` and the one returned it counts from the
+    interval's begin, at `origin` since τ = 0. The linear pull is that with the impulse and the first moment of the
+    forcing, a cubic through its values and slopes at the begin and at the middle of the flight, less the mean of the
+    angle. `impacts` is an `ImpactRecord` or None.
     """
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, block)

@@ -26,7 +26,10 @@ from montecarlo.tuning import TUNING
 
 @kernel(inline="always")
 def angle_and_velocity(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Angle and velocity at the end of an interval, of an engine whose state they are."""
+    """Angle and velocity (a tuple) at an interval's end, where the engine's `state` is just that.
+
+    The other arguments are those of `Engine.state_at_end`, and are not used.
+    """
     return state
 
 
@@ -109,7 +112,10 @@ class Engine:
         return self._compiled(_simulate, {**vars(self), "simulate_path": path})
 
     def _compiled(self, function, functions, **options):
-        """Return a function of this module as a kernel, in which `engine` has these functions."""
+        """Return a function of this module as a kernel, in which `engine` has these functions.
+
+        `functions`: callables by attribute name, as of an `Engine`; `options`: for the decorator `kernel`.
+        """
         module = types.ModuleType(self.task)
         vars(module).update(functions)
         own = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{self.task}")
@@ -158,10 +164,12 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
 
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):
-    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning.
+    """Simulate one realization; return the time of overturning (nan: never) and its side, -1 or 1 (0: never).
 
-    `impacts` records its impacts, and `unkept`, a record without room, those on the way to a state within an interval:
-    a record of another type would have all functions of the engine compiled twice.
+    `stream` (4,) uint64 is its random numbers; `cycle` the one at which the run begins; `angle`, `velocity` (periods *
+    rows + 1,) are filled up to overturning. `impacts` records its impacts, and `unkept`, a record without room, those
+    on the way to a state within an interval: a record of another type would have all functions of the engine compiled
+    twice.
     """
     intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)

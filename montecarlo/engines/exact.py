@@ -46,7 +46,11 @@ from montecarlo.engines.engine import Engine
 
 @kernel(fastmath={"contract"})
 def _divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
-    """Turn the weights (n,) of the noise's harmonics into those of the interpolant of P."""
+    """Turn the weights (n,) of the noise's harmonics, in place, into those of the interpolant of P.
+
+    `ratios` (n,): frequencies in turns per table period; `frequency`: angular, of one turn. `compensation`,
+    `ratio_scale`: those of `Parameters`, by which the interpolant's window is made good.
+    """
     for n in range(ratios.size):
         gain = -evaluate_compensation(compensation, ratios[n] * ratio_scale)
         weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
@@ -54,7 +58,10 @@ def _divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
 
 @kernel(fastmath={"contract"})
 def _write_nodes(samples, node, ends):
-    """Write the noise's share of P at the ends of the intervals that the new samples complete."""
+    """Write `node` (CHUNK,), the noise's share of P at the ends of the intervals that new samples complete.
+
+    `samples` (WIDTH - 1 + CHUNK,) of the noise; `ends` (2, WIDTH): as of `ClosedForm`.
+    """
     node[:] = 0.0
     for i in range(0, WIDTH, 4):
         a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
@@ -64,7 +71,10 @@ def _write_nodes(samples, node, ends):
 
 @kernel(fastmath={"contract", "reassoc"})
 def _noise_slope(samples, k, slopes):
-    """Return the derivative of the noise's share of P at the end of interval k of a chunk."""
+    """Return the derivative of the noise's share of P at the end of interval k of a chunk.
+
+    `samples` (WIDTH - 1 + CHUNK,) of the noise; `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
+    """
     total = 0.0
     for i in range(WIDTH):
         total += slopes[i] * samples[k + i]
@@ -73,7 +83,11 @@ def _noise_slope(samples, k, slopes):
 
 @kernel(inline="always")
 def _begin_closed(stream, cycle, parameters, workspace):
-    """Draw the start and the noise; the state is the growing and the decaying exponential and the folded angle."""
+    """Draw start and noise from `stream`; return (angle, velocity) and the state at the begin of a cycle.
+
+    The state is the growing and the decaying exponential and the folded angle. The harmonics and the first samples are
+    written to the `Workspace`; `parameters` are `Parameters`.
+    """
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     side = side_of_start(x, v)
@@ -88,21 +102,30 @@ def _begin_closed(stream, cycle, parameters, workspace):
 
 @kernel(forceinline=True)
 def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
-    """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
+    """Write to the `Workspace` the samples for the CHUNK intervals from a number on, where others are used up.
+
+    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used.
+    """
     if write_next_samples(workspace.samples, number, cycle, parameters):
         _write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
 
 
 @kernel(inline="always")
 def _is_eventless(u, end, side, j, parameters):
-    """Whether a flight between two folded angles surely has no event in interval j."""
+    """Whether a flight from folded angle u to folded angle `end` surely has no event in interval j.
+
+    `parameters`: their `least` and `most` are the bounds for the interval and the side.
+    """
     s = 1 if side > 0 else 0
     return min(u, end) > parameters.least[j, s] and max(u, end) < parameters.most[j, s]
 
 
 @kernel(forceinline=True)
 def _try_closed(state, side, number, j, parameters, workspace):
-    """Whether nothing happens in an interval, and the exponentials and the folded angle at its end if so."""
+    """Whether interval j, the run's `number`, surely has no event, and the state at its end if so.
+
+    A state is the growing and the decaying exponential and the folded angle; the noise is in the `Workspace`.
+    """
     factor, (grow, decay, u) = workspace.interval.factor * workspace.interval.factor, state
     grow, decay = grow * factor, decay * (1.0 / factor)
     end = folded_angle(side, parameters.flight.node[j, 0] + workspace.node[number % CHUNK], grow, decay)
@@ -111,14 +134,21 @@ def _try_closed(state, side, number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _build_particular(number, j, parameters, workspace):
-    """Write P of forcing and noise in an interval."""
+    """Write P of forcing and noise in interval j, the run's `number`, to `workspace.interval`.
+
+    It is a polynomial (TERMS,) in the time since the interval's middle.
+    """
     particular, samples = workspace.interval.particular, workspace.samples.values
     interpolate(particular, parameters.forced[j], parameters.polynomials, samples, number % CHUNK)
 
 
 @kernel(inline="always")
 def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through an interval."""
+    """Carry a block through interval j with its events; return state, side and time of overturning or inf.
+
+    A state is the growing and the decaying exponential and the folded angle. `state` is that at the begin, `end` that
+    at the end if there were no event, from `_try_closed`; `share` is 1. `impacts` records times since τ = 0.
+    """
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
     grow, decay, u, side, time = cross_interval(
@@ -129,14 +159,21 @@ def _step_closed(state, end, side, number, j, share, cycle, parameters, workspac
 
 @kernel(inline="always")
 def _step_within_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a share of an interval, to angle and velocity, nan if it has overturned."""
+    """Carry a block through a `share` of interval j; return (angle, velocity), side and inf.
+
+    Both are nan if it has overturned by then. `state` is that at the begin, two exponentials and the folded angle;
+    `end`, `number` and `cycle` are not used.
+    """
     time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
     return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
 
 
 @kernel(forceinline=True)
 def _end_closed(state, side, number, j, parameters, workspace):
-    """Angle and velocity at the end of an interval."""
+    """Angle and velocity at the end of interval j, the run's `number`, (0, 0) at rest.
+
+    `state` is that at the end: the growing and the decaying exponential and the folded angle.
+    """
     grow, decay, u = state
     if side == 0:
         return 0.0, 0.0
@@ -149,7 +186,10 @@ def _end_closed(state, side, number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
-    """Draw the start and the noise, and make the first samples."""
+    """Draw start and noise from `stream`; return (angle, velocity), and the same again as the state.
+
+    The harmonics, and their samples for the first intervals of `cycle`, are written to the `Workspace`.
+    """
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     divide_by_window(samples.harmonics, parameters)
@@ -159,13 +199,19 @@ def _begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
-    """Write the samples of the noise for CHUNK intervals, where the last ones are used up."""
+    """Write to the `Workspace` the samples for the CHUNK intervals from a number on, where others are used up.
+
+    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used.
+    """
     write_next_samples(workspace.samples, number, cycle, parameters)
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _respond_to_force(x, v, side, j, k, parameters, workspace):
-    """Angle and velocity of a slender block after interval j, number k of a chunk, if nothing happens in it."""
+    """Angle and velocity of a slender block at the end of interval j, if it has no event in it.
+
+    (x, v) is at its begin, k its number in the chunk of samples in the `Workspace`. The envelope is one piece there.
+    """
     h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
     strength = parameters.envelope.strength[parameters.envelope.first[j]]
     push, kick = parameters.flight.forcing[j, 0], parameters.flight.forcing[j, 1]
@@ -182,7 +228,10 @@ def _respond_to_force(x, v, side, j, k, parameters, workspace):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _noise_at_points(values, g, k):
-    """Noise at the points of an interval, less its envelope, from the samples from number k on."""
+    """Noise at the NODES points of an interval, a SIMD vector, less its envelope.
+
+    `values` (WIDTH, NODES): as of `Collocation`; g: samples of a chunk, those of this interval from number k on.
+    """
     one = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
     two = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
     for i in range(4, WIDTH, 4):
@@ -193,7 +242,11 @@ def _noise_at_points(values, g, k):
 
 @kernel(inline="always")
 def _try_response(state, side, number, j, parameters, workspace):
-    """Whether nothing happens to a slender block in an interval, and angle and velocity at its end if so."""
+    """Whether interval j surely has no event for a slender block, and (angle, velocity) at its end if so.
+
+    `state` is angle and velocity at its begin, `number` counts from the begin of the run. Where the envelope has a kink
+    inside the interval the answer is no.
+    """
     x, v = state
     if side == 0:
         return parameters.stays[j], state
@@ -205,7 +258,11 @@ def _try_response(state, side, number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _try_collocation(state, side, number, j, parameters, workspace):
-    """Whether nothing happens to an exact block in an interval, and angle and velocity at its end if so."""
+    """Whether interval j surely has no event for an exact block, and (angle, velocity) at its end if so.
+
+    `state` is angle and velocity at its begin, `number` counts from the begin of the run. The angle is nan if
+    collocation has not converged; u'' at its points is written to `workspace.acceleration`.
+    """
     x, v = state
     if side == 0:
         return parameters.stays[j], state
@@ -226,7 +283,10 @@ def _try_collocation(state, side, number, j, parameters, workspace):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
-    """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
+    """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for a slender block.
+
+    It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
+    """
     k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
     for n in range(TERMS):
         value = 0.0
@@ -237,13 +297,20 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(inline="always")
 def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
-    """Write the noise in an interval, less its envelope, as a polynomial in the time since its middle."""
+    """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for an exact block.
+
+    It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
+    """
     interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
 
 
 @kernel(forceinline=True)
 def _write_product(strength, noise, base, out):
-    """Write a polynomial (TERMS,) plus the product of envelope and noise."""
+    """Write to `out` (TERMS,) the polynomial `base` (TERMS,) plus the product of `strength` and `noise`.
+
+    `strength` (order,): the envelope; `noise` (TERMS,): the noise without it; all in the time since an interval's
+    middle.
+    """
     for n in range(TERMS):
         force = base[n]
         for i in range(min(n + 1, strength.size)):
@@ -253,7 +320,11 @@ def _write_product(strength, noise, base, out):
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
-    """Carry a slender block through a piece of the envelope in interval j."""
+    """Carry a slender block from `begin` to `end` of interval j; return x, v, side and the time reached.
+
+    Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
+    `impacts`. The envelope has the polynomial `strength` (order,) in between. `known`, `last`: for an exact block.
+    """
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
     _write_product(strength, workspace.noise, parameters.zeros, force)
     particular_from_rest(force, particular)
@@ -265,7 +336,12 @@ def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameter
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters, workspace, impacts, origin, block):
-    """Carry an exact block through a piece of the envelope in interval j; `last` is the state at its end if `known`."""
+    """Carry an exact block from `begin` to `end` of interval j; return x, v, side and the time reached.
+
+    Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
+    `impacts`. The envelope has the polynomial `strength` (order,) in between. If `known`, `last` is (angle, velocity)
+    at `end` of the flight that begins there, unless it meets an event.
+    """
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
     _write_product(strength, workspace.noise, parameters.forced[j], force)
     angle, speed = last
@@ -279,7 +355,12 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(forceinline=True)
 def _step(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
-    """Carry a block through a share of an interval, piece by piece of the envelope."""
+    """Carry a block through a `share` of interval j; return (angle, velocity), side, time of overturning or inf.
+
+    It goes piece by piece of the envelope. `state` is (angle, velocity) at the interval's begin, `end` that at its end
+    as tried without an event; `number` counts from the begin of the run at `cycle`; `impacts` records times since τ =
+    0.
+    """
     (x, v), first = state, parameters.envelope.first
     spacing, time, known = parameters.grid.spacing, 0.0, False
     if share == 1.0:
@@ -300,7 +381,10 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
 
 
 def _takes(enveloped, exact):
-    """Return `Engine.takes` for scenes with or without an envelope (None: either), and an exact or slender block."""
+    """Return `Engine.takes`, a function of a scene, for one kind of scene with band noise or none.
+
+    `enveloped`: whether the noise has an envelope, None for either. `exact`: whether the block is exact, else slender.
+    """
 
     def takes(scene):
         """Whether the engine simulates a scene."""

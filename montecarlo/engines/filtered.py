@@ -87,7 +87,11 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the `Parameters` of a scene with filtered noise; a realization does not depend on `times`."""
+    """Return the `Parameters` of a scene with filtered noise; a realization does not depend on `times`.
+
+    `steps_per_cycle` over the filter's fastest rate sets the longest interval; `times` (rows,) are since the begin of
+    the table period. ValueError where the filter is so slow that there would be too few intervals.
+    """
     envelope, space = scene.noise.envelope, scene.noise.space
     rate = space.fastest * steps_per_cycle
     longest = (TUNING.filtered_smooth if space.smooth else TUNING.filtered_rough) / rate
@@ -127,14 +131,17 @@ def parameters_on_grid(scene, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread."""
+    """Return the `Workspace` of a thread, for the filter of these `Parameters`."""
     rows = np.empty((3, TERMS))
     return Workspace(allocate_noise(parameters.noise), rows[0], rows[1], rows[2])
 
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
-    """Draw the start, and the noise up to the begin of the run; the state is angle and velocity."""
+    """Draw the start, and the noise up to the run's first `cycle`; return (angle, velocity) twice, also as the state.
+
+    `stream` gives the random numbers; the noise is written to the `Workspace`.
+    """
     state = draw_start(stream, parameters.start)
     draw_first_states(stream, parameters.noise, workspace.noise)
     for _ in range(cycle * parameters.grid.count):
@@ -144,13 +151,16 @@ def _begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw the noise of the next interval."""
+    """Draw the noise of the next interval from `stream` into the `Workspace`; number, j and cycle are not used."""
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
 @kernel(inline="always")
 def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
-    """Angle and velocity of a slender block after interval j if nothing happens in it, and True."""
+    """Angle and velocity of a slender block after interval j if nothing happens in it, and True.
+
+    (x, v) is at the interval's begin; what the noise adds is read from the `Workspace`.
+    """
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
     end, speed = homogeneous_flight(x - side, v, parameters.hyperbolic[0], parameters.hyperbolic[1])
     return end + side + parameters.drift[j, 0] + push, speed + parameters.drift[j, 1] + kick, True
@@ -158,7 +168,11 @@ def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _fly_exact(x, v, side, j, parameters, workspace, block):
-    """Angle and velocity of an exact block after interval j if nothing happens in it, and whether they are right."""
+    """Angle and velocity of an exact block after interval j if nothing happens in it, and whether they are right.
+
+    (x, v) is at the interval's begin, the noise in the `Workspace`. They are not right where the envelope has a kink
+    inside the interval, or collocation does not converge.
+    """
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return x, v, False
     noise = workspace.noise.bernstein[0] * load(parameters.basis, 0)
@@ -178,7 +192,10 @@ _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 @kernel(inline="always")
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Whether nothing happens in an interval, and angle and velocity at its end if so."""
+    """Whether interval j surely has no event, and (angle, velocity) at its end if so.
+
+    `state` is (angle, velocity) at its begin; the noise's Bernstein coefficients are written to the `Workspace`.
+    """
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
     if side == 0:
@@ -191,8 +208,9 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(fastmath={"contract"})
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
-    """Write P of forcing and noise in an interval, the force for an exact block; under an envelope, the noise alone.
+    """Write to the `Workspace` P of forcing and noise in interval j, for an exact block the force itself.
 
+    Under an envelope only the noise is written. All are polynomials (TERMS,) in the time since the interval's begin.
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
     """
@@ -205,13 +223,13 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(forceinline=True)
 def _respond_slender(force, particular, block):  # noqa: ARG001
-    """Write P of a force (TERMS,) for a slender block."""
+    """Write to `particular` (TERMS,) P of a `force` (TERMS,), from rest at t = 0, for a slender block."""
     particular_from_rest(force, particular)
 
 
 @kernel(forceinline=True)
 def _respond_exact(force, particular, block):  # noqa: ARG001
-    """Write a force (TERMS,) itself, for an exact block."""
+    """Write a `force` (TERMS,) itself to `particular` (TERMS,), for an exact block."""
     for k in range(TERMS):
         particular[k] = force[k]
 
@@ -221,14 +239,22 @@ _write_particular = dispatch_on_block(_respond_slender, _respond_exact)
 
 @kernel(forceinline=True)
 def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, block):
-    """Carry a slender block through a time under the force in `workspace`; return as `advance`."""
+    """Carry a slender block from `start` to `end` under the force in `workspace`; return x, v, side, time.
+
+    The time is that of overturning or `end`. Times count from where the polynomials do, at `origin` since τ = 0, and
+    `span` is the largest of them; `impacts` is an `ImpactRecord`.
+    """
     segment = borrowed(segment_from_particular(workspace.particular, workspace.force, span))
     return advance_through_events(x, v, side, segment, start, end, block, impacts, origin)
 
 
 @kernel(forceinline=True)
 def _advance_exact(x, v, side, start, end, span, workspace, impacts, origin, block):
-    """Carry an exact block through a time under the force in `workspace`; return as `advance`."""
+    """Carry an exact block from `start` to `end` under the force in `workspace`; return x, v, side, time.
+
+    The time is that of overturning or `end`. Times count from where the polynomials do, at `origin` since τ = 0, and
+    `span` is the largest of them; `impacts` is an `ImpactRecord`.
+    """
     return collocation.advance_collocated(workspace.particular, span, x, v, side, start, end, block, impacts, origin)
 
 
@@ -237,7 +263,11 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(fastmath={"contract"})
 def _build_force_in_piece(j, piece, parameters, workspace):
-    """Write P of forcing and noise in a piece of the envelope, or the force, in the time since the piece's begin."""
+    """Write to `workspace.particular` P of forcing and noise in a piece of the envelope in interval j.
+
+    For an exact block it is the force. `piece` is the number of the piece in `EnvelopeTables`, and time counts from its
+    begin.
+    """
     particular, force, share, envelope = workspace.particular, workspace.force, workspace.share, parameters.envelope
     begin, value, slope = envelope.begins[piece], envelope.strength[piece, 0], envelope.strength[piece, 1]
     move_origin(workspace.noise.signal, begin, share)
@@ -251,7 +281,11 @@ def _build_force_in_piece(j, piece, parameters, workspace):
 
 @kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
-    """Carry a block under an envelope from the begin of interval j to a time since then; return as `advance`."""
+    """Carry a block under an envelope from the begin of interval j to a time `until` since then.
+
+    Returns x, v, side and the time, since that begin, of overturning or `until`. The begin is at `origin` since τ = 0;
+    `impacts` is an `ImpactRecord`.
+    """
     time = 0.0
     for piece in range(parameters.envelope.first[j], parameters.envelope.first[j + 1]):
         begin, end = parameters.envelope.begins[piece], min(parameters.envelope.ends[piece], until)
@@ -268,7 +302,11 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
 
 @kernel(inline="always")
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a share of an interval; return (angle, velocity), side, and time of overturning."""
+    """Carry a block through a `share` of interval j; return (angle, velocity), side, time of overturning.
+
+    That is inf for none. `state` is (angle, velocity) at the interval's begin; `number` counts from the begin of the
+    run at `cycle`; `impacts` records times since τ = 0; `end` is not used.
+    """
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state
     if parameters.envelope.strength.size > 0:

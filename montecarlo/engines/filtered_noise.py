@@ -37,10 +37,10 @@ class NoiseTables(NamedTuple):
 
 
 def noise_tables(noise, span):
-    """Return the `NoiseTables` of filtered noise for intervals of a duration.
+    """Return the `NoiseTables` of filtered noise (`scene.noise`) for intervals of a duration `span`.
 
-    Time counts in intervals here, and the flight accordingly: every entry is then about 1 or less, and none lost in
-    the rounding of another.
+    Time counts in intervals here, and the flight accordingly: every entry is then about 1 or less, and none lost in the
+    rounding of another.
     """
     space = noise.space
     n = space.order
@@ -57,12 +57,18 @@ def noise_tables(noise, span):
 
 
 def polynomial_degree(space):
-    """Degree of the polynomial: that of the flight and the noise at both ends, and its derivative where it has one."""
+    """Degree of the polynomial that stands for noise of a `StateSpace` within an interval, 3 or 5.
+
+    It has the values of the flight and of the noise at both ends, and of the noise's derivative where it has one.
+    """
     return 5 if space.smooth else 3
 
 
 def _polynomial_tables(space, span, sigma):
-    """Return `shape` and `powers` of `NoiseTables`."""
+    """Return `shape` and `powers` of `NoiseTables`, for a filter, intervals of a duration, and a σ.
+
+    `space`: `StateSpace`, of unit variance; `span`: the duration; `sigma`: standard deviation of the noise.
+    """
     n, degree = space.order, polynomial_degree(space)
     shape = np.zeros((degree + 1, 2 * n + 2))
     shape[0, :n] = shape[degree, n : 2 * n] = sigma * space.output
@@ -83,9 +89,10 @@ def _polynomial_tables(space, span, sigma):
 
 
 def _response(degree, span, begin, end):
-    """Return angle and velocity (2, 2, degree + 1) that forces from a begin to an end add to a flight over an interval.
+    """Return angle and velocity (2, 2, degree + 1) that forces from `begin` to `end` add to a flight.
 
-    The forces are the Bernstein polynomials of the interval, and these times the time since the begin.
+    The forces are the Bernstein polynomials of an interval [0, span], indexed [0, ...], and these times the time since
+    the begin, [1, ...]; the flight ends at `span`.
     """
     points, weights = gauss_legendre(20, -1.0, 1.0)
     since = 0.5 * (end - begin) * (1.0 + points)
@@ -112,7 +119,10 @@ class EnvelopeTables(NamedTuple):
 
 
 def envelope_tables(envelope, grid, degree):
-    """Return the `EnvelopeTables` of an envelope, or of none, on a `TimeGrid`, for noise polynomials of a degree."""
+    """Return the `EnvelopeTables` of an envelope, or of None, on a `TimeGrid`.
+
+    `degree`: that of the noise polynomials.
+    """
     if envelope is None:
         empty = np.empty(0)
         return EnvelopeTables(np.zeros(0, int), empty, empty, np.empty((0, 2)), empty, np.empty((0, 2, degree + 1)))
@@ -130,7 +140,7 @@ def envelope_tables(envelope, grid, degree):
 
 
 def _cut_at_kinks(kinks, count):
-    """Cut `count` intervals at the kinks inside; times are in intervals.
+    """Cut `count` intervals at the kinks (n,) inside, ascending; times are in intervals.
 
     Return numbers of the first piece of each interval (count + 1,) and, for each piece, the number of its interval, and
     its begin and end since that interval's begin.
@@ -144,7 +154,10 @@ def _cut_at_kinks(kinks, count):
 
 
 def _linear_pieces(envelope, begins, ends, span):
-    """Return the envelope at the begins of pieces and its slopes there (pieces, 2); times are in intervals."""
+    """Return the envelope at the begins of pieces and its slopes there (pieces, 2).
+
+    `begins`, `ends` (pieces,): since τ = 0, in intervals of a duration `span`; the slopes are by nondimensional time.
+    """
     if len(envelope.kinks) == 0:
         values = envelope.value(span * begins)
         return np.stack([values, (envelope.value(span * ends) - values) / (span * (ends - begins))], axis=-1)
@@ -176,7 +189,10 @@ def allocate_noise(tables):
 
 @kernel
 def draw_first_states(stream, tables, noise):
-    """Draw the filter's states at τ = 0."""
+    """Draw the filter's states at τ = 0 from `stream`, into the last states of a `NoiseWorkspace`.
+
+    `tables` are `NoiseTables`.
+    """
     drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
     for i in range(n):
         normals[i] = normal(stream)
@@ -187,7 +203,11 @@ def draw_first_states(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def draw_next_interval(stream, tables, noise):
-    """Draw the states at the end of the next interval, and what the noise adds to a flight over it."""
+    """Draw the states at the end of the next interval, and what the noise adds to a flight over it.
+
+    They are drawn from `stream` by `NoiseTables` into `drawn` of a `NoiseWorkspace`, whose last states become the
+    first.
+    """
     drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
     for i in range(n):
         drawn[i] = drawn[n + i]
@@ -204,9 +224,10 @@ def draw_next_interval(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def bound_noise(j, tables, envelope, noise):
-    """Write the Bernstein coefficients of the noise in interval j, less its envelope; return bounds of it, with that.
+    """Write the noise in interval j, less its envelope, as Bernstein coefficients; return bounds (low, high) of it.
 
-    The polynomial lies between its Bernstein coefficients.
+    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds are with the envelope: the
+    polynomial lies between its coefficients. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
     """
     low, high = math.inf, -math.inf
     for i in range(noise.bernstein.size):
@@ -223,7 +244,10 @@ def bound_noise(j, tables, envelope, noise):
 
 @kernel(fastmath={"contract"})
 def write_polynomial(tables, noise):
-    """Write the coefficients `signal` of the noise in an interval from its Bernstein coefficients."""
+    """Write the coefficients `signal` of the noise in an interval from its Bernstein coefficients.
+
+    Both are in a `NoiseWorkspace`; `tables` are `NoiseTables`.
+    """
     signal, bernstein = noise.signal, noise.bernstein
     signal[:] = 0.0
     for k in range(bernstein.size):
@@ -233,7 +257,10 @@ def write_polynomial(tables, noise):
 
 @kernel(forceinline=True)
 def response_to_noise(j, envelope, noise):
-    """Angle and velocity that the noise adds to a flight of a slender block over interval j."""
+    """Angle and velocity that the noise adds to a flight of a slender block over interval j.
+
+    `envelope`: `EnvelopeTables`; `noise`: a `NoiseWorkspace` with the interval's noise.
+    """
     n = noise.drawn.size - 2
     if envelope.response.size == 0:
         return noise.drawn[n], noise.drawn[n + 1]

@@ -59,7 +59,10 @@ def allocate_population(walkers, steps):
 
 @kernel
 def record_score(population, i, score, step, a, b, c):
-    """Record the state (a, b, c) of walker i at a step, if its score is the highest along its path so far."""
+    """Record the state (a, b, c) of walker i at a `step`, if its score is the highest along its path so far.
+
+    `population`: the `Population` that is written to.
+    """
     k = population.records[i]
     if k == 0 or score > population.score[i, k - 1]:
         population.score[i, k], population.step[i, k] = score, step
@@ -69,9 +72,9 @@ def record_score(population, i, score, step, a, b, c):
 
 @kernel
 def raise_level(population, stream):
-    """Kill all walkers at the lowest score and branch survivors in their place.
+    """Kill all walkers of a `Population` at the lowest score and branch survivors in their place.
 
-    Return False if every score is infinite, or no walker survives.
+    `stream` draws the survivors. Return False if every score is infinite, or no walker survives.
     """
     walkers = population.records.size
     level = math.inf
@@ -97,7 +100,7 @@ def raise_level(population, stream):
 
 @kernel
 def _branch(population, i, parent, level):
-    """Begin walker i anew at its parent's first state above the level."""
+    """Begin walker i of a `Population` anew at the first state above the `level` (a score) of walker `parent`."""
     k = 0
     while population.score[parent, k] <= level:
         k += 1

@@ -50,7 +50,10 @@ def stream_keys(seed):
 
 @kernel
 def keys_at(keys, cycle):
-    """Return the keys (4,) uint64 of paths that begin at a cycle: at cycle 0 those of the seed, else others."""
+    """Return the keys (4,) uint64 of paths that begin at a `cycle`, a number from the scene's start.
+
+    At cycle 0 they are `keys` (4,), those of the seed, else others.
+    """
     if cycle == 0:
         return keys
     moved = np.empty_like(keys)
@@ -61,7 +64,10 @@ def keys_at(keys, cycle):
 
 @kernel
 def open_stream(keys, realization):
-    """Return the state (4,) uint64 of the random numbers of a realization, from the keys of a seed and its number."""
+    """Return the state (4,) uint64 of the random numbers of a realization, by its number.
+
+    `keys` (4,) uint64 are those of a seed.
+    """
     name = hash_word(np.uint64(realization) + np.uint64(_GOLDEN))
     state = np.empty(4, np.uint64)
     for i in range(4):
@@ -71,7 +77,7 @@ def open_stream(keys, realization):
 
 @kernel(inline="always")
 def _advance_generator(s0, s1, s2, s3):
-    """One step of the generator: 64 random bits and the next state."""
+    """One step of the generator from its state of four uint64: 64 random bits and the next state."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     s2 ^= s0
@@ -81,14 +87,17 @@ def _advance_generator(s0, s1, s2, s3):
 
 @kernel
 def next_word(state):
-    """Return 64 random bits (uint64) and advance the state."""
+    """Return 64 random bits (uint64) and advance the `state` (4,) uint64 of a stream."""
     word, state[0], state[1], state[2], state[3] = _advance_generator(state[0], state[1], state[2], state[3])
     return word
 
 
 @kernel
 def uniform_pairs(state, first, second, count):
-    """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give."""
+    """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give.
+
+    `state` (4,) uint64 of a stream is advanced.
+    """
     s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
     for n in range(count):
         word, s0, s1, s2, s3 = _advance_generator(s0, s1, s2, s3)
@@ -100,13 +109,13 @@ def uniform_pairs(state, first, second, count):
 
 @kernel
 def uniform(state):
-    """Return a number in [0, 1), a multiple of 2**-53."""
+    """Return a number in [0, 1), a multiple of 2**-53, and advance the `state` (4,) uint64 of a stream."""
     return float(next_word(state) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel(forceinline=True)
 def normal(state):
-    """Return a standard normal number."""
+    """Return a standard normal number, and advance the `state` (4,) uint64 of a stream."""
     while True:
         word = next_word(state)
         layer = np.int64(word & np.uint64(255))
@@ -124,7 +133,7 @@ def normal(state):
 
 @kernel
 def _tail(state):
-    """Return a normal number beyond the begin of the last layer, without its sign."""
+    """Return a normal number beyond the begin of the last layer, without its sign; `state` (4,) is a stream's."""
     while True:
         x = math.log(1.0 - uniform(state)) / _TAIL
         y = math.log(1.0 - uniform(state))
@@ -133,14 +142,20 @@ def _tail(state):
 
 
 def start_parameters(start):
-    """Return angle, velocity and the Cholesky factor xx, vx, vv of their covariance, shape (5,); zeros for a point."""
+    """Return angle, velocity and the Cholesky factor xx, vx, vv of their covariance, shape (5,).
+
+    `start`: that of a scene; the factor is zero for a point.
+    """
     spread = np.zeros((2, 2)) if start.covariance is None else np.linalg.cholesky(np.array(start.covariance))
     return np.array([start.angle, start.velocity, spread[0, 0], spread[1, 0], spread[1, 1]])
 
 
 @kernel
 def draw_start(stream, start):
-    """Draw angle and velocity at τ = 0 from `start_parameters` (5,); a point takes no random numbers."""
+    """Draw angle and velocity at τ = 0, by the numbers (5,) of `start_parameters`.
+
+    `stream` (4,) uint64 gives the random numbers; a point takes none.
+    """
     angle, velocity, xx, vx, vv = start
     if xx > 0.0:
         first, second = normal(stream), normal(stream)

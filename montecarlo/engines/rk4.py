@@ -72,7 +72,10 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def _envelope_values(envelope, grid):
-    """Return the envelope (n, 3) at the begin, the middle and the end of every step."""
+    """Return the `envelope` (count, 3) at the begin, the middle and the end of every step of a `TimeGrid`.
+
+    It is 1 where there is none.
+    """
     if envelope is None:
         return np.ones((grid.count, 3))
     places = np.arange(grid.count)[:, None] + np.array([0.0, 0.5, 1.0])
@@ -81,7 +84,7 @@ def _envelope_values(envelope, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread."""
+    """Return the `Workspace` of a thread, for the number of harmonics and of steps in these `Parameters`."""
     n = parameters.grid.count
     chunks = (n + 19) // 20  # of 20 steps at most: noise that is made for an overturned block is in vain
     length = (n + chunks - 1) // chunks
@@ -99,7 +102,10 @@ def workspace_of(parameters):
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw the start and the noise, and tabulate the rotations of its harmonics; the state is angle and velocity."""
+    """Draw start and noise from `stream`; return (angle, velocity), and the same again as the state.
+
+    The harmonics, and the rotations by which they are sampled, are written to the `Workspace`.
+    """
     n, length, harmonics = parameters.grid.count, workspace.low.size, workspace.harmonics
     state = draw_start_and_noise(stream, parameters.start, parameters.band, harmonics)
     band.write_sample_rotations(harmonics, length, 0.5 / n)
@@ -111,14 +117,21 @@ def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
 
 @kernel(forceinline=True)
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Write the force in the next chunk of steps, where the last one is used up."""
+    """Write the force in the chunk of steps that begins with step j, where the last chunk is used up.
+
+    `number` counts steps from the begin of the run at `cycle`, j from that of the table period; `stream` is not used.
+    """
     if j % workspace.low.size == 0:
         _write_chunk(number, j, cycle, parameters, workspace)
 
 
 @kernel
 def _write_chunk(number, first, cycle, parameters, workspace):
-    """Write the force in the chunk that begins with a step, bounds of it, and what it adds to each step."""
+    """Write to the `Workspace` the force in a chunk of steps, its bounds, and what it adds to each step.
+
+    `first` is the chunk's first step, from the begin of the table period; `number` the same from that of the run, which
+    begins at `cycle`.
+    """
     n, length, harmonics, h = parameters.grid.count, workspace.low.size, workspace.harmonics, parameters.grid.spacing
     cycle += number // n
     if number == 0 or (first == 0 and cycle % band.ANCHOR_CYCLES == 0):
@@ -140,7 +153,10 @@ def _write_chunk(number, first, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
-    """Angle and velocity of a slender block after step k of a chunk, of duration h, without an event."""
+    """Angle and velocity of a slender block after step k of a chunk, of duration h, without an event.
+
+    (x, v) is before the step; what the force adds is `workspace.push`.
+    """
     keep, swap, share = runge_kutta_coefficients(h)
     return keep * x + swap * v + workspace.push[k, 0] - side * share, swap * x + keep * v + workspace.push[
         k, 1
@@ -149,7 +165,10 @@ def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
 
 @kernel(inline="always")
 def classical_step(u, w, side, begin, middle, end, h, block):
-    """Folded angle and velocity after a step of the classical Runge-Kutta method, from three values of the force."""
+    """Folded angle and velocity after a step h of the classical Runge-Kutta method, without an event.
+
+    (u, w) is before the step; `begin`, `middle`, `end` are the force at these times, nondimensional.
+    """
     half = 0.5 * h
     first = acceleration(u, side, begin, block)
     second = acceleration(u + half * w, side, middle, block)
@@ -160,7 +179,10 @@ def classical_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _exact_step(x, v, side, k, h, workspace, block):
-    """Angle and velocity of an exact block after step k of a chunk, of duration h, without an event."""
+    """Angle and velocity of an exact block after step k of a chunk, of duration h, without an event.
+
+    (x, v) is before the step; the force is `workspace.force`.
+    """
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     u, w = classical_step(side * x, side * v, side, begin, middle, end, h, block)
     return side * u, side * w
@@ -171,7 +193,10 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Whether nothing happens in a step, and angle and velocity at its end if so."""
+    """Whether step j of the table period surely has no event, and (angle, velocity) at its end if so.
+
+    `state` is (angle, velocity) at its begin; `number` is not used.
+    """
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
         return not can_lift_off(workspace.low[k], workspace.high[k], parameters.block), state
@@ -185,7 +210,10 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
-    """Write P of the parabola through the three values of the forcing in a step."""
+    """Write P of the force in step j of the table period to `workspace.particular` (TERMS,).
+
+    The force is the parabola through its three values in the step; time counts from the step's begin.
+    """
     k, h = j % workspace.low.size, parameters.grid.spacing
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     slope = (4.0 * middle - 3.0 * begin - end) / h
@@ -198,7 +226,11 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a share of a step; return (angle, velocity), side, and time of overturning."""
+    """Carry a block through a `share` of step j; return (angle, velocity), side, time of overturning.
+
+    That is inf for none. `state` is (angle, velocity) at the step's begin; `number` counts from the begin of the run at
+    `cycle`; `impacts` records times since τ = 0; `end` is not used.
+    """
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block
     origin = (cycle + number // n) * (n * h) + (j - k) * h

@@ -72,7 +72,7 @@ class ScaledPaths:
         return outcomes
 
     def _follow(self, number, scale, outcomes):
-        """Follow one path and write what it comes to."""
+        """Follow the path under the forcing times `scale` and write it to place `number` of `Outcomes`."""
         parameters = scaled_parameters(self._parameters, scale)
         (path,) = simulate_batches(self._run, samples=self._samples, parameters=parameters)
         outcomes.overturn_time[number], outcomes.overturn_side[number] = path.overturn_time[0], path.overturn_side[0]
@@ -81,10 +81,10 @@ class ScaledPaths:
 
 
 def largest_angle(times, angle, velocity):
-    """Return the largest |Θ| of a path from its states (n,) at times (n,), by cubics between these.
+    """Return the largest |Θ| of a path from its states `angle`, `velocity` (n,) at times (n,).
 
-    It is right to some 1e-5 over intervals of .2. One with an impact counts at its ends alone: what rises and returns
-    within it has a small angle.
+    It is that of cubics between these, and right to some 1e-5 over intervals of .2. An interval with an impact counts
+    at its ends alone: what rises and returns within it has a small angle.
     """
     h, side = np.diff(times), np.sign(angle[:-1])
     u, end, v, w = side * angle[:-1], side * angle[1:], side * velocity[:-1], side * velocity[1:]

@@ -61,7 +61,7 @@ class ScoreTable(NamedTuple):
 
 @functools.lru_cache(maxsize=1)
 def score_table(scene, intervals):
-    """Return the `ScoreTable` of a scene with white noise, at the begins of equal intervals of a cycle."""
+    """Return the `ScoreTable` of a scene with white noise, at the begins of `intervals` equal parts of a cycle."""
     cutoff, span = scene.overturning.angle, scene.period / intervals
     # No faster block falls back, nor comes in from a fall (docs/theory section 7).
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
@@ -73,7 +73,7 @@ def score_table(scene, intervals):
 
 
 def _noiseless_forcing(scene, intervals, span):
-    """Return the `NoiselessForcing` of a scene, whose cycle has so many intervals of a duration `span`."""
+    """Return the `NoiselessForcing` of a scene, whose cycle has `intervals` of a duration `span`."""
     # Segments as long as their polynomials are good to 1e-6.
     stride = max(1, int(min(0.8, scene.forcing.longest_piece) / span))
     duration = stride * span
@@ -87,7 +87,10 @@ def _noiseless_forcing(scene, intervals, span):
 
 @kernel
 def _follow(u, w, side, j, forcing):
-    """Score of a state at time j of the cycle: its path without noise is followed until it escapes or comes to rest."""
+    """Score of a state (u, w, side) at time j of the cycle, by its path under a `NoiselessForcing`.
+
+    The path is followed until it escapes or comes to rest, or for the foresight at most.
+    """
     best = unstable_coordinate(u, w, side, forcing.particular[j], 0.0)
     x, v = side * u, side * w
     for _ in range(forcing.count):
@@ -109,7 +112,10 @@ def _follow(u, w, side, j, forcing):
 
 @kernel
 def _write_scores(begin, end, table, forcing, fastest):
-    """Write rows of the `table` of a `ScoreTable` from one to another, for velocities from -`fastest` to `fastest`."""
+    """Write rows `begin` to `end` of the `table` of a `ScoreTable`, counted over its first three axes.
+
+    `forcing`: `NoiselessForcing`; velocities run from -`fastest` to `fastest`.
+    """
     _, sides, angles, velocities = table.shape
     for row in range(begin, end):
         j, k, a = row // (sides * angles), (row // angles) % sides, row % angles
@@ -121,7 +127,10 @@ def _write_scores(begin, end, table, forcing, fastest):
 
 @kernel
 def score_of_state(u, w, side, j, scores):
-    """Score of a state at time j of the cycle, bilinear between the table's nodes; beyond them, that at its edge."""
+    """Score of a state (u, w, side) at time j of the cycle, by a `ScoreTable`.
+
+    It is bilinear between the table's nodes; beyond them, that at its edge.
+    """
     table = scores.table[j, (side + 1) // 2]
     a = min(max(u * scores.per_angle, 0.0), table.shape[0] - 1.0)
     b = min(max((w + scores.fastest) * scores.per_velocity, 0.0), table.shape[1] - 1.0)
@@ -134,7 +143,10 @@ def score_of_state(u, w, side, j, scores):
 
 @kernel
 def _begin_walker(stream, i, population, parameters, scores):
-    """Draw the start of walker i, its first record."""
+    """Draw the start of walker i of a `Population` from `stream`, and record it.
+
+    `parameters`: those of the engine `white`; `scores`: a `ScoreTable`.
+    """
     x, v = draw_start(stream, parameters.start)
     side = first_side(x, v, parameters)
     score = math.inf if side * x >= parameters.block.cutoff else score_of_state(side * x, side * v, side, 0, scores)
@@ -143,7 +155,11 @@ def _begin_walker(stream, i, population, parameters, scores):
 
 @kernel
 def _continue_walker(stream, i, population, steps, parameters, scores):
-    """Take walker i from its last record to overturning or to the last step."""
+    """Take walker i of a `Population` from its last record to overturning or to the last of `steps`.
+
+    `stream` gives the random numbers; `parameters`: those of the engine `white`, whose intervals are the steps;
+    `scores`: a `ScoreTable`.
+    """
     k = population.records[i] - 1
     step, state = population.step[i, k], population.state[i, k]
     u, w, side = state[0], state[1], int(state[2])
@@ -157,9 +173,11 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
 
 @kernel
 def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
-    """Run one splitting, its random numbers a function of the keys, its number among the repeats and the walkers.
+    """Run one splitting of a number of walkers; return the numbers of levels and of killed walkers.
 
-    Adds its estimates to `overturned` (cycles + 1, 2) zeros; returns the numbers of levels and of killed walkers.
+    Its estimates are added to `overturned` (cycles + 1, 2), zeros before. Its random numbers are a function of the keys
+    (4,) of a seed, its number `repeat` among the repeats, and the walkers. `parameters`: those of the engine `white`;
+    `scores`: a `ScoreTable`.
     """
     intervals = parameters.grid.count
     steps = (overturned.shape[0] - 1) * intervals

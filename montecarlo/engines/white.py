@@ -79,7 +79,10 @@ class Parameters(NamedTuple):
 
 @kernel
 def _write_segments(particular, span, force, low, high, curvature, stages, drift, block):
-    """Write the tables `force` to `drift` of `Parameters` from P of the forcing (m, TERMS)."""
+    """Write the tables `force` to `drift` of `Parameters`, for intervals of a duration `span`.
+
+    `particular` (m, TERMS): P of the forcing in the time since each interval's begin.
+    """
     for j in range(low.size):
         segment = segment_from_particular(particular[j], force[j], span)
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
@@ -90,7 +93,10 @@ def _write_segments(particular, span, force, low, high, curvature, stages, drift
 
 
 def _noise_factors(diffusions, envelope, span):
-    """Return `spread` of a `Parameters`, exact where the envelope is smooth."""
+    """Return `spread` (m, 3) of a `Parameters`, exact where the envelope (or None) is smooth.
+
+    `diffusions` (m,): D in each interval, with the mean square of the envelope; `span`: duration of one.
+    """
     if envelope is None:
         return np.sqrt(diffusions)[:, None] * np.array(covariance_factor(1.0, span))
     nodes, weights = np.polynomial.legendre.leggauss(8)
@@ -107,8 +113,9 @@ def _noise_factors(diffusions, envelope, span):
 def parameters_of(scene, steps_per_cycle, times=None):
     """Return the `Parameters` of a scene with white noise.
 
-    No step and no bounce that is one draw outlasts a time in `times`, so other times mean other paths (of the same
-    law).
+    `steps_per_cycle` sets the shortest step; `times` (rows,) are since the begin of the table period. No step and no
+    bounce that is one draw outlasts one of them, so other times mean other paths (of the same law). ValueError for a
+    scene that white noise does not allow.
     """
     restitution, diffusion = scene.block.restitution, scene.noise.diffusion
     if diffusion == 0.0:
@@ -149,7 +156,10 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 @kernel(inline="always")
 def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG001
-    """Folded angle and velocity of a slender block after interval j without an event, by two normal numbers."""
+    """Folded angle and velocity of a slender block after all of interval j, without an event.
+
+    (u, w) is at its begin; `first`, `second` are standard normal numbers.
+    """
     drift = parameters.drift[j, (side + 1) // 2]
     keep, swap = parameters.hyperbolic
     xx, vx, vv = parameters.spread[j, 0], parameters.spread[j, 1], parameters.spread[j, 2]
@@ -159,7 +169,10 @@ def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG
 
 @kernel(inline="always")
 def _draw_exact(u, w, side, first, second, j, parameters, block):
-    """Folded angle and velocity of an exact block after interval j without an event, by two normal numbers."""
+    """Folded angle and velocity of an exact block after all of interval j, without an event.
+
+    (u, w) is at its begin; `first`, `second` are standard normal numbers.
+    """
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
     u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
     xx, vx, vv = parameters.spread[j, 0], parameters.spread[j, 1], parameters.spread[j, 2]
@@ -171,10 +184,11 @@ _draw = dispatch_on_block(_draw_slender, _draw_exact)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
-    """Take the block from `start` to `end` of interval j of the table period; return u, w, side and the time reached.
+    """Take the block from `start` to `end` of interval j of the table period; return u, w, side, time reached.
 
-    That is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`, that
-    of the interval's begin, and `end` is at most its end; `impacts` records the impacts.
+    That time is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`,
+    that of the interval's begin since τ = 0, and `end` is at most its end; `impacts` is an `ImpactRecord`, or None for
+    no record.
     """
     span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
@@ -205,7 +219,11 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
 
 @kernel
 def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
-    """Take the block through a part of an interval without noise, in which it may rest: u = w = 0."""
+    """Take the block through a part of an interval without noise; return u, w, side and the time reached.
+
+    It may rest: u = w = 0, side 1. `start`, `end` count from the begin of the `Segment`, which is at `origin` since τ =
+    0; `impacts` is an `ImpactRecord` or None.
+    """
     side = 0 if u == 0.0 and w == 0.0 else side
     x, v, side, time = advance_through_events(
         side * u, side * w, side, segment, start, end, parameters.block, impacts, origin
@@ -217,7 +235,7 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 
 @kernel
 def is_clear(u, w, side, j, parameters):
-    """Whether neither barrier is within some standard deviations in all of interval j."""
+    """Whether neither barrier, x = 0 or cut-off, is within some standard deviations of (u, w) in all of interval j."""
     below, above = folded_angle_bounds(
         u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block
     )
@@ -226,7 +244,10 @@ def is_clear(u, w, side, j, parameters):
 
 @kernel
 def first_side(x, v, parameters):
-    """Side of a start; at rest it is where the force pushes, or the first step would begin with an impact."""
+    """Side, 1 or -1, of a start; at rest it is where the force of the first of `Parameters` pushes.
+
+    Otherwise the first step would begin with an impact.
+    """
     push = v if v != 0.0 else parameters.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 
@@ -239,9 +260,11 @@ def _workspace_of(parameters):  # noqa: ARG001
 
 @kernel(forceinline=True)
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):  # noqa: ARG001
-    """Simulate one realization: fill its rows of states, return time (nan: never) and side of overturning.
+    """Simulate one realization; return the time of overturning (nan: never) and its side (0: never).
 
-    A path cannot be looked at within a step, as that would take random numbers: its steps end at the output times.
+    `angle`, `velocity` (periods * rows + 1,) are filled up to overturning; `cycle` is the one at which the run begins.
+    A path cannot be looked at within a step, as that would take random numbers: its steps end at the output times, so
+    `unkept` and `workspace` are not used.
     """
     intervals, span, times = parameters.grid.count, parameters.grid.spacing, parameters.grid.output_times
     x, v = draw_start(stream, parameters.start)
