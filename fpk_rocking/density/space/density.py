@@ -130,7 +130,10 @@ class Density:
         return self._marginal(coefficients, 1, velocity)
 
     def _marginal(self, coefficients, axis, points):
-        """Evaluate at points (n,) a piecewise polynomial (cells, degree + 1) along an axis; 0 beyond the mesh."""
+        """Evaluate at points (n,) a piecewise polynomial `coefficients` (cells, degree + 1) along an axis.
+
+        The axis is 0 for the angle and 1 for the velocity; the value is 0 beyond the mesh.
+        """
         lines = self.mesh_lines[axis]
         points = np.asarray(points, dtype=float)
         cells, reference = locate(lines, points)

@@ -56,7 +56,10 @@ def extended_lines(lines, half_width, growth=TUNING.cell_growth):
 
 
 def patch_lines(low, high, cells):
-    """About `cells` equal cells that cover [low, high], with 0 a mesh line where it lies inside or nearly so."""
+    """About `cells` equal cells that cover [low, high], with 0 a mesh line where it lies inside or nearly so.
+
+    Their mesh lines (cells + 1,) are returned, nondimensional angles or velocities.
+    """
     size = (high - low) / cells
     if low > size or high < -size:
         return np.linspace(low, high, cells + 1)
@@ -65,11 +68,12 @@ def patch_lines(low, high, cells):
 
 
 def velocity_bound(scene, diffusion):
-    """Velocity that is passed only by blocks bound to overturn, and by `deviations` of the noise.
+    """Velocity that is passed only by blocks bound to overturn, and by `deviations` of the noise of a scene.
 
-    Outward it lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is
-    what a block from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact
-    block has beyond a slender one moves the separatrix by no more than the bound of it, as it grows like e^τ.
+    `diffusion` is the D that counts, nondimensional, of this scene or of what replaces its noise. Outward the bound
+    lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is what a block
+    from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact block has
+    beyond a slender one moves the separatrix by no more than the bound of it, as it grows like e^τ.
     """
     forcing, start, exact = (
         scene.forcing,

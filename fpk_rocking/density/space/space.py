@@ -37,7 +37,7 @@ class CellSearch(NamedTuple):
 
     @classmethod
     def of(cls, lines):
-        """Return the tables of mesh lines."""
+        """Return the tables of mesh lines (cells + 1,), ascending."""
         sizes = np.diff(lines)
         count = int(min(np.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1, TUNING.search_entries))
         density = count / (lines[-1] - lines[0])
@@ -114,7 +114,10 @@ class Space:
         return Basis(mesh, legendre_element(self.degree), intorder=2 * self.degree if order is None else order)
 
     def project(self, density, points):
-        """Return the coefficients of a function of angle and velocity: L2 projection with Gauss `points` an axis."""
+        """Return the coefficients of a function: L2 projection with Gauss `points` an axis.
+
+        `density` takes arrays of angles and velocities, which are broadcast against each other.
+        """
         nodes, weights = gauss_legendre(points)
         table = legendre_basis(nodes, self.degree) * weights[:, None]
         angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
@@ -123,20 +126,24 @@ class Space:
         return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
     def transfer(self, coefficients, source):
-        """Return the coefficients in this space of a density in another one: exact L2 projection, which conserves mass.
+        """Return the coefficients in this space of a density in another one, by exact L2 projection.
 
-        Both meshes have the same extents.
+        `coefficients` have the shape of the `Space` `source`. Both meshes have the same extents, so that mass is
+        conserved.
         """
         angle = _overlap_integrals(self.angle_lines, self.degree, source.angle_lines, source.degree)
         velocity = _overlap_integrals(self.velocity_lines, self.degree, source.velocity_lines, source.degree)
         return np.einsum("xayb,ybwd,vcwd->xvac", angle, coefficients.transpose(0, 2, 1, 3), velocity, optimize=True)
 
     def masses(self, coefficients):
-        """Mass in each cell, (angle cells, velocity cells)."""
+        """Mass in each cell, (angle cells, velocity cells), by coefficients of the space's shape."""
         return coefficients[:, :, 0, 0] * self.areas
 
     def evaluate(self, coefficients, angle, velocity):
-        """Density at points (broadcast), 0 outside the mesh; on a mesh line it is the value of the cell above."""
+        """Density at points `angle`, `velocity` (broadcast), 0 outside the mesh; on a mesh line that of the cell above.
+
+        `coefficients` have the space's shape.
+        """
         angle, velocity = np.broadcast_arrays(np.asarray(angle, dtype=float), np.asarray(velocity, dtype=float))
         (i, xi), (j, eta) = locate(self.angle_lines, angle), locate(self.velocity_lines, velocity)
         along, across = legendre_basis(xi, self.degree), legendre_basis(eta, self.degree)
@@ -147,24 +154,33 @@ class Space:
         )
 
     def cell_values(self, coefficients, angle_points, velocity_points):
-        """Density on the lattice of reference points (n,), (m,) in every cell: (angle cells, velocity cells, n, m)."""
+        """Density on a lattice of reference points in every cell: (angle cells, velocity cells, n, m).
+
+        The points are in angle (n,) and in velocity (m,), 0 to 1 in a cell; `coefficients` have the space's shape.
+        """
         along, across = legendre_basis(angle_points, self.degree), legendre_basis(velocity_points, self.degree)
         return along @ coefficients @ across.T
 
     def bin_integrals(self, coefficients, angle_edges, velocity_edges):
-        """Integrals over the rectangles between edges, (..., len(angle_edges) - 1, len(velocity_edges) - 1), exact."""
+        """Integrals over the rectangles between edges, (..., len(angle_edges) - 1, len(velocity_edges) - 1), exact.
+
+        `coefficients` (..., the space's shape) are those of one or many densities.
+        """
         left = _interval_integrals(self.angle_lines, angle_edges, self.degree)
         right = _interval_integrals(self.velocity_lines, velocity_edges, self.degree)
         return np.einsum("mxa,...xvab,nvb->...mn", left, coefficients, right, optimize=True)
 
     def negative_mass(self, coefficients, points=8):
-        """Integral of max(-p, 0), by Gauss quadrature in every cell."""
+        """Integral of max(-p, 0), by quadrature with `points` Gauss points an axis in every cell.
+
+        `coefficients` of p have the space's shape.
+        """
         nodes, weights = gauss_legendre(points)
         values = np.maximum(-self.cell_values(coefficients, nodes, nodes), 0.0)
         return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
 
     def absolute_mass(self, coefficients):
-        """Integral of |p|, by Gauss quadrature in every cell."""
+        """Integral of |p|, by Gauss quadrature in every cell; `coefficients` of p have the space's shape."""
         return float(self.masses(coefficients).sum()) + 2.0 * self.negative_mass(coefficients)
 
 
@@ -175,7 +191,10 @@ def reflected(coefficients):
 
 
 def _overlap_integrals(lines, degree, source_lines, source_degree):
-    """Integrals of products of both sets of shape functions, per size of the first: (cells, modes, source ...)."""
+    """Integrals of products of two sets of shape functions, (cells, modes, source cells, source modes).
+
+    Each is of mesh lines and a degree; they are per size of the cells of the first.
+    """
     nodes, weights = gauss_legendre((degree + source_degree) // 2 + 1)
     breaks = np.union1d(lines, source_lines)
     low, sizes = breaks[:-1], np.diff(breaks)
@@ -192,7 +211,10 @@ def _overlap_integrals(lines, degree, source_lines, source_degree):
 
 
 def _interval_integrals(lines, edges, degree):
-    """Integrals of all cells' shape functions over the intervals between edges: (intervals, cells, degree + 1)."""
+    """Integrals of all cells' shape functions over the intervals between edges.
+
+    They are (intervals, cells, degree + 1); `lines` (cells + 1,) are the mesh lines, `edges` ascending.
+    """
     edges = np.asarray(edges, dtype=float)
     sizes = np.diff(lines)
     nodes, weights = gauss_legendre(degree // 2 + 1)
@@ -204,9 +226,9 @@ def _interval_integrals(lines, edges, degree):
 
 @functools.cache
 def legendre_element(degree):
-    """Return the scikit-fem element of products of orthonormal Legendre polynomials up to a degree, without continuity.
+    """Return the scikit-fem element of products of orthonormal Legendre polynomials up to a degree.
 
-    All unknowns are inside a cell, and the mass matrix is the Jacobian.
+    It has no continuity: all unknowns are inside a cell, and the mass matrix is the Jacobian.
     """
     from skfem.element import ElementH1
     from skfem.refdom import RefQuad
@@ -223,7 +245,10 @@ def legendre_element(degree):
         doflocs = np.full(((degree + 1) ** 2, 2), 0.5)
 
         def lbasis(self, X, i):
-            """Value and gradient of shape function i; on a tensor mesh the first reference axis is the velocity."""
+            """Value and gradient of shape function i at reference points X (2, ...).
+
+            On a tensor mesh the first reference axis is the velocity.
+            """
             a, b = divmod(i, degree + 1)
             velocity, angle = shapes[b], shapes[a]
             values = velocity(X[0]), angle(X[1])

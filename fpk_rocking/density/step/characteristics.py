@@ -82,7 +82,10 @@ class Noise(NamedTuple):
 
 @kernel
 def principal_axes(xx, xv, vv):
-    """Principal axes of a covariance, scaled by their standard deviations: long (x, v), short (x, v)."""
+    """Principal axes of a covariance, as long (x, v), short (x, v): four numbers.
+
+    `xx`, `xv`, `vv` are that of angle and velocity. Each axis has the length of its standard deviation.
+    """
     mean, difference = 0.5 * (xx + vv), 0.5 * (xx - vv)
     radius = math.hypot(difference, xv)
     long = mean + radius
@@ -95,7 +98,11 @@ def principal_axes(xx, xv, vv):
 
 @kernel
 def add_path_correction(particular, duration, dx, dv, out):
-    """Write to `out` a particular solution plus the cubic that goes from rest to (dx, dv) within the duration."""
+    """Write to `out` (TERMS,) a particular solution plus the cubic from rest to (dx, dv).
+
+    `particular` (TERMS,) is P in the time since the path's begin, and `duration` that after which the cubic adds the
+    angle dx and the velocity dv.
+    """
     for k in range(TERMS):
         out[k] = particular[k]
     out[2] += (3.0 * dx - duration * dv) / (duration * duration)
@@ -104,13 +111,20 @@ def add_path_correction(particular, duration, dx, dv, out):
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, segment, end, slow, block):
-    """Return the end of a path of a slender block, see `_advance`."""
+    """Return angle, velocity, side and time of the end of a path of a slender block, see `_advance`.
+
+    The path begins at (x, v) at t = 0 of the `Segment` and goes to `end`; chatter of a time up to `slow` is summed.
+    """
     return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
 @kernel
 def _advance_exact_block(x, v, side, segment, end, slow, block):
-    """Return the end of a path of an exact block, see `_advance`; by collocation where it cannot overturn."""
+    """Return angle, velocity, side and time of the end of a path of an exact block, see `_advance`.
+
+    The path begins at (x, v) at t = 0 of the `Segment` and goes to `end`; chatter of a time up to `slow` is summed. It
+    is followed by collocation where it cannot overturn.
+    """
     low, high = segment.force_low, segment.force_high
     # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
     rise = block.cutoff + max(high, -low)
@@ -183,9 +197,10 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
 
 @kernel
 def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the nodes of a point next to x = 0 or the cut-off; see `trace_point`.
+    """Write the ends of the nodes of a point (x, v) next to x = 0 or the cut-off; see `trace_point`.
 
-    `undisturbed` is the angle and the time of the end of the path without noise, and its side.
+    `undisturbed` is the angle and the time of the end of the path without noise, and its side. `scratch` (4, TERMS) is
+    overwritten.
     """
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
@@ -204,13 +219,20 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
 
 @kernel(inline="always")
 def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
-    """Return unit, block and particular solution of a slender block: its own, see `_contact_equivalent`."""
+    """Return unit 1, block and particular solution (TERMS,) of a slender block: its own.
+
+    Arguments are those of `_contact_equivalent_exact`; `out` is not written to.
+    """
     return 1.0, block, segment.particular
 
 
 @kernel(inline="always")
 def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block):
-    """Return unit, slender block and particular solution for an exact block, see `_contact_equivalent`."""
+    """Return unit, slender block and particular solution for an exact block, see `_contact_equivalent`.
+
+    The path without noise goes from angle x at t = 0 to angle `end` at a `time`; `duration` is that of the step. The
+    particular solution is written to `out` (TERMS,).
+    """
     alpha = block.critical_angle
     unit, level = math.sin(alpha) / alpha, lift_off_level(block)
     first = _excess_acceleration(x, side, segment.force[0], unit, block)
@@ -233,7 +255,10 @@ without noise, from its begin to its `end` at a `time`.
 
 @kernel(inline="always")
 def _excess_acceleration(x, side, force, unit, block):
-    """Acceleration of an exact block less that of the slender one that is equivalent next to x = 0."""
+    """Acceleration of an exact block at angle x less that of its slender equivalent next to x = 0.
+
+    `force` is f at that time; `unit`, sin α/α, that of the angle of the slender block.
+    """
     return side * acceleration(side * x, side, force, block) - (
         x - side * unit + force * math.cos(block.critical_angle)
     )
@@ -241,10 +266,11 @@ def _excess_acceleration(x, side, force, unit, block):
 
 @kernel
 def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
-    """Write the ends of paths whose noise is split into two kicks of the velocity, at the begin and at the end.
+    """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the begin and at the end.
 
-    A kick is `half` of a node, and the flight between is without noise. The last kick sets a block off from rest unless
-    it `rests`. Nodes of the same first kick follow each other.
+    A kick is a node times `half`, sqrt(D duration), and the flight between is without noise. The last kick sets a block
+    off from rest unless it `rests`. Nodes of the same first kick follow each other. For `ends`, `flags` see
+    `trace_point`.
     """
     nodes, duration = noise.nodes, noise.duration
     xn, vn, sn, part = x, v, side, force_factor(side * x, block)
@@ -262,13 +288,16 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
 
 @kernel
 def _overturned(side):
-    """Return the `Exit` of a path that overturns to a side."""
+    """Return the `Exit` of a path that overturns to a side, -1 or 1."""
     return Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT
 
 
 @kernel
 def _write_end(n, x, v, side, if_rest, cutoff, ends, flags):
-    """Write end and flag of node n by its angle, velocity and side; `if_rest` is the flag where the side is 0."""
+    """Write end (n, 2) and flag (n,) of node n by the path's angle, velocity and side at the end.
+
+    `if_rest` is the flag where the side is 0; `cutoff` the angle of overturning.
+    """
     ends[n, 0], ends[n, 1] = x, v
     flags[n] = if_rest if side == 0 else side
     if abs(x) >= cutoff:
@@ -277,10 +306,11 @@ def _write_end(n, x, v, side, if_rest, cutoff, ends, flags):
 
 @kernel
 def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the nodes of a point whose path without noise meets a fast impact; see `trace_point`.
+    """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact.
 
-    `undisturbed` is its time, velocity before and side before it, and whether it is so fast that what noise changes is
-    smooth: then one expansion serves all nodes that arrive within the step.
+    `undisturbed` is the impact's time, velocity and side before it, and whether it is so fast that what noise changes
+    is smooth: then one expansion serves all nodes that arrive within the step. `scratch` (4, TERMS) is overwritten; for
+    `ends` and `flags` see `trace_point`.
     """
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff
@@ -322,7 +352,10 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
 
 @kernel
 def points_of_cell(i, j, points):
-    """Side of a cell, and angles (g,) and velocities (h,) of its Gauss points."""
+    """Side of cell (i, j), and angles (g,) and velocities (h,) of its Gauss points.
+
+    `points` are the `GaussPoints` of the mesh.
+    """
     angle, velocity = points.angle_lines, points.velocity_lines
     x = angle[i] + points.angle_points * (angle[i + 1] - angle[i])
     v = velocity[j] + points.velocity_points * (velocity[j + 1] - velocity[j])
@@ -331,7 +364,7 @@ def points_of_cell(i, j, points):
 
 @kernel
 def is_event_free(low, high, slow, fast, side, segment, duration, block, margins):
-    """Whether no path from a cell comes to an impact during a step, and none that passes the cut-off may return.
+    """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return.
 
     In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
     to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end.
@@ -348,7 +381,10 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
 
 @kernel
 def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
-    """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool."""
+    """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool.
+
+    `margins` are what noise adds to angle and velocity within its `duration`, whose forcing is the `Segment`.
+    """
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
@@ -365,7 +401,7 @@ _four_polynomials = scratch(4, TERMS)
 
 @kernel(inline="always")
 def _trace_cell(i, j, points, segment, block, noise, ends, flags):
-    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of one cell."""
+    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_point`."""
     scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
     for p in range(len(x)):
         for q in range(len(v)):
@@ -374,7 +410,10 @@ def _trace_cell(i, j, points, segment, block, noise, ends, flags):
 
 @kernel
 def _trace_all(begin, end, cells, points, segment, block, noise, ends, flags):
-    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`."""
+    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
+
+    `cells` (m, 2) are their indices.
+    """
     cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
     for c in range(begin, end):
         _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, ends[c], flags[c])

@@ -209,21 +209,26 @@ class FreeFlight:
 
 
 def _run_on_rows(shear, rows, *arguments):
-    """Call a kernel of a shear for all rows, on threads."""
+    """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads."""
     run_in_parts(shear, len(rows.order), rows, *arguments)
 
 
 def angle_remap_of(space, affine, diffusion, duration):
-    """Return the remap of both shears of the angle for all cells, for flights that differ in a constant force alone.
+    """Return the `Remap` of both shears of the angle for all cells of a `Space`.
 
-    A constant force moves the velocity between the two shears of the angle, and neither of these.
+    It serves all flights of a `duration` that differ from `affine`, `AffineFlights`, in a constant force alone: that
+    moves the velocity between the two shears of the angle, and neither of these. `diffusion` is D.
     """
     sides, shears, _, nodes, weights = _angle_shears(space, affine, diffusion, duration)
     return prepare_remap(space.angle_lines, sides, shears, np.ones_like(shears), nodes, weights, space.degree, sides)
 
 
 def _angle_shears(space, affine, diffusion, duration):
-    """Return bounds of the rows, shifts of their lines, the forcing's part of these by side, nodes of the diffusion."""
+    """Return what `prepare_remap` needs for a shear of the angle, for all cells of a `Space`.
+
+    Bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the forcing's part of these by side (a dict),
+    nodes (n,) of the diffusion and their weights. `affine`: `AffineFlights`; `diffusion`: D; `duration` of the step.
+    """
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
     variance = shear_diffusion_variances(diffusion, duration)[1]
@@ -235,13 +240,16 @@ def _angle_shears(space, affine, diffusion, duration):
 
 
 def _line_points(lines, points):
-    """Return the Gauss points (cells, points) of all cells between mesh lines."""
+    """Return the Gauss points (cells, n) of all cells between mesh lines, for `points` (n,) on [0, 1]."""
     return lines[:-1, None] + np.diff(lines)[:, None] * points
 
 
 @kernel(fastmath=FASTMATH)
 def _write_row(t, moved, target, out, basis):
-    """Write row t (cells, lines, modes) to `out` with its axes exchanged, as rows of the other direction."""
+    """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction.
+
+    `target`: its first cell and the one after the last; `out` (cells, rows, modes, lines).
+    """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
             for i in range(len(basis)):
@@ -250,7 +258,10 @@ def _write_row(t, moved, target, out, basis):
 
 @kernel
 def _read_row(t, values, target, out, basis):
-    """Read row t (cells, lines, modes) to `out` from rows of the other direction: adjoint of `_write_row`."""
+    """Read row t, `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`.
+
+    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines).
+    """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
             for i in range(len(basis)):
@@ -259,7 +270,10 @@ def _read_row(t, values, target, out, basis):
 
 @kernel(fastmath=FASTMATH)
 def _transform(cell, table, out, basis):
-    """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b]."""
+    """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b].
+
+    All are (modes, modes); `basis`, a tuple (modes,), tells the compiler the number of modes.
+    """
     modes = len(basis)
     for j in range(modes):
         for i in range(modes):
@@ -275,7 +289,10 @@ def _transform(cell, table, out, basis):
 
 @kernel
 def _integral_across(masses, weights, size):
-    """Return the mass that lines (modes,) across a cell of some size stand for."""
+    """Return the mass that values `masses` (modes,) at the Gauss points across a cell of a `size` stand for.
+
+    `weights` (modes,) are those of the points.
+    """
     total = 0.0
     for q in range(len(masses)):
         total += masses[q] * weights[q]
@@ -286,7 +303,8 @@ def _integral_across(masses, weights, size):
 def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
     """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle.
 
-    What passes the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it.
+    `values`: before it; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. What passes the cut-off is added
+    to `overturned` (2, velocity cells), what passes x = 0 is clamped to it.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, masses = r // across, r % across, np.zeros(len(basis))
@@ -301,7 +319,11 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
 
 @kernel
 def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved, basis):
-    """Add to `moved` the values of a function on row r before a shear of the angle: adjoint of `_shear_angle_row`."""
+    """Add to `moved` the values of a function on row r before a shear of the angle.
+
+    Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
+    passed the cut-off to the left and to the right.
+    """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
     adjoint_remap_row(r, values, source, target, remap, moved, basis)
@@ -315,7 +337,7 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
 @kernel
 def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
-    """Write row r after the first shear of the angle, see `first_angle_shear`."""
+    """Write row r (side, velocity cell) after the first shear of the angle, see `first_angle_shear`."""
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
     values, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
@@ -328,9 +350,11 @@ def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned
 
 @kernel
 def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out, overturned, basis):
-    """Write values (angle cells, velocity cells, angle, velocity) after the first shear by coefficients before it.
+    """Write to `out` values (angle cells, velocity cells, angle, velocity) after the first shear.
 
-    Masses that passed the cut-off, which do not return, are added to `overturned` (2, velocity cells).
+    It does so for places `begin` to `stop` in the order of `AngleRows`, from `coefficients` (the space's shape) before
+    it in the cells of the mask `free`. Masses that passed the cut-off, which do not return, are added to `overturned`
+    (2, velocity cells).
     """
     rows, coefficients, free, remap, tables, out, overturned = borrowed(
         (rows, coefficients, free, remap, tables, out, overturned)
@@ -342,7 +366,11 @@ def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out,
 
 @kernel
 def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, exit_values, out, basis):
-    """Write the coefficients of a function in the free cells by values after the first shear: its adjoint."""
+    """Write to `out` the coefficients of a function in the free cells, by values after the first shear.
+
+    Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `exit_values` (2,) are those of having passed
+    the cut-off to the left and to the right.
+    """
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
     )
@@ -361,7 +389,10 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 
 @kernel
 def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
-    """Write row c after shear and diffusion of the velocity, see `velocity_shear`; return the truncated mass."""
+    """Write row c after shear and diffusion of the velocity, see `velocity_shear`; return the truncated mass.
+
+    `values` (velocity cells, modes, modes) are those of the row before.
+    """
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
     now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
@@ -380,7 +411,9 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
 def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
     """Write values after the shear and diffusion of the velocity to `out`, with the axes of the cells exchanged.
 
-    The masses that passed the velocity bound are written to `truncated` (angle cells,).
+    It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values`: those
+    of `first_angle_shear`; both remaps: `Remap`. The masses that passed the velocity bound are written to `truncated`
+    (angle cells,).
     """
     rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
@@ -392,7 +425,11 @@ def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, t
 
 @kernel
 def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
-    """Write the values of a function before shear and diffusion of the velocity: adjoint of `velocity_shear`."""
+    """Write to `out` the values of a function before shear and diffusion of the velocity.
+
+    Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of the rows: `values` are those after, and
+    `exit_value` is that of having passed the velocity bound.
+    """
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
     )
@@ -427,7 +464,11 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
 
 @kernel
 def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, basis):
-    """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells)."""
+    """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells).
+
+    It does so for places `begin` to `stop` in the order of `AngleRows`; `values` (velocity cells, angle cells, modes,
+    modes) are those of `velocity_shear`.
+    """
     rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
     for n in range(begin, stop):
         r = rows.order[n]
@@ -436,7 +477,11 @@ def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, 
 
 @kernel
 def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_values, out, basis):
-    """Write the values of a function before the last shear by coefficients after it: adjoint of `last_angle_shear`."""
+    """Write to `out` the values of a function before the last shear by coefficients after it.
+
+    Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` has the space's
+    shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right.
+    """
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)
     for n in range(begin, stop):

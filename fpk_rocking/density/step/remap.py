@@ -45,7 +45,10 @@ class Remap(NamedTuple):
 
 
 def rows_along_angle(cells, middle):
-    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells)."""
+    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells).
+
+    Those of x < 0 come first: `middle` is the first angle cell with x > 0.
+    """
     rows = np.concatenate([cells.T, cells.T])
     rows[: cells.shape[1], middle:] = False
     rows[cells.shape[1] :, :middle] = False
@@ -65,20 +68,20 @@ def ranges_of(rows):
 
 
 def mask_of(ranges, cells):
-    """Return a mask (rows, cells) of ranges (rows, 2)."""
+    """Return a mask (rows, `cells`) of ranges (rows, 2), each a first cell and one past the last."""
     places = np.arange(cells)
     return (places >= ranges[:, :1]) & (places < ranges[:, 1:])
 
 
 def union(first, second):
-    """Return the ranges (rows, 2) that contain both of two ranges in each row."""
+    """Return the ranges (rows, 2) that contain both of two ranges (rows, 2) in each row, `first` and `second`."""
     empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
     both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
     return np.where(empty[0], second, np.where(empty[1], first, both))
 
 
 def balanced_order(ranges):
-    """Return the rows whose range is not empty, in an order of which equal parts take about equal time."""
+    """Return the rows whose range (rows, 2) is not empty, in an order of which equal parts take about equal time."""
     rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
     return np.concatenate([rows[::2], rows[1::2]])
 
@@ -128,7 +131,10 @@ def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source
 
 @kernel
 def cells_in_interval(lines, bounds, low, high):
-    """Return the first and the last cell of a row, by its bounds, that overlap an interval."""
+    """Return the first and the last cell that overlap an interval [low, high], of a row.
+
+    `lines` (cells + 1,) are the mesh lines, `bounds` (2,) the row's first cell and the one after the last.
+    """
     first = min(max(np.searchsorted(lines, low, side="right") - 1, bounds[0]), bounds[1] - 1)
     last = min(max(np.searchsorted(lines, high, side="left") - 1, bounds[0]), bounds[1] - 1)
     return first, last
@@ -136,7 +142,10 @@ def cells_in_interval(lines, bounds, low, high):
 
 @kernel
 def target_range(lines, bounds, shifts, spreads, nodes, source):
-    """Return ranges (rows, 2) of the cells that the `source` ranges of a remap reach; see `prepare_remap`."""
+    """Return ranges (rows, 2) of the cells that the `source` ranges of a remap reach.
+
+    Arguments are those of `prepare_remap`; one row of `shifts` and `spreads` may serve all.
+    """
     target = np.zeros((len(source), 2), np.int64)
     for r in range(len(source)):
         if source[r, 1] > source[r, 0]:
@@ -150,7 +159,11 @@ def target_range(lines, bounds, shifts, spreads, nodes, source):
 
 @kernel
 def source_cells(lines, shifts, spreads, nodes, source, target, origin):
-    """Return the first source cell and the number of source cells, (target cells, lines), of every target cell."""
+    """Return the first source cell and the number of source cells, (target cells, lines), of every target cell.
+
+    `target` (rows, 2) are the ranges of target cells, `origin` (rows,) is that of `Remap`; for the rest see
+    `prepare_remap`.
+    """
     cells = (target[:, 1] - target[:, 0]).sum()
     first = np.zeros((cells, shifts.shape[1]), np.int64)
     count = np.zeros((cells, shifts.shape[1]), np.int64)
@@ -166,7 +179,10 @@ def source_cells(lines, shifts, spreads, nodes, source, target, origin):
 
 @kernel
 def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
-    """Return `Remap.end_places`: numbers (rows, 2) of the ends that the source ranges pass, -1 for the others."""
+    """Return `Remap.end_places`: numbers (rows, 2) of the ends that the source ranges pass, -1 for the others.
+
+    Arguments are those of `prepare_remap`.
+    """
     places = np.full((len(source), 2), -1, np.int64)
     number = 0
     for r in range(len(source)):
@@ -184,7 +200,11 @@ def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
 
 @kernel
 def add_integral(start, stop, left, right, weight, points, point_weights, out):
-    """Add to `out` (modes,) the integrals over [start, stop] of the shape functions of the cell [left, right]."""
+    """Add to `out` (modes,) `weight` times the integrals over [start, stop] of a cell's shape functions.
+
+    The cell is [left, right]; `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]. Nothing is added where
+    stop is not above start.
+    """
     for q in range(len(points) if stop > start else 0):
         here = legendre_at(2.0 * (start + points[q] * (stop - start) - left) / (right - left) - 1.0)
         for k in range(len(out)):
@@ -193,9 +213,10 @@ def add_integral(start, stop, left, right, weight, points, point_weights, out):
 
 @kernel
 def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, basis):
-    """Add to a block (modes, modes) the integrals over [start, stop] of products of shape functions.
+    """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions.
 
-    One is of the source cell [left, right], one of the target cell [low, high], whose argument is shifted.
+    One is of the source cell [left, right], one of the target cell [low, high], whose argument is moved by `shift`.
+    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1].
     """
     here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
     for q in range(len(points)):
@@ -210,7 +231,10 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 @kernel
 def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
-    """Add integrals of row r to `remap`, see `prepare_remap`; `points`, `point_weights`: a Gauss-Legendre rule."""
+    """Add integrals of row r to `blocks` and `end_masses` of a `Remap`; other arguments are those of `prepare_remap`.
+
+    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1].
+    """
     origin, first, start, blocks = remap.origin, remap.first, remap.start, remap.blocks
     places, masses = remap.end_places, remap.end_masses
     floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
@@ -244,9 +268,10 @@ def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_w
 def fill_blocks(
     begin, end, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis
 ):
-    """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a remap's rows.
+    """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a `Remap`.
 
-    `basis`, a tuple (modes,), tells the compiler the number of modes.
+    It does so for the rows from `begin` to `end`. `points`, `point_weights` are a Gauss-Legendre rule on [0, 1];
+    `basis`, a tuple (modes,), tells the compiler the number of modes; other arguments are those of `prepare_remap`.
     """
     lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap = borrowed(
         (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap)
@@ -257,7 +282,11 @@ def fill_blocks(
 
 @kernel
 def _block_to_point_values(b, moments, values, blocks, half, basis):
-    """Turn block b, between moments, into one between values at Gauss points; `half` (modes, modes) is overwritten."""
+    """Turn block b of `blocks` (n, modes, modes) from moments to values at Gauss points, in place.
+
+    `values` (points, modes) are the shape functions there, `moments` the same times the points' weights; `half` (modes,
+    modes) is overwritten.
+    """
     modes = len(basis)
     for k in range(modes):
         for i in range(modes):
@@ -275,7 +304,11 @@ def _block_to_point_values(b, moments, values, blocks, half, basis):
 
 @kernel
 def blocks_to_point_values(begin, end, moments, values, blocks, basis):
-    """Turn blocks between moments into blocks between values at Gauss points, in place."""
+    """Turn the blocks from `begin` to `end`, in place, from moments to values at Gauss points.
+
+    `blocks` (n, modes, modes) before are matrices from moments to moments, after from values to values. `values`
+    (points, modes) are the shape functions at the points, `moments` the same times the points' weights.
+    """
     moments, values, blocks = borrowed((moments, values, blocks))
     half = np.empty(values.shape)
     for b in range(begin, end):
@@ -284,7 +317,11 @@ def blocks_to_point_values(begin, end, moments, values, blocks, basis):
 
 @kernel(fastmath=FASTMATH)
 def remap_row(r, values, source, target, remap, moved, basis):
-    """Write to `moved` the values (cells, lines, modes) of the target cells of row r by those of its source cells."""
+    """Write to `moved` the values (cells, lines, modes) of the target cells of row r by `values` of its source cells.
+
+    `source`, `target`: first cell of each and the one after the last; `remap`: a `Remap`. `basis`, a tuple (modes,),
+    tells the compiler the number of modes.
+    """
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
     base, sums = origin[min(r, len(origin) - 1)], _line_sums()
@@ -308,7 +345,10 @@ def remap_row(r, values, source, target, remap, moved, basis):
 
 @kernel(fastmath=FASTMATH)
 def adjoint_remap_row(r, values, source, target, remap, moved, basis):
-    """Add to `moved` values (cells, lines, modes) of source cells by those of target cells: adjoint of `remap_row`."""
+    """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r.
+
+    It is the adjoint of `remap_row`, and has its arguments.
+    """
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
     base = origin[min(r, len(origin) - 1)]
@@ -329,7 +369,11 @@ def adjoint_remap_row(r, values, source, target, remap, moved, basis):
 
 @kernel(fastmath=FASTMATH)
 def mass_past_end(r, end, values, source, remap, masses):
-    """Write masses (lines,) of row r that pass an end, per size of their cells across; return whether any does."""
+    """Write masses (lines,) of row r that pass an end, per size of their cells across; return whether any does.
+
+    `end`: 0 or 1 for the lower or the upper one; `values` (cells, lines, modes); `source`: first active cell and the
+    one after the last; `remap`: a `Remap`.
+    """
     place = remap.end_places[min(r, len(remap.end_places) - 1), end]
     if place < 0:
         return False
@@ -345,7 +389,10 @@ def mass_past_end(r, end, values, source, remap, masses):
 
 @kernel(fastmath=FASTMATH)
 def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
-    """Add to `moved` what passes an end of row r times `exit_values` (lines,): adjoint of `mass_past_end`."""
+    """Add to `moved` (cells, lines, modes) what passes an end of row r times `exit_values` (lines,).
+
+    It is the adjoint of `mass_past_end`, and has its arguments.
+    """
     place = remap.end_places[min(r, len(remap.end_places) - 1), end]
     if place < 0:
         return
@@ -359,7 +406,11 @@ def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
 
 @kernel(fastmath=FASTMATH)
 def clamp_to_end(end, masses, target, edges, sizes, moved):
-    """Add masses (lines,) that passed an end of a row to its last cell, at the end itself (boundary clamp)."""
+    """Add masses (lines,) that passed an end of a row to its last cell, at the end itself (boundary clamp).
+
+    `end`: 0 or 1; `target`: the row's first cell and the one after the last; `edges` (2, modes): what a mass at an end
+    of a cell adds to its values; `sizes` (cells,); `moved` (cells, lines, modes) is added to.
+    """
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(masses)):
         for i in range(len(masses)):
@@ -368,7 +419,10 @@ def clamp_to_end(end, masses, target, edges, sizes, moved):
 
 @kernel(fastmath=FASTMATH)
 def adjoint_clamp_to_end(end, values, target, edges, sizes, end_values):
-    """Write the values (lines,) of a function at an end of a row: adjoint of `clamp_to_end`."""
+    """Write to `end_values` (lines,) those of a function at an end of a row, from `values` of its cells.
+
+    It is the adjoint of `clamp_to_end`, and has its arguments; `values` (cells, lines, modes).
+    """
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(end_values)):
         end_values[q] = 0.0

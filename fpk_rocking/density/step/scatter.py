@@ -51,7 +51,11 @@ class Chunks(NamedTuple):
 
 @kernel
 def scatter_point(target, amount, xi, eta, basis):
-    """Add a mass times the shape functions at a reference point to the unknowns of one cell."""
+    """Add a mass `amount` times the shape functions at a point to `target` (modes²,), unknowns of one cell.
+
+    `xi`, `eta` are its reference coordinates, -1 to 1, in angle and velocity; `basis`, a tuple (modes,), tells the
+    compiler the number of modes.
+    """
     modes = len(basis)
     along, across = legendre_at(xi), legendre_at(eta)
     for a in range(modes):
@@ -62,7 +66,10 @@ def scatter_point(target, amount, xi, eta, basis):
 
 @kernel
 def point_masses(cell, area, points, rows, values, basis):
-    """Write the masses (g, h) of the Gauss points of a cell, by its coefficients; `rows` (modes, h) is overwritten."""
+    """Write to `values` (g, h) the masses of the Gauss points of a cell, by its coefficients `cell` (modes, modes).
+
+    `area` is the cell's, `points` are `GaussPoints`; `rows` (modes, h) is overwritten.
+    """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
     angle_weights, velocity_weights = points.angle_weights, points.velocity_weights
@@ -82,7 +89,10 @@ def point_masses(cell, area, points, rows, values, basis):
 
 @kernel
 def project_point_values(values, points, rows, out, basis):
-    """Write coefficients of a cell by values (g, h) at its GaussPoints (L2 projection); `rows` is overwritten."""
+    """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) at its `GaussPoints`.
+
+    It is the L2 projection; `rows` (g, modes) is overwritten.
+    """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
     angle_weights, velocity_weights = points.angle_weights, points.velocity_weights
@@ -102,7 +112,11 @@ def project_point_values(values, points, rows, out, basis):
 
 @kernel(fastmath=FASTMATH)
 def scatter_affine_cell(values, paths, side, x, v, angle_search, velocity_search, buffer, absorbed, basis):
-    """Add the point masses `values` (g, h) of a cell without events; x (g,) and v (h,) are its Gauss points."""
+    """Add the point masses `values` (g, h) of a cell without events to `buffer` and `absorbed`.
+
+    `paths`: `AffinePaths`; x (g,) and v (h,) are the cell's Gauss points. The searches are the `CellSearch` of the
+    target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by `Exit`.
+    """
     affine, offsets, node_weights = (paths.cosh, paths.sinh, paths.shifts[side]), paths.offsets, paths.weights
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
@@ -132,7 +146,10 @@ def _scatter_chunk(
     source_basis,
     basis,
 ):
-    """Scatter the columns of one chunk to its buffer."""
+    """Scatter the source columns of one chunk to its buffer, see `scatter`; both outputs are overwritten.
+
+    `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`.
+    """
     across = len(velocity_search.scales)
     absorbed[:] = 0.0
     buffer[columns[2] * across : columns[3] * across] = 0.0
@@ -192,7 +209,10 @@ def scatter(
 
 @kernel
 def sum_buffers(buffers, columns, areas, out):
-    """Write coefficients: the sum of the chunks' buffers in their order, divided by the areas of the cells."""
+    """Write to `out`, coefficients in the target's shape, the sum of the chunks' buffers in their order.
+
+    It is divided by the cells' `areas`; `buffers` and `columns` are those of `Chunks`.
+    """
     across, modes = out.shape[1], out.shape[2]
     out[:] = 0.0
     for k in range(len(columns)):

@@ -65,12 +65,15 @@ class Dynamics:
         return cls(*common, critical_angle=block.critical_angle or None)
 
     def later(self, time):
-        """Return the dynamics whose times count from a time on."""
+        """Return the dynamics whose times count from a `time` on, nondimensional."""
         envelope = self.envelope and self.envelope.shifted(time)
         return dataclasses.replace(self, forcing=self.forcing.shifted(time), envelope=envelope)
 
     def averaged_over(self, start, duration):
-        """Return the dynamics with a constant diffusion: mean of D g² over a step, at least `least_intensity` of D."""
+        """Return the dynamics with a constant diffusion, over a step from `start` of a `duration`.
+
+        It is the mean of D g² over the step, at least `least_intensity` of D.
+        """
         if self.envelope is None:
             return self
         begin, end = self.envelope.squared_integral(np.array([start, start + duration]))
@@ -78,7 +81,10 @@ class Dynamics:
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
     def covariance(self, start, duration):
-        """Return the covariance xx, xv, vv that noise adds to a flight without impact over a step."""
+        """Return the covariance xx, xv, vv that noise adds to a flight without impact over a step.
+
+        The step has a `start` and a `duration`, nondimensional times.
+        """
         if self.envelope is None:
             return flight_covariance(self.diffusion, duration)
         points, weights = gauss_legendre(16)
@@ -88,11 +94,14 @@ class Dynamics:
         return tuple(float(part) for part in accumulated_covariance(weights, late))
 
     def segment(self, start, duration):
-        """Return the forcing over a step as a `Segment`, which the kernels take."""
+        """Return the forcing over a step from `start` of a `duration` as a `Segment`, which the kernels take."""
         return segment_from_particular(self.forcing.particular_over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Return the flight over a step as `AffineFlights`; for an exact block `FreeFlight` adds the rest."""
+        """Return the flight over a step from `start` of a `duration` as `AffineFlights`.
+
+        For an exact block `FreeFlight` adds the rest.
+        """
         ends, part = (start, start + duration), gravity_at_contact(self.critical_angle)
         return affine_flights(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
 
@@ -107,7 +116,10 @@ class Dynamics:
         return lift_off(self.critical_angle or 0.0)
 
     def since_lift_off(self, time):
-        """Time since |f| last rose through the level of lift-off, and the slope of |f| there; (inf, 0) if never."""
+        """Time since |f| last rose through the level of lift-off, and the slope of |f| there; nondimensional.
+
+        (inf, 0) if it never did before `time`.
+        """
         level = self.lift_off
         since, slope = _forcing_in_units_of(self.forcing, level).since_lift_off(time)
         return since, level * slope
@@ -115,7 +127,7 @@ class Dynamics:
 
 @functools.lru_cache(maxsize=8)
 def _forcing_in_units_of(forcing, level):
-    """Return a forcing divided by a level of lift-off, the same object each time: it remembers its lift-offs."""
+    """Return a `Force` divided by a `level` of lift-off, the same object each time: it remembers its lift-offs."""
     return forcing.in_units_of(level)
 
 
@@ -191,7 +203,10 @@ class Characteristics:
         self.ends, self.flags = self.activate(np.full_like(self.event_cells, cells))
 
     def activate(self, cells):
-        """Add cells to those that the step moves; return ends and flags of the paths that had to be traced for that."""
+        """Add cells to those that the step moves; return ends and flags of the paths traced for that.
+
+        `cells` (angle cells, velocity cells) is a mask; for the ends and flags see `trace_cells`.
+        """
         new = np.argwhere(self.event_cells & cells & ~self.active)
         self.active |= cells
         self.numbers[new[:, 0], new[:, 1]] = self.numbers.max() + 1 + np.arange(len(new))
@@ -229,7 +244,7 @@ class Step:
         self._extend(characteristics.ends.copy(), characteristics.flags)
 
     def activate(self, cells):
-        """Add cells (angle cells, velocity cells) to those whose mass the step moves."""
+        """Add cells to those whose mass the step moves, by a mask (angle cells, velocity cells)."""
         self._extend(*self.characteristics.activate(cells))
 
     @property
@@ -238,9 +253,9 @@ class Step:
         return self._targets.nbytes + (self._flight.nbytes if self._flight else 0)
 
     def _extend(self, ends, flags):
-        """Add the targets of traced paths, by ends and flags of `trace_cells`, and divide the active cells in two.
+        """Add the targets of traced paths, by `ends` and `flags` of `trace_cells`, and divide the active cells in two.
 
-        Free cells fly where source and target are one mesh, all others are scattered.
+        Free cells fly where source and target are one mesh, all others are scattered. The ends are overwritten.
         """
         paths, target = self.characteristics, self.target
         self._targets = self._targets.extended(ends, flags, target.cell_searches, target.first_positive)
@@ -257,7 +272,8 @@ class Step:
     def apply(self, coefficients):
         """Return the coefficients after the step and the masses (3,) that overturned left, right and were truncated.
 
-        Without diffusion there is a fourth mass: what came to rest.
+        `coefficients` (``source.shape``) are those before it. Without diffusion there is a fourth mass: what came to
+        rest.
         """
         paths, source = self.characteristics, self.characteristics.source
         cells = SourceCells(self._scattered, source.areas, paths.numbers)
@@ -353,7 +369,10 @@ def scatter_buffers(target: Space):
 
 
 def with_neighbours(cells):
-    """Return a mask of cells and their neighbours, so that a growing density does not need new ones every time."""
+    """Return a mask of cells (angle, velocity) and their neighbours, from one of the cells.
+
+    With these a growing density does not need new cells every time.
+    """
     grown = cells.copy()
     grown[1:] |= cells[:-1]
     grown[:-1] |= cells[1:]
@@ -363,7 +382,10 @@ def with_neighbours(cells):
 
 
 def overlapping_cells(space, cells, other):
-    """Return a mask of the cells of another space that overlap those of a mask (..., angle, velocity) of a space."""
+    """Return a mask of the cells of an `other` space that overlap those of a mask of a space.
+
+    `cells` (..., angle, velocity) is the mask; the one returned has the same first axes. Both spaces are `Space`.
+    """
     angle, velocity = (
         (theirs[:-1, None] < own[1:]) & (theirs[1:, None] > own[:-1])
         for theirs, own in zip(other.lines, space.lines, strict=True)
@@ -373,7 +395,11 @@ def overlapping_cells(space, cells, other):
 
 @kernel
 def mark_massive_cells(coefficients, areas, negligible, active, marks):
-    """Add to a mask the cells with more than a negligible mass; return whether one of them is not active."""
+    """Add to a mask the cells with more than a negligible mass; return whether one of them is not active.
+
+    `coefficients` (the space's shape), `areas`, `active` and `marks`, the mask, (angle cells, velocity cells);
+    `negligible` is a mass.
+    """
     (limit, across, modes, _), beyond = coefficients.shape, False
     for i in range(limit):
         for j in range(across):

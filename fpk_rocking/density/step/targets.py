@@ -124,7 +124,7 @@ class Targets(NamedTuple):
 
 
 def _with_spare(array, used, needed):
-    """Return an array whose first entries are the used ones of another, with as many entries as are needed, or more."""
+    """Return an array whose first entries are the `used` (a number) ones of another, with room for `needed` or more."""
     if len(array) >= needed:
         return array
     larger = np.empty((int(TUNING.spare * needed), *array.shape[1:]), array.dtype)
@@ -149,7 +149,11 @@ def locate_point(search, point):
 
 @kernel(forceinline=True)
 def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
-    """Return the target cell of path n or its `Exit`; its end becomes the reference coordinates in the cell."""
+    """Return the target cell of path n or its `Exit`; its end becomes the reference coordinates in the cell.
+
+    `ends` (n, 2) and `flags` (n,) are those of `trace_point`; the searches are the `CellSearch` of the target mesh,
+    `first_positive` its first column with x > 0.
+    """
     x, v, flag = ends[n, 0], ends[n, 1], flags[n]
     if flag < -1:
         return flag
@@ -165,7 +169,12 @@ def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
 
 @kernel
 def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_positive, slots, cells, sizes):
-    """Write target cells (m, n), reference coordinates in place of ends, and numbers (m, 2) of groups and blocks."""
+    """Write to `cells` (m, n) the target cells of the paths of source cells `begin` to `end`.
+
+    The paths' `ends` (m, n, 2) become reference coordinates, and `sizes` (m, 2) receives the numbers of groups and
+    blocks. `flags` (m, n); the searches are the `CellSearch` of the target mesh; `slots` is the number of its cells and
+    of exits.
+    """
     ends, flags, angle_search, velocity_search, cells, sizes = borrowed(
         (ends, flags, angle_search, velocity_search, cells, sizes)
     )
@@ -186,9 +195,11 @@ def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_
 
 @kernel
 def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, blocks, targets, paths, points):
-    """Write the arrays of a `Targets` for further source cells, which come after `before` others.
+    """Write the arrays of a `Targets` for further source cells `begin` to `end`, after `before` others.
 
-    `cells` (m, n) and `coordinates` (m, n, 2) are those of each path's target, `ends` the ends of the cells' blocks.
+    `cells` (m, n) and `coordinates` (m, n, 2) are those of each path's target, `ends` (m,) the ends of the source
+    cells' blocks, `slots` the number of target cells and exits. `groups`, `blocks`, `targets`, `paths` and `points` are
+    the arrays, in their order.
     """
     cells, coordinates, ends, groups, blocks, targets, paths, points = borrowed(
         (cells, coordinates, ends, groups, blocks, targets, paths, points)
@@ -217,7 +228,10 @@ def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, bl
 
 
 def _legendre(xi):
-    """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal on the unit interval; of one point or eight lanes."""
+    """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal on the unit interval; a tuple of six.
+
+    xi is a number, or eight in a SIMD vector.
+    """
     square = xi * xi
     p2 = 0.5 * math.sqrt(5.0) * (3.0 * square - 1.0)
     p3 = 0.5 * math.sqrt(7.0) * xi * (5.0 * square - 3.0)
@@ -232,7 +246,11 @@ _legendre_in_lanes = kernel(fastmath=FASTMATH, forceinline=True)(_legendre)
 
 @kernel(fastmath=FASTMATH, forceinline=True)
 def _store_polynomials(points, b, rows):
-    """Write Legendre polynomials 1 to 5 of block b's paths: of the angle, and from row `MOST_MODES` the velocity."""
+    """Write to `rows` the Legendre polynomials 1 to 5 of the eight paths of block b.
+
+    Those of the angle stand in rows 1 to 5, those of the velocity `MOST_MODES` further; `points` are
+    `Targets.coordinates`.
+    """
     for axis in range(2):
         _, p1, p2, p3, p4, p5 = _legendre_in_lanes(load(points, 2 * b + axis))
         first = axis * MOST_MODES
@@ -245,7 +263,10 @@ def _store_polynomials(points, b, rows):
 
 @kernel(fastmath=FASTMATH)
 def scatter_group(target, begin, end, points, masses, basis):
-    """Add masses (blocks, 8) times the shape functions at the points of a group's blocks to the unknowns of a cell."""
+    """Add masses (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell.
+
+    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates`.
+    """
     modes, sums, rows = len(basis), _sums(), _polynomials()
     for k in range(modes * modes):
         store(sums, k, load(_ZEROS, 0))
@@ -264,7 +285,10 @@ def scatter_group(target, begin, end, points, masses, basis):
 
 @kernel(fastmath=FASTMATH)
 def gather_group(function, begin, end, points, values, basis):
-    """Write the values (blocks, 8) of a function, by its coefficients (modes²,) in a cell, at `Targets.coordinates`."""
+    """Write the values (blocks, 8) of a function, by its coefficients (modes²,) in a cell, at `Targets.coordinates`.
+
+    The blocks are those from `begin` to `end` of these, `points`.
+    """
     modes, rows = len(basis), _polynomials()
     for b in range(begin, end):
         _store_polynomials(points, b, rows)
@@ -283,7 +307,8 @@ def gather_group(function, begin, end, points, values, basis):
 def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ordered, basis):
     """Add the point masses `values` (g, h) of source cell r, times the nodes' weights, to unknowns and absorbed masses.
 
-    `buffer` (target cells, modes²) holds the unknowns; `masses` (n + 1,) and `ordered` (most, 8) are overwritten.
+    `buffer` (target cells, modes²) holds the unknowns, `absorbed` the masses by `Exit`; `node_weights` (n,) are those
+    of the noise; `masses` (g h n + 1,) and `ordered` (most, 8) are overwritten.
     """
     n = 0
     for p in range(values.shape[0]):
@@ -307,9 +332,10 @@ def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ord
 
 @kernel
 def gather_cell(function, exit_values, node_weights, r, targets, values, path_values, ordered, basis):
-    """Write means (g, h) over the nodes of a function at the paths' ends of source cell r: adjoint of `scatter_cell`.
+    """Write to `values` (g, h) means over the nodes of a function at the paths' ends of source cell r.
 
-    `function` (target cells, modes²) are its coefficients; `path_values` (n + 1,) and `ordered` are overwritten.
+    Adjoint of `scatter_cell`. `function` (target cells, modes²) are its coefficients, `exit_values` (3,) its values by
+    `Exit`; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten.
     """
     first, last = targets.groups[r], targets.groups[r + 1]
     base = targets.blocks[first]
