@@ -299,7 +299,10 @@ class Evolution(Saved, SurvivalResult):
         return Density(self.space, self.coefficients[cycle])
 
     def _binned(self, row, edges):
-        """Probabilities of bins at a row: of a start that is a point, or of the density and of blocks at rest."""
+        """Probabilities (angle bins, velocity bins) at a row: of a start that is a point, or of density and rest.
+
+        `row` is the index of a time, 0 that of the start; `edges` a pair of arrays, bin edges in angle and in velocity.
+        """
         start = self.scene.start
         if row == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
@@ -309,7 +312,10 @@ class Evolution(Saved, SurvivalResult):
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
-    """Masses (cycles + 1,) of densities that count as being at rest; of a point start 0 or 1 at first."""
+    """Masses (cycles + 1,) of densities that count as being at rest; of a point start 0 or 1 at first.
+
+    `coefficients` (cycles + 1, ``space.shape``) are those after 0, 1, ... cycles.
+    """
     angle, velocity = TUNING.rest_angle, TUNING.rest_velocity
     masses = space.bin_integrals(coefficients, [-angle, angle], [-velocity, velocity])[:, 0, 0]
     if start.covariance is None:

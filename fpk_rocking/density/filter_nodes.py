@@ -30,7 +30,7 @@ class Whitened(NamedTuple):
 
 
 def whitened(noise):
-    """States of a filter of one or two states, whitened, with the noise sigma y1."""
+    """Return the `Whitened` states of the filter, of one state or two, of filtered noise (`scene.noise`)."""
     space = noise.space
     factor = np.linalg.cholesky(space.correlation)
     output = space.output @ factor
@@ -76,11 +76,12 @@ class Nodes:
         self._degrees = list(np.ndindex(self.weights.shape))
 
     def piecewise_constant_factor(self, duration):
-        """Factor of the noise that is constant over steps of a duration, for its Melnikov variance to be right.
+        """Factor of the noise that is constant over steps of a duration, for its Melnikov variance.
 
-        Constant over each step the noise has, on average over the place in a step, the autocovariance that is
-        interpolated linearly between its values at whole steps. With Φ the step of the mean, the values are the first
-        entries of Φ^k, and sums over k of Φ^k exp(-k duration) are geometric series.
+        It is a number near 1, by which that variance is right; `duration` is nondimensional. Constant over each step
+        the noise has, on average over the place in a step, the autocovariance that is interpolated linearly between its
+        values at whole steps. With Φ the step of the mean, the values are the first entries of Φ^k, and sums over k of
+        Φ^k exp(-k duration) are geometric series.
         """
         phi, _ = transition_and_factor(self.drift, self.input, duration)
         part, weights = gauss_legendre(8)
@@ -94,7 +95,10 @@ class Nodes:
         return math.sqrt(self._melnikov / variance)
 
     def transition_matrix(self, duration):
-        """Matrix (nodes, nodes) that takes the masses of the nodes over a time; its columns sum to 1."""
+        """Matrix (nodes, nodes) that takes the masses of the nodes over a duration, nondimensional.
+
+        Its columns sum to 1, and the nodes are those of `weights`, raveled.
+        """
         phi, factor = (np.pad(part, (0, 2))[:2, :2] for part in transition_and_factor(self.drift, self.input, duration))
         if self._even:
             return self._moved(phi, factor)
@@ -104,10 +108,11 @@ class Nodes:
     def _moved(self, phi, factor):
         """Matrix (nodes, nodes) that shares the mass of each node among the nodes about where the filter takes it.
 
-        It gathers noise of 35 values in the direction of y1, which in a long step have to be as near to each other as
-        its nodes, and of 5 in that of y2. Means, variances and third moments are kept, and mass at rest on one side of
-        the level of lift-off passes to the other side only as far as the filter moves it: polynomials over all nodes
-        would reflect it there.
+        `phi` (2, 2) and `factor` (2, 2) take the states over the step: their mean, and the Cholesky factor of the
+        noise. It gathers noise of 35 values in the direction of y1, which in a long step have to be as near to each
+        other as its nodes, and of 5 in that of y2. Means, variances and third moments are kept, and mass at rest on one
+        side of the level of lift-off passes to the other side only as far as the filter moves it: polynomials over all
+        nodes would reflect it there.
         """
         size, means = self.weights.size, self.states.reshape(-1, 2) @ phi.T
         matrix = np.zeros((size, *self.weights.shape))
@@ -131,21 +136,27 @@ def hermite_rule(count):
 
 
 def equispaced_rule(count, spacing):
-    """Nodes (count,) of one spacing about 0, and weights by the normal density, exact to rounding up to .6."""
+    """Nodes (count,) of one spacing about 0, and weights (count,) by the normal density, which sum to 1.
+
+    `spacing` is in standard deviations; they are exact to rounding up to .6.
+    """
     nodes = spacing * (np.arange(count) - 0.5 * (count - 1))
     weights = np.exp(-0.5 * nodes**2)
     return nodes, weights / weights.sum()
 
 
 def _lagrange(points, nodes):
-    """Weights (points, nodes) that interpolate at points (n,) by the polynomial through nodes (m,)."""
+    """Weights (n, m) that interpolate at `points` (n,) by the polynomial through `nodes` (m,)."""
     ratios = (points[:, None, None] - nodes) / (nodes[:, None] - nodes + np.eye(len(nodes)))
     ratios[:, np.arange(len(nodes)), np.arange(len(nodes))] = 1.0
     return ratios.prod(axis=2)
 
 
 def _cubic(points, lattice):
-    """Weights (points, nodes) of the cubic through the four nodes of a lattice about each point, moved to its ends."""
+    """Weights (n, m) of the cubic through the four nodes of a `lattice` (m,) about each of the `points` (n,).
+
+    Points beyond the lattice are moved to its ends.
+    """
     place = (np.clip(points, lattice[0], lattice[-1]) - lattice[0]) / (lattice[1] - lattice[0])
     first = np.clip(place.astype(int) - 1, 0, len(lattice) - 4)
     out = np.zeros((len(points), len(lattice)))
@@ -154,7 +165,10 @@ def _cubic(points, lattice):
 
 
 def _on_polynomials(phi, degrees):
-    """Matrix of a step on normalized Hermite polynomials of the given degrees (a, b)."""
+    """Matrix of a step on normalized Hermite polynomials of two variables, of the given degrees.
+
+    `phi` (2, 2) takes the mean of the states over the step; `degrees` is a list of pairs (a, b), the rows and columns.
+    """
     place = {degree: n for n, degree in enumerate(degrees)}
     out = np.zeros((len(degrees), len(degrees)))
     for (a, b), row in place.items():
@@ -211,7 +225,7 @@ class FilteredDiscretization(NamedTuple):
         return 8 * unknowns * (8 + 3 * math.prod(self.nodes)) + (len(self.time_grid) - 1) * (self.nodes[0] + 1) * step
 
     def stored(self, rows):
-        """Bytes of the densities over all nodes after some cycles."""
+        """Bytes of the densities over all nodes at a number of `rows`, the times of a result."""
         return self.plane.stored(rows)
 
     @property
@@ -223,7 +237,10 @@ class FilteredDiscretization(NamedTuple):
 
 
 def filtered_discretization(scene, plane, number):
-    """Nodes and steps for a scene with filtered noise on a mesh of the plane, at the resolution of a number."""
+    """Nodes and steps for a scene with filtered noise: a `FilteredDiscretization`.
+
+    `plane` is the `Discretization` of angle and velocity, `number` that of the resolution in `RESOLUTIONS`.
+    """
     space = scene.noise.space
     states, fastest = space.order, float(np.abs(space.rates.imag).max())
     periods = 2 if scene.forcing.half_antisymmetric else 1
@@ -249,8 +266,9 @@ def may_rest(scene):
 def node_spacing(scene, most):
     """Return number and spacing of nodes of y1, the level of lift-off at a cycle's end half way between two of them.
 
-    They reach five standard deviations. Which nodes are beyond the level tells the part of the blocks that the noise
-    lifts off: with Gauss-Hermite nodes that part was off by up to the half of a weight.
+    The spacing, in standard deviations, is at most `most`; the nodes reach five. Which nodes are beyond the level tells
+    the part of the blocks that the noise lifts off: with Gauss-Hermite nodes that part was off by up to the half of a
+    weight.
     """
     level = abs(scene.block.lift_off - abs(scene.forcing.value(0.0))) / math.sqrt(scene.noise.variance)
     halves = math.ceil(2.0 * level / most - 1e-9) if 4.0 * level > most else 0
@@ -260,9 +278,10 @@ def node_spacing(scene, most):
 
 
 def graded_time_grid(end, longest, shortest):
-    """Begins of steps and their end, ascending in [0, end]; steps grow from the end backwards, between two bounds.
+    """Begins of steps and their end (n,), ascending in [0, end]; steps grow from the end backwards.
 
-    Each is at most .3 of the time from its end to the end of the cycle.
+    They are between a `longest` and a `shortest` one, all as parts of a cycle, and each is at most .3 of the time from
+    its end to the end of the cycle.
     """
     before = [0.0]
     while before[-1] < end * (1.0 - 1e-12):
@@ -271,7 +290,10 @@ def graded_time_grid(end, longest, shortest):
 
 
 def _fine_about_rest(plane, scene, last):
-    """Mesh with more lines about x = v = 0, for blocks that come to rest in the last step, a part of a cycle."""
+    """`Discretization` like `plane`, with more lines about x = v = 0, where blocks come to rest.
+
+    They do so in the `last` step of a symmetry period, a part of a cycle.
+    """
     part, square = TUNING.rest_cell_velocity, TUNING.rest_cell_angle
     velocity = part * 0.5 * (1.0 - scene.block.restitution) * last * scene.period
     return dataclasses.replace(
@@ -282,7 +304,10 @@ def _fine_about_rest(plane, scene, last):
 
 
 def _with_finer(lines, least, ratio):
-    """Lines and more of them about 0, down to a least one, by a ratio at most from one to the next."""
+    """Lines and more of them about 0, ascending: down to `least`, by a `ratio` at most from one to the next.
+
+    `lines` (n,) are symmetric about 0, nondimensional.
+    """
     first = lines[lines > 0.0][0]
     count = max(math.ceil(math.log(first / least) / math.log(ratio)), 0)
     more = first * (least / first) ** (np.arange(1.0, 1.0 + count) / max(count, 1))

@@ -68,7 +68,7 @@ class FilteredPropagator(CyclicPropagator):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> FilteredDiscretization:
-        """Mesh of the plane with the nodes and steps of the resolution of a number."""
+        """Mesh of the plane with the nodes and steps of the resolution of a number in `RESOLUTIONS`."""
         precompilation.start_helpers(
             precompilation.task_for_block("fpk_rocking.density.precompilation:filtered", scene)
         )
@@ -77,7 +77,8 @@ class FilteredPropagator(CyclicPropagator):
     def _follow(self, coarse):
         """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then.
 
-        Those of its noise nodes below and above count, in the steps about the begin of the step.
+        `coarse` is a `FilteredPropagator`; those of its noise nodes below and above count, in the steps about the begin
+        of the step.
         """
         places = np.searchsorted(coarse.nodes.values, self.nodes.values)[: self.active.shape[1]]
         for k, begin in enumerate(self.step_begins[:-1]):
@@ -86,13 +87,19 @@ class FilteredPropagator(CyclicPropagator):
             self.active[k] = cells[np.clip(places - 1, 0, last)] | cells[np.clip(places, 0, last)]
 
     def _dynamics(self, constant):
-        """Dynamics of a block under the forcing plus a constant force, without noise."""
+        """`Dynamics` of a block under the forcing plus a constant force, without noise.
+
+        `constant` is that force, nondimensional, in units of the forcing.
+        """
         forcing, block = periodic(self.scene.forcing).with_constant(constant), self.scene.block
         common = forcing, 0.0, block.restitution, self.scene.overturning.angle
         return Dynamics(*common, critical_angle=block.critical_angle or None)
 
     def _steps_at_nodes(self, k):
-        """Return the steps with number k of the symmetry period, one for each node of the noise, with shared tables."""
+        """Return the `Step` with number k of the symmetry period at each node of y1, a list.
+
+        They share tables.
+        """
         begin, duration, space = self.step_begins[k], self.durations[k], self.space
         points = self.discretization.points
         rule, factor = Quadrature(points, points, 1, 1, 1), self.nodes.piecewise_constant_factor(duration)
@@ -120,14 +127,17 @@ class FilteredPropagator(CyclicPropagator):
         return misplaced / (above - below)
 
     def _transition(self, time):
-        """Matrix (nodes, nodes) that takes the masses of the nodes over a time; kept for the next cycle."""
+        """Matrix (nodes, nodes) that takes the masses of the nodes over a time; kept for the next cycle.
+
+        The time is a duration, nondimensional.
+        """
         key = round(time / self.scene.period, 12)
         if key not in self._transitions:
             self._transitions[key] = self.nodes.transition_matrix(time)
         return self._transitions[key]
 
     def _steps_about(self, time):
-        """Numbers of the last step that begins by a time, and of the next one."""
+        """Numbers of the last step that begins by a `time` in the symmetry period, and of the next one."""
         before = int(np.searchsorted(self.step_begins, time, side="right")) - 1
         return before, before + 1
 
@@ -143,7 +153,10 @@ class FilteredPropagator(CyclicPropagator):
         return solution
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """State at the begin of the step before which the mesh takes the start over; at rest, the start itself."""
+        """State at the begin of the step before which the mesh takes the start over; at rest, the start.
+
+        `times` is not used.
+        """
         begin = FilteredStart(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
         shape = self.nodes.weights.shape
         if begin.at_rest:
@@ -155,7 +168,10 @@ class FilteredPropagator(CyclicPropagator):
         return PeriodicState(first, begins[first], density, outflow, at_rest=np.zeros(shape), first=True)
 
     def _apply(self, k, state):
-        """Exchange mass between nodes over half of the step before and half of step k, and take step k."""
+        """Density, outflow (3,) and masses at rest of a `PeriodicState` after step k of the symmetry period.
+
+        Mass is exchanged between nodes over half of the step before and half of step k, and then step k is taken.
+        """
         before = 0.0 if state.first else self.durations[k - 1]
         matrix = self._transition(0.5 * (self.durations[k] + before))
         density = (matrix @ state.density.reshape(len(matrix), -1)).reshape(state.density.shape)
@@ -163,7 +179,11 @@ class FilteredPropagator(CyclicPropagator):
         return density, self._move(k, density, at_rest), at_rest
 
     def _move(self, k, density, at_rest):
-        """Move densities and masses at rest, in place, by step k; return the outflow (3,)."""
+        """Move densities and masses at rest, in place, by step k; return the outflow (3,).
+
+        `density` (nodes in y1, nodes in y2, ``space.shape``) are coefficients, `at_rest` (nodes in y1, nodes in y2)
+        masses.
+        """
         self._activate(k, density)
         outflow = np.zeros(3)
         for a, step in enumerate(self.steps[k]):
@@ -179,12 +199,18 @@ class FilteredPropagator(CyclicPropagator):
         return outflow
 
     def _from_rest(self, characteristics):
-        """Angle, velocity and side (0: at rest) at the end of a step of a block that is at rest at its begin."""
+        """Angle, velocity and side (0: at rest) at the end of a step of a block that is at rest at its begin.
+
+        The step is that of the `Characteristics`.
+        """
         segment = characteristics.dynamics.segment(characteristics.start, characteristics.duration)
         return advance_from_rest(segment, characteristics.duration, characteristics.dynamics.block)
 
     def _activate(self, k, density):
-        """Activate in step k the cells with more than a negligible mass at one of the nodes that share them."""
+        """Activate in step k the cells with more than a negligible mass at one of the nodes that share them.
+
+        `density` (nodes in y1, nodes in y2, ``space.shape``) are coefficients.
+        """
         size = len(density) // self.active.shape[1]
         for group, cells in enumerate(self.active[k]):
             nodes, beyond = slice(group * size, (group + 1) * size), False
@@ -208,6 +234,9 @@ class FilteredPropagator(CyclicPropagator):
 
 @kernel
 def advance_from_rest(segment, duration, block):
-    """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin."""
+    """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin.
+
+    The forcing is that of the `Segment` up to its time `duration`; `block` is a `Body`.
+    """
     x, v, side, _ = advance_through_events(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side

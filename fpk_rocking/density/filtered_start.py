@@ -50,7 +50,10 @@ class FilteredStart:
         return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
 
     def at(self, time):
-        """Mean (2,) and covariance (2 + states, 2 + states) of angle, velocity and the whitened states at a time."""
+        """Mean (2,) and covariance (2 + states, 2 + states) at a `time` since τ = 0.
+
+        The mean is of angle and velocity, the covariance of these and the whitened states.
+        """
         if self._moments:
             return self._moments(time)
         flight = self.dynamics.affine(0.0, time)
@@ -58,13 +61,16 @@ class FilteredStart:
         return mean, _joint_covariance(self.nodes, self._covariance, time)
 
     def undisturbed(self, time):
-        """Whether nothing can have happened by a time: the block is far from x = 0 and from the cut-off."""
+        """Whether nothing can have happened by a `time`: the block is far from x = 0 and from the cut-off."""
         mean, covariance = self.at(time)
         reach = TUNING.filtered_reach * math.sqrt(covariance[0, 0])
         return reach < self.side * mean[0] < self.dynamics.cutoff - reach
 
     def takeover_step(self, space, begins):
-        """Return the number of the step before which the mesh takes over: resolved, or the last without an event."""
+        """Return the number of the step before which the mesh takes over: resolved, or the last without an event.
+
+        `begins` (n,) are the times at which steps begin, from 0 on.
+        """
         last = 0
         for step, time in enumerate(begins[1:], 1):
             if not self.undisturbed(time):
@@ -75,12 +81,18 @@ class FilteredStart:
         return last
 
     def resolution(self, time, space):
-        """Least standard deviation at a node, at a time, over the size of a cell of a mesh; see `resolution_of`."""
+        """Least standard deviation at a node of the noise, at a `time`, over the size of a cell of a mesh.
+
+        The mesh is that of a `Space`; see `resolution_of`.
+        """
         mean, covariance = self.at(time)
         return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)
 
     def project(self, time, space):
-        """Densities at a time on a mesh: coefficients (nodes in y1, nodes in y2, *space.shape), and outflow (3,)."""
+        """Densities at a `time` on a mesh, a `Space`, and the outflow (3,).
+
+        The densities are coefficients (nodes in y1, nodes in y2, *space.shape).
+        """
         mean, covariance = (
             self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
         )
@@ -95,7 +107,10 @@ class FilteredStart:
 
 
 def _joint_covariance(nodes, covariance, time):
-    """Covariance of angle, velocity and states at a time of a flight; of angle and velocity (2, 2) at its begin."""
+    """Covariance (2 + states, 2 + states) of angle, velocity and states at a `time` of a slender block's flight.
+
+    `covariance` (2, 2) is that of angle and velocity at its begin; `nodes`: `Nodes`, or the `Whitened` filter.
+    """
     count = len(nodes.drift)
     joint = np.zeros((2 + count, 2 + count))
     joint[0, 1] = joint[1, 0] = 1.0
@@ -132,7 +147,7 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
 
     def rates(time, state):
-        """Time derivative of mean and joint covariance, flattened, at a time."""
+        """Time derivative of mean and joint covariance, flattened like these in `state`, at a `time`."""
         x, v, joint = state[0], state[1], state[2:].reshape(size, size)
         phi, force = alpha * (1.0 - side * x), forcing.value(time)
         sine, cosine = side * alpha * math.sin(phi), math.cos(phi)
@@ -149,15 +164,18 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
 
 
 def spread_left(noise, covariance, time):
-    """Part of the angle's standard deviation at a time of a flight that is left where the filter's states are known."""
+    """Part of the angle's standard deviation, at a time of a flight, that is left where the filter's states are known.
+
+    `noise`: filtered; `covariance` (2, 2) of angle and velocity at the begin, or None; `time`: since then.
+    """
     joint = _joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
     return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))
 
 
 def _points(covariance):
-    """Points (n, 2) and weights (n,) that stand for a Gaussian about 0, exact in its first moments.
+    """Points (n, 2) and weights (n,) that stand for a Gaussian about 0 of a covariance (2, 2).
 
-    They have a spacing of a tenth of a standard deviation along both axes, up to six.
+    They are exact in its first moments, and have a spacing of a tenth of a standard deviation along both axes, up to six.
     """
     values, axes = np.linalg.eigh(covariance)
     lines, spacing = [], 0.1
@@ -171,12 +189,10 @@ def _points(covariance):
 
 
 def deposit_points(space, states, masses, side, out):
-    """Add point masses at states (n, 2) to the coefficients of a density; a point on x = 0 is on the given side.
+    """Add point masses (n,) at states (n, 2), angle and velocity, to the coefficients `out` of a density.
 
-    Returns
-    -------
-    ndarray, shape (3,)
-        Outflow: beyond the cut-off to the left and to the right, and beyond the velocity bound.
+    `out` has the shape of the `Space`; a point on x = 0 is on the given side. Returns the outflow (3,): beyond the
+    cut-off to the left and to the right, and beyond the velocity bound.
     """
     cells, references = [], []
     for lines, values in zip(space.lines, states.T, strict=True):

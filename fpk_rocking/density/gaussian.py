@@ -17,11 +17,11 @@ class Gaussian:
 
     @classmethod
     def of(cls, start):
-        """Take the start of a scene; a point has covariance 0."""
+        """Take the start of a scene, a `Start`; a point has covariance 0."""
         return cls((start.angle, start.velocity), np.zeros((2, 2)) if start.covariance is None else start.covariance)
 
     def __call__(self, angle, velocity):
-        """Density at points (broadcast)."""
+        """Density at points `angle`, `velocity` (broadcast)."""
         xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
         determinant = xx * vv - xv * xv
         x, v = angle - self.mean[0], velocity - self.mean[1]
@@ -29,16 +29,19 @@ class Gaussian:
         return np.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(determinant))
 
     def tails(self, cutoff):
-        """Masses beyond the cut-off, to the left and to the right."""
+        """Masses beyond the cut-off, an angle, to the left and to the right; a list of two."""
         spread = math.sqrt(2.0 * self.covariance[0, 0])
         return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
 
     def resolution(self, space):
-        """Least conditional standard deviation over the size of the cell of a mesh that the mean is in."""
+        """Least conditional standard deviation over the size of the cell of a mesh (`Space`) that the mean is in."""
         return resolution_of(self.mean, self.covariance, space)
 
     def after_flight(self, dynamics: Dynamics, start, duration, side):
-        """Gaussian after a flight on one side in which nothing happens, of a slender block."""
+        """Gaussian after a flight of a slender block, on one side, in which nothing happens.
+
+        The flight is from time `start` on for a `duration`, under `Dynamics`, nondimensional.
+        """
         flight = dynamics.affine(start, duration)
         xx, xv, vv = dynamics.covariance(start, duration)
         covariance = flight.matrix @ self.covariance @ flight.matrix.T + [[xx, xv], [xv, vv]]
@@ -46,7 +49,10 @@ class Gaussian:
 
 
 def resolution_of(mean, covariance, space):
-    """Least conditional standard deviation of a Gaussian over the size of the cell of a mesh that its mean is in."""
+    """Least conditional standard deviation of a Gaussian over the size of the cell of a mesh that its mean is in.
+
+    `mean` (2,) and `covariance` (2, 2) are those of angle and velocity; the mesh is a `Space`.
+    """
     (xx, xv), (_, vv) = covariance
     if min(xx, vv) <= 0.0:
         return 0.0
@@ -55,16 +61,17 @@ def resolution_of(mean, covariance, space):
 
 
 def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
-    """Gaussian of an exact block as a function of the time up to an end, in a flight in which nothing happens.
+    """Return a function of time, 0 to `end`: the Gaussian of an exact block in a flight in which nothing happens.
 
-    Its moments obey ordinary differential equations of first order in its spread, which are integrated as far as asked.
+    `gaussian` is that at time 0. Its moments obey ordinary differential equations of first order in its spread, which
+    are integrated as far as asked.
     """
     from scipy.integrate import DOP853  # takes longer to import than all else here
 
     alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
 
     def rates(time, state):
-        """Time derivatives of the means x, v and the covariances xx, xv, vv at a time."""
+        """Time derivatives of the means x, v and the covariances xx, xv, vv, `state`, at a `time`."""
         x, v, xx, xv, vv = state
         phi, force = alpha * (1.0 - side * x), forcing.value(time)
         sine, cosine = math.sin(phi), math.cos(phi)
@@ -79,7 +86,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     ends, pieces = [], []
 
     def at(time):
-        """`Gaussian` at a time, integrated up to there if it is not yet."""
+        """`Gaussian` at a `time` up to the end, integrated up to there if it is not yet."""
         # Most starts meet the mesh long before the end, and a record makes many steps.
         while solver.status == "running" and solver.t < max(time, 1e-300):
             solver.step()
@@ -92,7 +99,10 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
 
 
 def initial_density(start, space, cutoff):
-    """Coefficients of a Gaussian start on a mesh, and its masses past the cut-offs (2,); zeros for a point."""
+    """Coefficients (``space.shape``) of a Gaussian start on a mesh, and its masses past the cut-offs (2,).
+
+    Both are zero for a point. `start`: that of a scene; `cutoff`: angle of overturning.
+    """
     if start.covariance is None:
         return np.zeros(space.shape), [0.0, 0.0]
     gaussian = Gaussian.of(start)
@@ -100,6 +110,6 @@ def initial_density(start, space, cutoff):
 
 
 def cell_size(lines, point):
-    """Size of the cell between ascending lines that a point is in."""
+    """Size of the cell between ascending lines (n,) that a point, a number, is in."""
     cell = find_cells(lines, point, "left")
     return lines[cell + 1] - lines[cell]

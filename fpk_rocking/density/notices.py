@@ -23,7 +23,7 @@ from fpk_rocking.scene.scene import Scene
 
 
 def refuse_filtered(scene: Scene) -> None:
-    """Refuse filtered noise: the one-cycle operator has no states of a filter."""
+    """Raise ValueError for a scene with filtered noise: the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
         takes = "solve_fpk() takes filters of up to 2 states"
         accepted = (
@@ -34,9 +34,9 @@ def refuse_filtered(scene: Scene) -> None:
 
 
 def refuse_unsolvable(scene: Scene) -> None:
-    """Refuse a scene out of range, without noise, of too many states of a filter, or with infinitely many impacts.
+    """Raise ValueError for a scene that the density solver cannot take; its noise is white or filtered.
 
-    Its noise is white or filtered.
+    It is out of range, without noise, of too many states of a filter, or with infinitely many impacts.
     """
     limits.check(scene)
     noise = scene.noise
@@ -59,7 +59,7 @@ def refuse_unsolvable(scene: Scene) -> None:
 
 
 def refuse_slow(scene: Scene) -> None:
-    """Refuse filtered noise that is so slow that a start of small spread stays a curve at each state of the filter."""
+    """Raise ValueError for filtered noise so slow that a start of small spread stays a curve at each of its states."""
     noise = scene.noise
     if noise.kind != "filtered":
         return
@@ -80,7 +80,7 @@ def refuse_slow(scene: Scene) -> None:
 
 
 def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
-    """Refuse too many bytes: `needed` by a solution, `stored` of its density at all `rows` times."""
+    """Raise ValueError for too many bytes: `needed` by a solution, `stored` of its density at all `rows` times."""
     largest = TUNING.largest_filtered if scene.noise.kind == "filtered" else TUNING.largest_white
     if needed > largest:
         raise ValueError(
@@ -149,7 +149,10 @@ def warn_beyond(
 
 
 def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
-    """Warn where the estimated error of the probability at rest is larger than wanted; with inf never."""
+    """Warn where the estimated error of the probability at rest is larger than `wanted`; with inf never.
+
+    `stacklevel`: calls from here to the user's, for the warning's line.
+    """
     sentence = result.unresolved_beyond(wanted)
     if sentence:
         warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)
@@ -186,7 +189,10 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
 
 
 def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:
-    """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them."""
+    """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them.
+
+    `times` (rows,): those of the result; `tol`: wanted error of survival, which sets the number of sampled paths.
+    """
     if scene.noise.kind != "white":
         return
     seconds = sum(estimated_seconds(scene, discretization, times) for discretization in discretizations)
@@ -199,7 +205,11 @@ def announce(scene: Scene, discretizations: Sequence[Discretization], times: Arr
 
 
 def announce_finer(scene: Scene, before: Discretization, finer: Discretization, times: Array, taken: float) -> None:
-    """Print to standard error the estimated time of a finer solution, if long, by that of the one before, `taken`."""
+    """Print to standard error the estimated time of a finer solution, if long, by that of the one before.
+
+    `before`, `finer`: their meshes and steps; `times` (rows,): those of the result; `taken`: seconds that the one
+    before took.
+    """
     if scene.noise.kind != "white":
         return
     seconds = taken * estimated_seconds(scene, finer, times) / estimated_seconds(scene, before, times)

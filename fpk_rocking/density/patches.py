@@ -17,10 +17,11 @@ from fpk_rocking.physics.motion.flight import apply_affine
 
 
 def patch_of(settings, mean, covariance, cutoff, box=None):
-    """Space on which a density of mean (2,) and covariance (2, 2) is resolved, `reach` deviations to all sides.
+    """`Space` on which a density of mean (2,) and covariance (2, 2) is resolved, `reach` deviations to all sides.
 
-    `box` (angle from, to, velocity from, to) holds what its moments do not tell of: tails, and what an impact has split
-    off. The patch covers it with cells of the same size, up to 60 of them an axis.
+    `settings`: `PatchSettings`; `cutoff`: angle of overturning, where the patch ends. `box` (angle from, to, velocity
+    from, to) holds what the moments do not tell of: tails, and what an impact has split off. The patch covers it with
+    cells of the same size, up to 60 of them an axis.
     """
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
@@ -38,16 +39,17 @@ def patch_of(settings, mean, covariance, cutoff, box=None):
 
 
 def _within(lines, cutoff):
-    """Mesh lines of equal cells, cut at ± the cut-off; a remainder below a tenth of a cell joins its neighbour."""
+    """Mesh lines (n,) of equal cells, cut at ± the cut-off; a remainder below a tenth of a cell joins its neighbour."""
     first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
     inner = lines[(lines > first + thin) & (lines < last - thin)]
     return np.concatenate([[first], inner, [last]])
 
 
 def next_patch(settings, step: Characteristics, coefficients, cutoff):
-    """Patch for the density after a step, by the moments of the mass that has not overturned.
+    """Patch, a `Space`, for the density after a step, by the moments of the mass that has not overturned.
 
-    `coefficients` are those of the density before the step, on the patch of its characteristics.
+    `settings`: `PatchSettings`; `cutoff`: angle of overturning. `coefficients` are those of the density before the
+    step, on the patch of its `Characteristics`.
     """
     source = step.source
     # Cells that are not active have no characteristics.
@@ -71,8 +73,9 @@ def next_patch(settings, step: Characteristics, coefficients, cutoff):
 def moment_sums(values, points, flown, events, states, codes, least):
     """Return sums of mass times 1, x, v, x^2, xv, v^2 over the ends of paths that did not overturn, and their box.
 
-    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), the others are fields of a step's
-    `Characteristics`. The box (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
+    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), `flown` the `AffinePaths` of cells
+    without events; `points`, `events`, `states`, `codes` are `points`, `numbers`, `ends`, `flags` of `Characteristics`.
+    The box (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
     """
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     points = borrowed(points)

@@ -89,20 +89,29 @@ class CyclicPropagator(Propagator):
             self.active[:] = [coarse.active_about(begin, self.space) for begin in step_begins[:-1]]
 
     def active_about(self, time: float, space: Space) -> Array:
-        """Cells of another space that meet an active cell of the steps about a time within the symmetry period."""
+        """Cells of another `Space` that meet an active cell of the steps about a `time`: a mask.
+
+        The time is within the symmetry period; the mask is (..., angle cells, velocity cells) like those in `active`.
+        """
         before, after = self._steps_about(time)
         return overlapping_cells(self.space, self.active[before] | self.active[min(after, len(self.active) - 1)], space)
 
     @abc.abstractmethod
     def _steps_about(self, time):
-        """Numbers of the last step that begins by a time, and of one that begins after it or then."""
+        """Numbers of the last step that begins by a `time`, and of one that begins after it or then.
+
+        The time is within the symmetry period.
+        """
 
     @abc.abstractmethod
     def _apply(self, k, state):
-        """Density, outflow (3,) and masses at rest after step k of the symmetry period."""
+        """Density, outflow (3,) and masses at rest of a `PeriodicState` after step k of the symmetry period."""
 
     def advance(self, state: PeriodicState, latest: float) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """State after the next step, reflected where that step is the mirror image of one of the symmetry period."""
+        """`PeriodicState` after the next step; `latest` is not used.
+
+        It is reflected where that step is the mirror image of one of the symmetry period.
+        """
         k = state.step % len(self.active)
         if (state.step % self.steps_per_cycle != k) != state.reflected:
             state = state.mirror_image()
@@ -130,7 +139,7 @@ class PeriodicPropagator(CyclicPropagator):
         self._startups = coarse._startups if same else {}
 
     def _step(self, begin):
-        """Step from a time on, without active cells."""
+        """`Step` from a time `begin` on, without active cells."""
         rule = self.discretization.quadrature
         characteristics = Characteristics(self.space, begin, self.duration, self.dynamics, rule, cells=False)
         return Step(characteristics, self.space, self.buffers)
@@ -141,12 +150,12 @@ class PeriodicPropagator(CyclicPropagator):
         return self.buffers.nbytes + sum(step.nbytes for step in self.steps)
 
     def _steps_about(self, time):
-        """Numbers of the last step that begins by a time, and of one that begins after it or then."""
+        """Numbers of the last step that begins by a `time`, and of one that begins after it or then."""
         place = time / self.duration
         return math.floor(place + 1e-9), math.ceil(place - 1e-9)
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """State at the end of the step at which the mesh takes the start over."""
+        """State at the end of the step at which the mesh takes the start over; `times` is not used."""
         if start not in self._startups:
             patches = self.discretization.patches
             self._startups[start] = StartUp(self.dynamics, start, patches, self.scene.period)
@@ -156,7 +165,10 @@ class PeriodicPropagator(CyclicPropagator):
         return PeriodicState(first, self.time_of(first), *startup.project(time, self.space))
 
     def _apply(self, k, state):
-        """Density and outflow (3,) of a state after step k, with all cells active that are not negligible."""
+        """Density and outflow (3,) of a `PeriodicState` after step k of the symmetry period, and None.
+
+        All cells of the step that are not negligible are made active.
+        """
         step = self.steps[k]
         if mark_massive_cells(
             state.density, self.space.areas, self.negligible, step.characteristics.active, self.active[k]

@@ -102,23 +102,32 @@ class Propagator(abc.ABC):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
-        """Discretization for the constructor, from the mesh and steps of the plane and the number of the resolution."""
+        """Discretization for the constructor, from the mesh and steps of the plane at one resolution.
+
+        `number` is that of the resolution in `RESOLUTIONS`.
+        """
         return plane
 
     @abc.abstractmethod
     def initial_state(self, start: Start, times: Array) -> Any:
-        """First state from the start on whose density the mesh resolves; `times` (rows,) are those of the results."""
+        """First state from the start on whose density the mesh resolves; its class is the subclass's.
+
+        `times` (rows,) are those of the results, nondimensional.
+        """
 
     @abc.abstractmethod
     def advance(self, state: Any, latest: float) -> Any:
-        """State after one step or more, not later than a time at which a step ends."""
+        """State after one step or more, not later than `latest`, a time at which a step ends."""
 
     @abc.abstractmethod
     def snapshot(self, state: Any) -> Snapshot:
         """Coefficients of the density of a state, its outflow and its mass at rest, as a `Snapshot`."""
 
     def states(self, times: Array, start: Start) -> Iterator[Any]:
-        """Yield the first state that the mesh resolves and the state after every step, to the last of the times."""
+        """Yield the first state that the mesh resolves and the state after every step, to the last of the times.
+
+        `times` (rows,) are those of the results, from 0 on.
+        """
         state = self.initial_state(start, times)
         yield state
         for time in times[1:]:
@@ -161,5 +170,5 @@ class Propagator(abc.ABC):
 
 
 def _reached(state, time):
-    """Whether a state is at a time or after it, to rounding."""
+    """Whether a state is at a `time` or after it, to rounding."""
     return state.time >= time * (1.0 - 1e-12)

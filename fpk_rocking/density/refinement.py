@@ -53,7 +53,10 @@ class Level:
     seconds: float = 0.0
 
     def differences(self, coarser: "Level") -> tuple[float, float]:
-        """Largest differences from another level, of the quantity and of the binned density; inf where undefined."""
+        """Largest differences from a `coarser` level, of the quantity and of the binned density (L1).
+
+        They are inf where undefined.
+        """
         quantity = float(abs(self.quantity - coarser.quantity).max())
         rows = self.resolved & coarser.resolved
         bins = float(abs(self.bins - coarser.bins)[rows].sum(axis=1).max(initial=0.0))
@@ -89,7 +92,10 @@ class Refined(NamedTuple):
         return self.levels[-2]
 
     def within(self, wanted: float, bins_wanted: float) -> bool:
-        """Whether both errors are as small as wanted, and the density is resolved."""
+        """Whether both errors are as small as wanted, and the density is resolved.
+
+        `wanted` is that of the quantity, `bins_wanted` that of the binned density (L1).
+        """
         resolved = self.fine.negative_mass <= TUNING.unresolved_negative_mass
         return self.error <= wanted and self.bins_error <= bins_wanted and resolved
 
@@ -130,9 +136,10 @@ def refine(
 
 
 def estimate_errors(levels: list[Level], finer: int) -> Refined:
-    """Estimate the errors of the last of some levels, from its differences from the others.
+    """Estimate the errors of the last of some levels, from its differences from the others: a `Refined`.
 
-    Errors of bins are sums over many and seldom small by chance, so the difference before the last counts less there.
+    `levels` are three or more, from coarse to fine; `finer` is the number of resolutions that are left. Errors of bins
+    are sums over many and seldom small by chance, so the difference before the last counts less there.
     """
     fine = levels[-1]
     quantity, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)

@@ -25,7 +25,7 @@ from fpk_rocking.results.binning import centred_edges
 
 
 def in_rest(angles, velocities):
-    """Mark the pairs (n, m) of angles (n,) and velocities (m,) that count as rest."""
+    """Mark the pairs (n, m) of angles (n,) and velocities (m,), nondimensional, that count as rest: a mask."""
     return np.outer(np.abs(angles) < TUNING.rest_angle, np.abs(velocities) < TUNING.rest_velocity)
 
 
@@ -93,7 +93,10 @@ def explore(white, times):
 
 
 def _exploratory_steps(white, dynamics, times):
-    """Yield segment, duration, diffusion and axes (2, 2) of the noise of each step of the exploratory paths."""
+    """Yield segment, duration, diffusion and axes (2, 2) of the noise of each step of the exploratory paths.
+
+    `white`: scene with white noise, whose `Dynamics` are given; `times` (rows,): those of the result.
+    """
     longest = min(TUNING.exploratory_step, white.forcing.shortest_period / 6.0)
     if white.repeats:
         steps, cycles = math.ceil(white.period / longest - 1e-9), min(len(times) - 1, TUNING.exploratory_cycles)
@@ -106,14 +109,20 @@ def _exploratory_steps(white, dynamics, times):
 
 
 def _exploratory_step(dynamics, start, duration):
-    """Segment, duration, diffusion and axes (2, 2) of the noise of one step."""
+    """`Segment`, duration, diffusion and axes (2, 2) of the noise of the step from `start` of a `duration`.
+
+    The axes are the principal ones of what the noise adds to angle and velocity.
+    """
     diffusion = dynamics.averaged_over(start, duration).diffusion
     axes = np.reshape(principal_axes(*flight_covariance(diffusion, duration)), (2, 2))
     return dynamics.segment(start, duration), duration, diffusion, axes
 
 
 def _normal_pairs(random):
-    """Draw normal numbers (paths, 2), in pairs of either sign: the mirror image of a scene has mirrored paths."""
+    """Draw normal numbers (paths, 2) from a NumPy generator, in pairs of either sign.
+
+    So the mirror image of a scene has mirrored paths.
+    """
     half = random.standard_normal((TUNING.exploratory_paths // 2, 2))
     return np.concatenate([half, -half])
 
@@ -122,7 +131,8 @@ def _normal_pairs(random):
 def follow(states, sides, segment, block, noise):
     """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
 
-    `sides` are ±1, or an `Exit` (-2, -3) for a path that has overturned and stays where it is.
+    `states` (paths, 2): angle and velocity; `sides` (paths,): ±1, or an `Exit` (-2, -3) for a path that has overturned
+    and stays where it is; `noise`: a `Noise` with one node for each path.
     """
     states, segment, noise = borrowed((states, segment, noise))
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
@@ -191,7 +201,7 @@ class Discretization:
         return len(self.angle_lines) - 1, len(self.velocity_lines) - 1
 
     def stored(self, rows):
-        """Bytes of the densities at some times."""
+        """Bytes of the densities at a number of `rows`, the times of a result."""
         return 8 * (rows + 1) * math.prod(self.cells) * (self.degree + 1) ** 2
 
     @property
@@ -279,7 +289,7 @@ class Resolution:
         )
 
     def _steps(self, scene, fast):
-        """Return the steps a cycle, even, for a scene whose blocks usually move up to a velocity."""
+        """Return the steps a cycle, even, for a scene whose blocks usually move up to a velocity `fast`."""
         # A slow motion meets impacts more often. What the acceleration of an exact block has beyond that of a slender
         # one is taken half way through a step, and is of order α².
         moving = TUNING.moving_step * math.sqrt(min(fast, 1.0))
@@ -298,7 +308,7 @@ def cycle_of(scene):
 
 
 def _even(number):
-    """Even whole number, at least 4, that is not below a number."""
+    """Even whole number, at least 4, that is not below a `number`."""
     return 2 * max(2, math.ceil(0.5 * number - 1e-9))
 
 
@@ -318,5 +328,8 @@ USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 
 
 def resolutions_for(tol, before):
-    """Resolutions for a tolerance, from coarse to fine: `before` ones, the one that usually suffices, and all finer."""
+    """List of `Resolution` for a tolerance of survival, from coarse to fine.
+
+    They are `before` ones, the one that usually suffices for `tol`, and all finer.
+    """
     return RESOLUTIONS[USUAL[max(listed for listed in USUAL if listed <= tol)] - before :]

@@ -190,9 +190,10 @@ def predicted_seconds(scene: Scene, *, tol: float, cycles: int | None = None, ti
 
 
 def _tolerances(scene, tol, bins_tol):
-    """Tolerances of survival and of the bins, and that by which the bins are judged.
+    """Tolerances of survival and of the bins (L1), and that by which the bins are judged.
 
-    By default what does not repeat is refined for survival alone, and judged by the bins all the same.
+    `tol` and `bins_tol` are the user's, None for the default. By default what does not repeat is refined for survival
+    alone, and judged by the bins all the same.
     """
     tol = checks.number("tol", (1e-3 if scene.repeats else 1e-2) if tol is None else tol, at_least=min(USUAL))
     if bins_tol is None:
@@ -203,7 +204,10 @@ def _tolerances(scene, tol, bins_tol):
 
 
 def _with_noise_replaced(scene, noise_replacement):
-    """Scene to solve, whose noise is white or filtered: band noise is replaced, what cannot be solved is refused."""
+    """Scene to solve, whose noise is white or filtered: band noise is replaced, what cannot be solved refused.
+
+    `noise_replacement`: "white" or "filtered". Raises TypeError or ValueError.
+    """
     accepted = "'white' or 'filtered'"
     if not isinstance(noise_replacement, str):
         raise TypeError(checks.refusal("noise_replacement", noise_replacement, accepted))
@@ -220,14 +224,17 @@ def _with_noise_replaced(scene, noise_replacement):
 
 
 def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagator | FilteredPropagator]:
-    """Kind of propagator for a scene, whose noise is white or filtered."""
+    """Kind of propagator, a subclass of `Propagator`, for a scene whose noise is white or filtered."""
     if scene.noise.kind == "filtered":
         return FilteredPropagator
     return PeriodicPropagator if scene.repeats else TransientPropagator
 
 
 def _discretizations(scene, white, motion, resolutions):
-    """Mesh and steps for each of some resolutions; `white` is the scene with equivalent white noise."""
+    """Mesh and steps for each of some resolutions (a list of `Resolution`), as a list.
+
+    `white` is the scene with equivalent white noise, `motion` the `StateRange` of its blocks.
+    """
     diffusion = white.noise.diffusion
     if scene.noise.kind == "filtered":
         # Noise of high frequencies moves a flight further than white noise of equal Melnikov variance.
@@ -272,7 +279,10 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
 
 
 def _level_of(propagator, solution, edges, seconds=0.0):
-    """Return the `Level` of a solution: survival and both sides, and binned densities in which rest is one bin."""
+    """Return the `Level` of a `Solution`: survival and both sides, and binned densities in which rest is one bin.
+
+    `edges` are a pair of arrays, of the bins in angle and velocity; `seconds` is what the solution took.
+    """
     space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
     bins = space.bin_integrals(densities, *edges)
     if at_rest is not None:
@@ -285,7 +295,10 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     truncated = float(np.abs(solution.outflow[:, 2]).max())
 
     def error(difference, bins_difference):
-        """Error of survival from its estimate and that of the bins; larger for rest, and at least what is truncated."""
+        """Error of survival from its estimate `difference` and that of the bins (L1).
+
+        It is larger for rest, and at least what is truncated.
+        """
         scale = TUNING.rest_error_factor if rested > difference else 1.0
         return max(scale * difference, TUNING.bins_part * bins_difference, truncated)
 
@@ -304,10 +317,10 @@ def _level_of(propagator, solution, edges, seconds=0.0):
 def _rest_error(levels):
     """Estimated error of the probability of being at rest, from levels (coarse to fine); 0 where nothing can rest.
 
-    It is the error of the time steps plus `node_error`, what nodes of the noise leave unseen. The error of the time
-    steps falls by 1.4 from one resolution to the next: where noise is smooth it is of first order in the step, and each
-    resolution has 1.4 times the steps of the one before; else it is of order 1/2, and the last steps of a level are
-    half as long as before.
+    `levels` are three or more `Level`. The error is that of the time steps plus `node_error`, what nodes of the noise
+    leave unseen. The error of the time steps falls by 1.4 from one resolution to the next: where noise is smooth it is
+    of first order in the step, and each resolution has 1.4 times the steps of the one before; else it is of order 1/2,
+    and the last steps of a level are half as long as before.
     """
     propagator, solution = levels[-1].solution
     if solution.at_rest is None:
@@ -319,7 +332,10 @@ def _rest_error(levels):
 
 
 def _is_stagnated(refined):
-    """Whether the density will not be resolved, though the next solutions gain twice as many digits as the last."""
+    """Whether the density of a `Refined` will not be resolved by the finer solutions that are left.
+
+    They are taken to gain twice as many digits of negative mass as the last.
+    """
     now, before = refined.fine.negative_mass, refined.coarse.negative_mass
     ratio = min(now / before, TUNING.negative_mass_ratio) if before > 0.0 else TUNING.negative_mass_ratio
     limit = TUNING.unresolved_negative_mass
@@ -327,7 +343,7 @@ def _is_stagnated(refined):
 
 
 def _refuse_unresolved(result):
-    """Raise ValueError where the negative mass of the blocks that move is too large."""
+    """Raise ValueError where the negative mass of the blocks that move is too large in an `Evolution`."""
     negative, limit = result.moving_negative_mass, TUNING.unresolved_negative_mass
     if negative > limit:
         raise ValueError(

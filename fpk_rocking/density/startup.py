@@ -72,20 +72,20 @@ class StartUp:
         return still and abs(self.dynamics.forcing.value(0.0)) <= self.dynamics.lift_off
 
     def flight(self, time):
-        """Gaussian at a time of a flight in which nothing happens."""
+        """`Gaussian` at a `time` since the start of a flight in which nothing happens."""
         if time <= 0.0:
             return self._initial
         return self._flight(time) if self._exact else self._initial.after_flight(self.dynamics, 0.0, time, self._side)
 
     def spread(self, time):
-        """Gaussian with the spread of a start at a time: about rest where the forcing has not lifted the block off."""
+        """`Gaussian` with the spread of a start at a `time`: about rest where the forcing has not lifted it off."""
         gaussian = self.flight(time)
         if self.starts_at_rest and self.dynamics.since_lift_off(time)[0] > time:
             gaussian.mean = np.zeros(2)
         return gaussian
 
     def resolution(self, time, space):
-        """Least conditional standard deviation of the density at a time over the size of a cell of a mesh."""
+        """Least conditional standard deviation of the density at a `time` over the size of a cell of a `Space`."""
         if not (self._waiting or self._lifted_later):
             return self.spread(time).resolution(space)
         now, settings = self._before(time), self.settings
@@ -97,7 +97,7 @@ class StartUp:
         return min(size / cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
     def rattles_unresolved(self, time):
-        """Whether a block at rest is still to be lifted off by a forcing that does so within its period.
+        """Whether, at a `time`, a block at rest is still to be lifted off by a forcing within its period.
 
         Until then it rattles in a layer that is far thinner than the spread of a flight, by which a mesh is judged.
         """
@@ -109,7 +109,7 @@ class StartUp:
         return not self._waiting and self.starts_at_rest and self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):
-        """Mass at a time that is within an angle and a velocity of the origin."""
+        """Mass at a `time` that is within an angle and a velocity of the origin."""
         now = self._before(time)
         return float(now.patch.bin_integrals(now.coefficients[None], [-angle, angle], [-velocity, velocity]).sum())
 
@@ -119,7 +119,7 @@ class StartUp:
         return reach < self._side * gaussian.mean[0] < self.dynamics.cutoff - reach
 
     def project(self, end, target: Space):
-        """Density at a time on a mesh: coefficients, and the outflow (3,) since the start."""
+        """Density at a time `end` on a mesh: coefficients (``target.shape``), and the outflow (3,) since the start."""
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
@@ -127,7 +127,7 @@ class StartUp:
         return coefficients, now.outflow + outflow
 
     def _before(self, end):
-        """Last density on a patch from which one step leads to a time."""
+        """Last `PatchDensity` from which one step leads to a time `end`."""
         part = TUNING.closed_form_part
         if end <= self._gaussian_until / part:
             return self._on_patch(min(self._gaussian_until, max(part * end, end - self._longest_flight)))
@@ -136,7 +136,10 @@ class StartUp:
         return next(now for now in reversed(self._carried) if now.time < end)
 
     def _further(self, now):
-        """Return the `PatchDensity` after one step, whose duration depends on the spread and on the next event."""
+        """Return the `PatchDensity` after one step from `now`, another.
+
+        The step's duration depends on the spread and on the next event.
+        """
         longest = self.dynamics.forcing.shortest_period / TUNING.patch_steps_per_harmonic
         duration = min(self.settings.growth * (now.time + self._noise_time), longest)
         if self._rattles(now, duration):
@@ -157,7 +160,10 @@ class StartUp:
         return PatchDensity(now.time + duration, target, coefficients, now.outflow + outflow)
 
     def _characteristics(self, now, duration, quiet):
-        """Characteristics of one step from the cells of a patch with mass in them; without events if it is quiet."""
+        """`Characteristics` of one step from the cells of a patch with mass in them.
+
+        `now` is the `PatchDensity` at its begin, and `quiet` tells that no path meets an event within its `duration`.
+        """
         # A block that the forcing cannot lift off rattles: many short steps follow, of one Gauss point more.
         rattles = abs(self.dynamics.forcing.value(now.time)) <= self.dynamics.lift_off
         points, noise = self.settings.points + rattles, TUNING.free_patch_nodes if quiet else TUNING.patch_nodes
@@ -166,7 +172,7 @@ class StartUp:
         return Characteristics(now.patch, now.time, duration, self.dynamics, rule, active, to_other_mesh=True)
 
     def _on_patch(self, time):
-        """Gaussian of a flight in which nothing happens, at a time, on a patch of its own."""
+        """`PatchDensity` of the Gaussian of a flight in which nothing happens, at a `time`, on a patch of its own."""
         gaussian, cutoff = self.flight(time), self.dynamics.cutoff
         patch = patch_of(self.settings, gaussian.mean, gaussian.covariance, cutoff)
         coefficients, tails = patch.project(gaussian, self.settings.points + 1), gaussian.tails(cutoff)
@@ -190,7 +196,10 @@ class StartUp:
         return quiet
 
     def _bent(self, gaussian, time):
-        """Whether a Gaussian is so wide that the curvature of an exact block's acceleration matters to its mean."""
+        """Whether a Gaussian is so wide that the curvature of an exact block's acceleration matters to its mean.
+
+        `time` is the duration of the flight so far.
+        """
         if not self._exact:
             return False
         alpha, force = self.dynamics.critical_angle, self.dynamics.forcing.largest
@@ -199,7 +208,7 @@ class StartUp:
         return shift > TUNING.bent_gaussian * self.settings.growth
 
     def _longest_step_near_rest(self, time):
-        """Longest step for a block that rattles at x = 0, and while it is lifted off.
+        """Longest step from a `time` on for a block that rattles at x = 0, and while it is lifted off.
 
         Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
         are a part of that; from |f| = 1 on they also grow with the time since.
@@ -216,7 +225,7 @@ class StartUp:
         return growth * (TUNING.lifted_step * since + TUNING.rattle_step * _crossing_time(dynamics, change))
 
     def _rattles(self, now, duration):
-        """Whether mass that matters may come to rest at x = 0 within a step."""
+        """Whether mass of a `PatchDensity` that matters may come to rest at x = 0 within a step of a `duration`."""
         slow = max(self.dynamics.lift_off - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
         slow += self.settings.reach * math.sqrt(
             2.0 * self.dynamics.averaged_over(now.time, duration).diffusion * duration
@@ -228,7 +237,10 @@ class StartUp:
         return np.abs(now.patch.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > TUNING.missing_mass
 
     def _free_time(self, now, longest):
-        """Longest halving of a duration within which no path of a density meets an event; 0 below a 64th of it."""
+        """Longest halving of a duration within which no path of a density meets an event; 0 below a 64th of it.
+
+        `now` is the `PatchDensity`, `longest` the duration that is halved.
+        """
         dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.settings.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
@@ -242,9 +254,10 @@ class StartUp:
 def takeover_step(startup: StartUp, space: Space, edges, settled=None):
     """Return the index, 1 or more, of those step `edges` (n,), times since the start, where a mesh takes over.
 
-    It is the first at which the mesh resolves an undisturbed Gaussian, or the last before an event if that Gaussian is
-    barely resolved there: the patches would have to follow it through the event. Or it is the first at whose time
-    `settled` is true. None is before a block at rest is lifted off, see `StartUp.rattles_unresolved`.
+    It is the first at which the mesh, a `Space`, resolves an undisturbed Gaussian, or the last before an event if that
+    Gaussian is barely resolved there: the patches would have to follow it through the event. Or it is the first at
+    whose time `settled`, a function of time, is true. None is before a block at rest is lifted off, see
+    `StartUp.rattles_unresolved`.
     """
     before, last = None, len(edges) - 1
     for step in range(1, last):
@@ -269,5 +282,8 @@ def _drift_time(dynamics: Dynamics):
 
 
 def _crossing_time(dynamics: Dynamics, change):
-    """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
+    """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3).
+
+    The rate is `change`, nondimensional; D is that of the `Dynamics`.
+    """
     return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf

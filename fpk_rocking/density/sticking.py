@@ -62,9 +62,10 @@ class Sticking:
         self._stopping = self._fastest_to_stop(0.8 * 0.5 * (1.0 - dynamics.restitution) * gap, steady)
 
     def _steady(self, forces, pull, loss):
-        """Speeds (n,) up to which hops die out under a changing force, from the least pull and the loss 1 - e.
+        """Speeds (n,) up to which hops die out under a changing force, inf where it does not change.
 
-        Two hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to 4 |f''| w³/(3 g³).
+        `forces` are at the edges of the n intervals, `pull` (n,) is the least pull in each and `loss` is 1 - e. Two
+        hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to 4 |f''| w³/(3 g³).
         """
         bend = np.pad(np.abs(np.diff(forces, 2)) / self._edges[1] ** 2, 1, mode="edge")
         speeds = np.full(len(pull), math.inf)
@@ -94,28 +95,29 @@ class Sticking:
         return fastest
 
     def _interval(self, time):
-        """Return the number of the interval that begins at a time or goes on there, the last one after the end."""
+        """Return the number of the interval that begins at a `time` or goes on there, the last one after the end."""
         return min(
             max(int(np.searchsorted(self._edges, time * (1.0 + 1e-12), side="right")) - 1, 0), len(self._sticks) - 1
         )
 
     def until(self, time: float) -> float:
-        """Time until which a block at rest may stick from a time on; the time itself where it may not."""
+        """Time until which a block at rest may stick from a `time` on; the time itself where it may not."""
         first = self._interval(time)
         later = self._sticks[first:]
         return math.inf if later.all() else max(float(self._edges[first + np.argmin(later)]), time)
 
     def next_lift_off(self, time: float) -> float:
-        """Time at which the forcing next lifts a block off, the time itself where it never does."""
+        """Time, from a `time` on, at which the forcing next lifts a block off; that itself where it never does."""
         later = self._edges[:-1][self._lifting]
         later = later[later >= time]
         return float(later[0]) if later.size else time
 
     def stopping_cells(self, time: float, space: Space) -> Array:
-        """Cells (angle cells, velocity cells) from which a block comes to rest before the next lift-off without noise.
+        """Cells from which a block comes to rest before the next lift-off without noise, from a `time` on.
 
-        Under a constant force a block of the speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both
-        sides. A force that changes within a hop can keep it hopping for ever, though |f| < 1 (`_steady`).
+        They are a mask (angle cells, velocity cells) of the mesh of a `Space`. Under a constant force a block of the
+        speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both sides. A force that changes within a
+        hop can keep it hopping for ever, though |f| < 1 (`_steady`).
         """
         angles, velocities = (0.5 * np.abs(lines[1:] + lines[:-1]) for lines in space.lines)
         speeds = np.sqrt(2.0 * angles[:, None] / self._gravity + (velocities / self._gravity) ** 2)

@@ -41,7 +41,7 @@ class ReInjection(NamedTuple):
     mass: float
 
     def at(self, time: float, space: Space) -> tuple[Array, Array]:
-        """Coefficients on a mesh at a time since it began, and outflow (3,) since then."""
+        """Coefficients (``space.shape``) on a mesh at a `time` τ, and the outflow (3,) since it began."""
         if time <= self.origin:
             return self.mass * density_at_rest(space), np.zeros(3)
         coefficients, outflow = self.startup.project(time - self.origin, space)
@@ -87,7 +87,10 @@ class TransientState:
         return float(self.edges[0])
 
     def spend(self, mass: float, most: float) -> bool:
-        """Whether a mass may be treated as small: all such masses together are at most a bound."""
+        """Whether a `mass` may be treated as small: all such masses together are at most `most`.
+
+        If so it is added to `spent`.
+        """
         small = self.spent + mass <= most
         self.spent += mass if small else 0.0
         return small
@@ -119,7 +122,10 @@ class TransientPropagator(Propagator):
         return 2 * self.buffers.nbytes
 
     def initial_state(self, start: Start, times: Array) -> TransientState:
-        """State at τ = 0: a start at rest sticks, any other is on its way to the mesh."""
+        """State at τ = 0: a start at rest sticks, any other is on its way to the mesh.
+
+        `times` (rows,) are those of the results.
+        """
         self._sticking = Sticking(self.dynamics, times[-1], self._forgetting)
         edges = step_edges(self.scene, self.duration, times)
         state = TransientState(edges, np.zeros(self.space.shape), np.zeros(3))
@@ -130,7 +136,10 @@ class TransientPropagator(Propagator):
         return state
 
     def advance(self, state: TransientState, latest: float) -> TransientState:
-        """Return a state after one step, or after two at once, with the re-injections that the mesh then resolves."""
+        """Return a state after one step, or after two at once up to a time `latest`, itself changed.
+
+        The re-injections that the mesh then resolves are on it.
+        """
         edges, time = state.edges, state.time
         pair = 2 if self._steps_may_be_long and edges[1] < latest else 1
         until = self._sticking.until(time)
@@ -165,7 +174,10 @@ class TransientPropagator(Propagator):
         return Snapshot(coefficients, outflow, resolved=resolved, reinjected=state.reinjected)
 
     def _stick(self, state, time):
-        """Let those blocks of a state stick that come to rest before the next lift-off."""
+        """Let those blocks of a `TransientState` stick that come to rest before the next lift-off.
+
+        `time` is that of the state, which is changed in place.
+        """
         masses, stopping = self.space.masses(state.density), self._sticking.stopping_cells(time, self.space)
         if state.spend(np.abs(masses[~stopping]).sum(), self._small):
             stopping = np.ones_like(stopping)
@@ -174,14 +186,17 @@ class TransientPropagator(Propagator):
         state.density = np.where(stopping[..., None, None], 0.0, state.density)
 
     def _injection(self, origin, mass, start, edges):
-        """Re-injection of a mass from a start, at a time before the second of some edges of steps."""
+        """`ReInjection` of a mass, which is at the `Start` at a time `origin`.
+
+        The origin is before the second of `edges` (n,), those of the steps to come.
+        """
         dynamics = self.dynamics.later(origin) if origin > 0.0 else self.dynamics
         lift_off = self._sticking.next_lift_off(origin)
         startup = StartUp(dynamics, start, self.discretization.patches, cycle_of(self.scene), lift_off - origin)
         after = np.append(origin, edges[edges > origin * (1.0 + 1e-9)]) - origin
 
         def settled(since):
-            """Whether, at a time since the origin, blocks may stick and enough of the mass is at rest for that."""
+            """Whether, at a time `since` the origin, blocks may stick and enough of the mass is at rest."""
             time = origin + since
             sticks = time > lift_off and self._sticking.until(time) > time
             near = startup.mass_within(since, TUNING.rest_angle, TUNING.rest_velocity) if sticks else 0.0
@@ -196,7 +211,10 @@ class TransientPropagator(Propagator):
         return 2.0 * TUNING.steps_per_harmonic * self.duration <= self.dynamics.forcing.shortest_period
 
     def _step(self, begin, end, density):
-        """Step from one time to another, for the cells in which a density has more than a negligible mass."""
+        """`Step` from time `begin` to `end`, for the cells in which a density has more than a negligible mass.
+
+        `density` are its coefficients (``space.shape``).
+        """
         active = np.zeros(self.space.shape[:2], dtype=bool)
         # What is not active is truncated anew in every step, so less counts as negligible than in a cycle's own steps.
         mark_massive_cells(density, self.space.areas, 0.1 * self.negligible, active, active)
@@ -207,7 +225,7 @@ class TransientPropagator(Propagator):
 
 
 def step_edges(scene: Scene, duration: float, times: Array) -> Array:
-    """Edges of steps of about a duration, to the last of the times (rows,).
+    """Edges (n,) of steps of about a `duration`, to the last of the times (rows,).
 
     All times and the end of the forcing are among them; each takes the place of an edge within .3 of a step.
     """
