@@ -159,7 +159,11 @@ def contact_forces(histories: Histories) -> ContactForces:
 
 
 def _total_force(scene, seed, count, steps_per_cycle, times):
-    """Return the force (count, n) at times (n,) on the realizations 0, 1, ... of a scene without white noise."""
+    """Return the force (count, n) at times (n,) on the realizations 0, 1, ... of a scene without white noise.
+
+    It is forcing plus noise, nondimensional. `seed` and `steps_per_cycle` are those of the run, `count` the
+    realizations.
+    """
     noise = scene.noise
     force = np.tile([scene.forcing.value(time) for time in times.tolist()], (count, 1))
     if noise.kind == "none":
@@ -179,7 +183,10 @@ class _Harmonics(NamedTuple):
 
 
 def _band_noise(scene, seed, count, times):
-    """Return band noise (count, n) at times (n,), less its envelope: the sum of its harmonics."""
+    """Return band noise (count, n) at times (n,), less its envelope: the sum of its harmonics.
+
+    It is that of the realizations 0, 1, ... of a `seed`, `count` of them; nondimensional.
+    """
     keys, values, band = stream_keys(seed), np.empty((count, times.size)), band_of_scene(scene, 2.0 * math.pi)
     for number in range(count):
         drawn = _Harmonics(*np.empty((3, band.harmonics)))
@@ -189,7 +196,11 @@ def _band_noise(scene, seed, count, times):
 
 
 def _filtered_noise(scene, seed, count, steps_per_cycle, times):
-    """Return filtered noise (count, n) at times (n,), less its envelope: a polynomial in each of its intervals."""
+    """Return filtered noise (count, n) at times (n,), less its envelope: a polynomial in each of its intervals.
+
+    It is that of the realizations 0, 1, ... of a `seed`, `count` of them, with the intervals that `steps_per_cycle`
+    sets.
+    """
     parameters = parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
     values = np.empty((count, times.size))
     _write_filtered_noise(stream_keys(seed), parameters, times / parameters.grid.spacing, values)
@@ -198,7 +209,10 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 
 @kernel
 def _write_filtered_noise(keys, parameters, places, values):
-    """Write the noise (count, n) at places (n,), ascending, in intervals."""
+    """Write to `values` (count, n) the noise at places (n,), ascending times in intervals.
+
+    `keys` (4,) uint64 are those of the seed; `parameters`: those of the engine `filtered`.
+    """
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):
         stream, drawn = open_stream(keys, realization), -1

@@ -207,19 +207,27 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
 
 
 def _refuse_unknown_rule(overturned):
-    """Refuse anything but "clamped" and "left out"."""
+    """Raise ValueError for a rule about overturned paths that is neither "clamped" nor "left out"."""
     if overturned not in ("clamped", "left out"):
         raise ValueError(checks.refusal("overturned", overturned, "'clamped' or 'left out'"))
 
 
 def _cycle_images(run, cycle):
-    """States (realizations, 2) before and after one cycle, and the side of overturning in it."""
+    """States before and after one cycle of a `Run`, and the side of overturning in it.
+
+    They are three arrays: angle (realizations, 2), velocity (realizations, 2), side (realizations,). `cycle` is its
+    number.
+    """
     batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in simulate_batches(run, cycle=cycle)]
     return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 
 def _mean(angle, velocity, side, cutoff, overturned):
-    """Mean (2,) of states, some of them overturned (nan), its standard error (2,), and how many it is over."""
+    """Mean (2,) of states, some of them overturned, its standard error (2,), and how many it is over.
+
+    `angle`, `velocity` (n,) are nan where `side` (n,) is that of overturning. `overturned`: "clamped", which counts
+    these at the cut-off with velocity 0, or "left out".
+    """
     states, over = np.stack([angle, velocity]), np.isnan(angle)
     if overturned == "left out":
         states = states[:, ~over]
@@ -236,7 +244,7 @@ def _mean(angle, velocity, side, cutoff, overturned):
 
 
 def _mean_map(rows, cutoff, deterministic):
-    """Return the `MeanMap` of rows of `_mean`, one a cycle."""
+    """Return the `MeanMap` of rows of `_mean`, one a cycle; `deterministic` paths have no standard error."""
     points, errors, counted = map(np.array, zip(*rows, strict=True))
     if deterministic:
         errors[counted > 0] = 0.0

@@ -12,32 +12,32 @@ _EXACT = Block(0.9, critical_angle=0.3)
 
 
 def exact() -> None:
-    """Event-driven paths."""
+    """Compile event-driven paths."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact")
 
 
 def enveloped() -> None:
-    """Event-driven paths under noise with an envelope."""
+    """Compile event-driven paths under noise with an envelope."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)), "exact")
 
 
 def nonlinear_exact() -> None:
-    """Event-driven paths of an exact block."""
+    """Compile event-driven paths of an exact block."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "exact", _EXACT)
 
 
 def rk4(block: Block = _QUIET.block) -> None:
-    """Runge-Kutta paths."""
+    """Compile Runge-Kutta paths of a block."""
     _simulate(BandNoise(0.04, (0.0, 10.0), 4), "rk4", block)
 
 
 def white(block: Block = _QUIET.block) -> None:
-    """Paths under white noise."""
+    """Compile paths of a block under white noise."""
     _simulate(WhiteNoise(0.01), "white", block)
 
 
 def filtered(block: Block = _QUIET.block) -> None:
-    """Paths under filtered noise."""
+    """Compile paths of a block under filtered noise."""
     _simulate(FilteredNoise("low-pass", 0.04, 9.0, 0.7), "filtered", block)
 
 
@@ -47,5 +47,5 @@ filtered_exact = functools.partial(filtered, _EXACT)
 
 
 def _simulate(noise, method, block=_QUIET.block):
-    """Simulate one realization over one cycle of the quiet scene with a noise and a block, by a method."""
+    """Simulate one realization over one cycle of the quiet scene with a noise and a block, by a method (its name)."""
     simulate(dataclasses.replace(_QUIET, noise=noise, block=block), cycles=1, realizations=1, seed=1, method=method)

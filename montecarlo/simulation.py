@@ -181,7 +181,10 @@ def histories(
 
 
 def _batches_with_all_impacts(run, samples, progress):
-    """Yield the batches of a run; one with more impacts than there was space for is simulated again with enough."""
+    """Yield each `Batch` of a `Run`, with `samples` states a cycle and all impacts.
+
+    A batch with more impacts than there was space for is simulated again with enough.
+    """
     capacity = TUNING.impacts_per_cycle * run.rows
     for batch in simulate_batches(run, samples=samples, capacity=capacity, progress=progress):
         needed = int(batch.impacts.count.max())
@@ -194,7 +197,7 @@ def _batches_with_all_impacts(run, samples, progress):
 
 
 def _impacts_of(batch):
-    """Return realization, time and velocity of each impact of a batch, shape (n_impacts,)."""
+    """Return realization, time and velocity of each impact of a `Batch`, three arrays (impacts,)."""
     recorded = np.arange(batch.impacts.time.shape[1]) < batch.impacts.count[:, None]
     return batch.first + np.nonzero(recorded)[0], batch.impacts.time[recorded], batch.impacts.velocity[recorded]
 
@@ -279,7 +282,7 @@ def tally(
 
 
 def _small_batches(run, first, progress):
-    """Yield the batches of a run from a realization on, none of more states than are held at once."""
+    """Yield each `Batch` of a `Run` from realization `first` on, none of more states than are held at once."""
     most = max(1, TUNING.tally_states // (run.rows + 1))
     report = None if progress is None else lambda done, _: progress(done, run.realizations)
     for begin in range(first, run.realizations, most):
@@ -288,17 +291,23 @@ def _small_batches(run, first, progress):
 
 
 def _with_middles(edges):
-    """Return the edges and the middles between them, the edges as they are to the last bit."""
+    """Return the edges (n + 1,) and the middles between them, (2n + 1,), the edges as they are to the last bit."""
     return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
 
 
 def _checked_edges(name, edges, default):
-    """Return the edges of bins (n + 1,) that a user has given, or the default ones and their middles."""
+    """Return the edges of bins (n + 1,) that a user has given, or the default ones and their middles for None.
+
+    `name` is that of the parameter, for the message; `default` (m + 1,) are the default edges.
+    """
     return _with_middles(default) if edges is None else ascending_edges(name, edges, finite=True)
 
 
 def _check_size(run, edges):
-    """Refuse histograms that do not fit into little memory."""
+    """Raise ValueError where histograms of a `Run` do not fit into little memory.
+
+    `edges` are a pair of arrays, those of the bins in angle and velocity.
+    """
     bins = [values.size - 1 for values in edges]
     most = TUNING.tally_bytes // (4 * bins[0] * bins[1]) - 1
     if most < 1:

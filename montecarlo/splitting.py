@@ -303,7 +303,10 @@ def split(
 
 
 def _refuse_large(name, number, each):
-    """Refuse more states than 2.5 GiB hold, `each` of a number of walkers or repeats."""
+    """Raise ValueError for more states than 2.5 GiB hold.
+
+    `number` is that of walkers or repeats, as `name` tells the message, and each has `each` steps or cycles.
+    """
     if number * (each + 1) > TUNING.splitting_states:
         raise ValueError(
             checks.refusal(name, number, f"at most {TUNING.splitting_states // (each + 1)} with {each} steps of a path")

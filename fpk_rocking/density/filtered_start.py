@@ -175,7 +175,8 @@ def spread_left(noise, covariance, time):
 def _points(covariance):
     """Points (n, 2) and weights (n,) that stand for a Gaussian about 0 of a covariance (2, 2).
 
-    They are exact in its first moments, and have a spacing of a tenth of a standard deviation along both axes, up to six.
+    They are exact in its first moments. Along both axes they have a spacing of a tenth of a standard deviation, up to
+    six.
     """
     values, axes = np.linalg.eigh(covariance)
     lines, spacing = [], 0.1

@@ -70,7 +70,7 @@ class Counts(NamedTuple):
 
 
 def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:
-    """Return `Counts` of no realization.
+    """Return `Counts` of no realization, for times (rows,) and edges of bins, nondimensional.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
     `fpk_rocking.results.binning.joint_edges`, which holds four standard deviations of the noise.
@@ -91,7 +91,7 @@ def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges:
 
 
 def add(counts: Counts, batch: Any) -> None:
-    """Add a batch of realizations to the counts, whole or, with the ValueError of a wild state, not at all."""
+    """Add a `Batch` of realizations to the counts, in place, or raise ValueError for a wild state and add nothing."""
     if not _add(counts, batch.angle, batch.velocity, _in_rows(batch.overturn_time, counts.times), batch.overturn_side):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
         raise ValueError(
@@ -101,13 +101,17 @@ def add(counts: Counts, batch: Any) -> None:
 
 
 def _in_rows(time, times):
-    """Return a time as a number of rows and a part of one."""
+    """Return times (n,) in rows: numbers of the `times` (rows,), with the part of the way to the next."""
     return np.interp(time, times, np.arange(float(len(times))))
 
 
 @kernel
 def _add(counts, angle, velocity, overturn_row, overturn_side):
-    """Add a batch in one call, which no interrupt from the keyboard can cut in two; return whether it was added."""
+    """Add a batch to `Counts` in one call, which no interrupt can cut in two; return whether it was added.
+
+    `angle`, `velocity` (count, rows) are nan after overturning, `overturn_row` (count,) is the time of it in rows, see
+    `_in_rows`, and `overturn_side` (count,) is 0 for none.
+    """
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
     stands = np.empty(count, np.int64)
@@ -130,7 +134,10 @@ def _add(counts, angle, velocity, overturn_row, overturn_side):
 
 @kernel
 def _cycles_standing(angle, velocity, to_quanta):
-    """Return the number of times at which a block stands, -1 if it has a state without a number of quanta."""
+    """Return the number of times at which a block stands, -1 if it has a state without a number of quanta.
+
+    `angle`, `velocity` (rows,) are its states, nan after overturning; `to_quanta` (2,): 1 over the quantum of each.
+    """
     k = 0
     while k < angle.size and not math.isnan(angle[k]):
         if not (abs(angle[k] * to_quanta[0]) <= _RANGE and abs(velocity[k] * to_quanta[1]) <= _RANGE):
@@ -141,9 +148,10 @@ def _cycles_standing(angle, velocity, to_quanta):
 
 @kernel
 def _passage(standing, time):
-    """Return the row in which an overturning is counted: what is gone at a time has passed since the one before.
+    """Return the row of `passages` in which an overturning at a `time`, in rows, is counted.
 
-    That holds whatever rounding makes of a time, here in rows, near the ends; time 0 gives row 0.
+    `standing` is the number of rows at which the block stood: what is gone at a time has passed since the one before.
+    That holds whatever rounding makes of a time near the ends; time 0 gives row 0.
     """
     part = math.ceil((time - (standing - 1)) * PARTS)
     return (standing - 1) * PARTS + min(max(part, 1), PARTS)
@@ -151,7 +159,10 @@ def _passage(standing, time):
 
 @kernel
 def _add_state(counts, k, angle, velocity, to_quanta):
-    """Add one state of a standing block after cycle k to its count, bin and sums."""
+    """Add one state of a standing block at row k to the `Counts`: its number, bin and sums.
+
+    `to_quanta` (2,): 1 over the quantum of angle and of velocity.
+    """
     counts.standing[k] += 1
     i, j = _bin_of(counts.angle_edges, angle), _bin_of(counts.velocity_edges, velocity)
     if i >= 0 and j >= 0:
@@ -166,7 +177,7 @@ def _add_state(counts, k, angle, velocity, to_quanta):
 
 @kernel
 def _add_product(total, product):
-    """Add a product of two numbers of quanta to the sums of its high and its low half."""
+    """Add a `product` (int64) of two numbers of quanta to `total` (2,), sums of its high and its low half."""
     high = product >> _HALF
     total[0] += high
     total[1] += product - (high << _HALF)
@@ -174,7 +185,10 @@ def _add_product(total, product):
 
 @kernel
 def _bin_of(edges, value):
-    """Return the bin of a value as `numpy.histogram` has it, the last one closed on both sides; -1 for none."""
+    """Return the bin of a value among ascending edges (n + 1,) as `numpy.histogram` has it; -1 for none.
+
+    The last bin is closed on both sides.
+    """
     low, high = 0, edges.size - 1
     if not edges[low] <= value <= edges[high]:
         return -1

@@ -19,7 +19,10 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 
 
 def path_diagnostics(method: str) -> list[Diagnostic]:
-    """Return a list of what to say of the one path of a deterministic scene: a caution, or nothing if it is exact."""
+    """Return a list of `Diagnostic` on the one path of a deterministic scene, by the name of the method.
+
+    It has a caution, or nothing if the method is exact.
+    """
     if method == "exact":
         return []
     sentence = (
@@ -83,7 +86,7 @@ class Sample(SurvivalResult):
         return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
 
     def _time_text(self, time):
-        """Write a time τ, with seconds where the size of the block is known."""
+        """Return a time τ as a text, with seconds where the size of the block is known."""
         size = self.scene.block.dimensions
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
@@ -233,7 +236,10 @@ class Ensemble(Saved, Sample):
         return (time, time, side) if side else None
 
     def _binned(self, row, edges):
-        """Shares of the realizations that stand in each bin at a row."""
+        """Shares of the realizations that stand in each bin (angle bins, velocity bins) at a row, a time's number.
+
+        `edges` are a pair of arrays, bin edges in angle and velocity.
+        """
         standing = np.isfinite(self.angle[:, row])
         points = self.angle[standing, row], self.velocity[standing, row]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations

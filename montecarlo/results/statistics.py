@@ -172,7 +172,10 @@ def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
 
 
 def _histogram(edges, counts, trials, interval):
-    """Make a `Histogram` of counts and of limits of the share of each bin."""
+    """Make a `Histogram` of counts (n,) of `trials` and of limits (n, 2) of the share of each bin, `interval`.
+
+    `edges` (n + 1,) are those of the bins.
+    """
     widths = np.diff(edges)
     return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])
 

@@ -125,7 +125,10 @@ class Tally(Saved, Sample):
         return moments(self.counts)
 
     def _binned(self, row, edges):
-        """Shares of the realizations that stand in each bin at a row; the edges have to be counted ones."""
+        """Shares of the realizations that stand in each bin (angle bins, velocity bins) at a row, a time's number.
+
+        `edges` are a pair of arrays, bin edges in angle and velocity, and have to be counted ones.
+        """
         histogram = self.counts.histogram[row]
         angles = _edge_numbers("angle_edges", edges[0], self.counts.angle_edges)
         velocities = _edge_numbers("velocity_edges", edges[1], self.counts.velocity_edges)
@@ -135,7 +138,10 @@ class Tally(Saved, Sample):
 
 
 def _edge_numbers(name, edges, counted):
-    """Return the numbers that given edges have among the counted ones; refuse an edge that is not among them."""
+    """Return the numbers (n,) that `edges` (n,) have among the counted ones (m,).
+
+    ValueError for an edge that is not among them; `name` is that of the parameter, for the message.
+    """
     accepted = (
         f"two or more of the {counted.size} edges kept, ascending from {counted[0]:g} to {counted[-1]:g} "
         f"with the least distance {np.diff(counted).min():g}; others: tally with {name} of your own"
@@ -176,7 +182,7 @@ class Checkpoint:
         return self._path is not None and time.perf_counter() >= self._due
 
     def save(self, tally: Tally) -> None:
-        """Save a tally, unless the file holds as many realizations already."""
+        """Save a `Tally`, unless the file holds as many realizations already."""
         if self._path is None or tally.realizations == self._done:
             return
         began = time.perf_counter()
@@ -225,12 +231,15 @@ def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
 
 
 def _rows_text(run):
-    """Say how many cycles or times a run or a tally has."""
+    """Return how many cycles or times a `Run` or a `Tally` has, as a text."""
     if run.scene.period is None:
         return f"{len(run.times) - 1} times up to {run.times[-1]:g}"
     return f"cycles {len(run.times) - 1}"
 
 
 def _other_run_error(path, got, accepted):
-    """Return the error for a checkpoint that belongs to another run."""
+    """Return the ValueError for a checkpoint at a `path` that belongs to another run.
+
+    `got` and `accepted` are texts: what it is of, and what this run needs.
+    """
     return ValueError(f"checkpoint: got {path} with {got}, accepted: {accepted}, or the name of a new file")
